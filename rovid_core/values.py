@@ -1,0 +1,105 @@
+"""The frozen values that go through the pipe: samples and events in, estimates out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from rovid_core.dofs import Four
+
+NAN4: Four = (math.nan, math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """
+    What one input measured, in body FLU / world ENU and SI units.
+
+    Attributes
+    ----------
+    input : str
+        One of ``settings.INPUTS``.
+    value : tuple of float
+        position: x, y, z [m]; depth: z (up) [m]; attitude: quaternion x, y, z, w (body to
+        world); angular_velocity: x, y, z [rad/s]; velocity: x, y, z [m/s]; reference: the
+        linear then the angular velocity (6 values, NaN where there is none); thrusters and
+        sign: one raw value per thruster, or the one value of thruster ``part``.
+    part : int
+        Index of the topic among ``thrusters.topics``.
+
+    """
+
+    input: str
+    value: tuple[float, ...]
+    part: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """
+    The samples that one message gave, at one event time.
+
+    Attributes
+    ----------
+    time : int
+        Event time [ns].
+    samples : tuple of Sample
+        In the order of ``settings.INPUTS``.
+    origin : object
+        What the event was made from; passed through untouched, for a recorder.
+
+    """
+
+    time: int
+    samples: tuple[Sample, ...]
+    origin: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class DofEstimate:
+    """
+    What is known of one degree of freedom after a step.
+
+    Units are those of the DOF: N, m/s and kg, or N m, rad/s and kg m^2.
+    """
+
+    dof: str
+    parameters: Four  # alpha, beta, gamma, delta
+    std: Four = NAN4
+    status: str = 'waiting'  # waiting | converging | frozen | invalid
+    reasons: tuple[str, ...] = ()
+    time: int = 0  # [ns] to which velocity and v_hat belong
+    steps: int = 0
+    velocity: float = math.nan  # measured, filtered
+    v_hat: float = math.nan  # the identifier's state
+    force: float = math.nan  # mean over the step, filtered like the velocity
+    excitation: float = 0.0  # mean square of the normalised regressor
+    W: float = math.nan  # Lyapunov function, where the truth is known
+
+    @property
+    def dv(self) -> float:
+        """Return v_hat - v (paper eq. 8)."""
+        return self.v_hat - self.velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """
+    All DOFs after a step of one or more of them.
+
+    Attributes
+    ----------
+    time : int
+        Time [ns] to which the newest velocity belongs: the middle of the interval between
+        two position fixes, or the stamp of a measured velocity.
+    dofs : tuple of DofEstimate
+        In the order of ``Settings.dofs``.
+    stepped : tuple of int
+        Indices into ``dofs`` of those that this step moved.
+
+    """
+
+    time: int
+    dofs: tuple[DofEstimate, ...]
+    stepped: tuple[int, ...]

@@ -1,0 +1,264 @@
+"""
+The adaptive identifier of Smallwood & Whitcomb (2003), eq. 7, 8 and 11.
+
+    dv         = v_hat - v
+    v_hat'     = a dv + theta_hat . phi(v_hat, tau)       phi(v, tau) = [tau, v|v|, v, 1]
+    theta_hat' = -Gamma dv phi(v_hat, tau)                a < 0, Gamma diagonal, > 0
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import math
+from typing import Any, cast
+
+from rovid_core.dofs import Four, PARAMETERS
+from rovid_core.identifier import finite, Scales, Step
+from rovid_core.settings import SettingsError
+from rovid_core.values import NAN4
+
+Five = tuple[float, float, float, float, float]
+
+MOST_PIECES = 100
+"""A step that would have to be divided further is refused."""
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """
+    Feedback gain and adaptation gains.
+
+    Attributes
+    ----------
+    feedback : float
+        ``a`` of eq. 7 [1/s], below 0.
+    adaptation : tuple of 4 floats
+        Diagonal of Gamma of eq. 11, each at least 0, in the units of parameter per
+        (velocity x regressor x time).
+
+    """
+
+    feedback: float
+    adaptation: Four
+
+    def __post_init__(self) -> None:
+        """Refuse gains for which the stability proof does not hold."""
+        if not (self.feedback < 0.0 and math.isfinite(self.feedback)):
+            raise SettingsError(
+                'identifier.feedback_gain', f'got {self.feedback}, takes a number below 0')
+        if not (finite(self.adaptation) and min(self.adaptation) >= 0.0):
+            raise SettingsError(
+                'identifier.adaptation_gains',
+                f'got {list(self.adaptation)}, takes numbers of at least 0')
+
+    @staticmethod
+    def from_time(adaptation_time: float, scales: Scales) -> Gains:
+        """
+        Return gains that settle the best-excited direction in ``adaptation_time`` [s] (1/e).
+
+        With regressors normalised to about 1 and thrust that is slow beside ``a``, the slow
+        mode has T = |a| / g. ``a`` of 2 rad/s follows the vehicle and not the noise; a
+        short T needs it faster to stay damped.
+        """
+        a = max(2.0, 4.0 / adaptation_time)
+        g = a / adaptation_time
+        s = scales.regressor
+        return Gains(-a, cast(Four, tuple([g * x * x for x in s])))
+
+
+class AdaptiveIdentifier:
+    """
+    The adaptive identifier on one DOF.
+
+    Parameters
+    ----------
+    scales : Scales
+        Initial parameters, terms and typical sizes.
+    gains : Gains
+        Feedback and adaptation gains.
+    integrator : str
+        ``euler`` (the paper's online form, with the mean thrust of the step), ``heun`` or
+        ``rk4``.
+
+    Raises
+    ------
+    SettingsError
+        For an integrator that there is not.
+
+    Notes
+    -----
+    An explicit step blows up when it is long against the loop's own dynamics. On a step
+    h these are the feedback with the drag, |a| + 2|beta v| + |gamma|, and the adaptation,
+    phi' Gamma phi / |a|. ``step`` divides h until both turn by less than 1 and 1/2; if
+    that takes more than ``MOST_PIECES`` pieces, or the result is not finite, the step is
+    refused and v_hat taken from the measurement. The parameters are projected on a box
+    (``Scales.bounds``) that holds the true ones, so W does not grow by it.
+
+    """
+
+    def __init__(self, scales: Scales, gains: Gains, integrator: str = 'euler') -> None:
+        if integrator not in INTEGRATORS:
+            raise SettingsError(
+                'identifier.integrator',
+                f'got {integrator!r}, takes {", ".join(INTEGRATORS)}')
+        self._scales = scales
+        self._regressor_scale = scales.regressor
+        self._a = gains.feedback
+        self._gamma = cast(Four, tuple(
+            [g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)]))
+        self._advance = INTEGRATORS[integrator]
+        self.bounds = scales.bounds()
+        self.std: Four = NAN4
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the initial values."""
+        self.parameters: Four = self._scales.initial
+        self.v_hat = math.nan
+        self.excitation = 0.0
+
+    def restart(self, velocity: float) -> None:
+        """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
+        self.v_hat = velocity
+
+    def step(self, step: Step, adapt: bool = True) -> str:
+        """
+        Take one step (eq. 7 and 11); return '' or why it was refused.
+
+        Parameters
+        ----------
+        step : Step
+            What was measured.
+        adapt : bool
+            False leaves the parameters as they are.
+
+        Returns
+        -------
+        str
+            '' or the reason: ``unstable_step`` when the gains are too high for this step.
+
+        """
+        if math.isnan(self.v_hat):
+            self.v_hat = step.velocity[0]
+        gamma = self._gamma if adapt else (0.0, 0.0, 0.0, 0.0)
+        pieces = self._pieces(step, gamma)
+        state: Five = (self.v_hat, *self.parameters)
+        if pieces == 1:
+            state = self._piece(state, step, gamma)
+        elif pieces <= MOST_PIECES:
+            for k in range(pieces):
+                state = self._piece(state, _part(step, k, pieces), gamma)
+        if pieces > MOST_PIECES or not finite(state):
+            self.v_hat = step.velocity[2]
+            return 'unstable_step'
+        self.v_hat = state[0]
+        self.parameters = state[1:]
+        self._note_excitation(step, gamma)
+        return ''
+
+    def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
+        """Return W of eq. 9 against the true parameters (terms with gain 0 left out)."""
+        dv = self.v_hat - velocity
+        return 0.5 * (dv * dv + sum(
+            (p - t) ** 2 / g for p, t, g in zip(self.parameters, truth, self._gamma) if g))
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'parameters': list(self.parameters),
+                'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
+                'excitation': self.excitation}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        parameters = [float(x) for x in state['parameters']]
+        low, high = self.bounds
+        for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
+            if not bottom <= p <= top:
+                raise ValueError(f'{name} {p} is outside {bottom} to {top}')
+        if len(parameters) != 4:
+            raise ValueError(f'{len(parameters)} parameters, not 4')
+        self.parameters = cast(Four, tuple(parameters))
+        self.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
+        self.excitation = float(state['excitation'])
+
+    def _pieces(self, step: Step, gamma: Four) -> int:
+        speed = max(abs(self.v_hat), abs(step.velocity[0]), abs(step.velocity[2]))
+        force = max(abs(step.force[0]), abs(step.force[2]))
+        square = speed * speed
+        adaptation = (gamma[0] * force * force + gamma[1] * square * square
+                      + gamma[2] * square + gamma[3])
+        feedback = -self._a + 2.0 * abs(self.parameters[1]) * speed + abs(self.parameters[2])
+        turns = step.dt * max(feedback, 2.0 * adaptation / -self._a)
+        return int(turns) + 1 if turns <= MOST_PIECES else MOST_PIECES + 1
+
+    def _piece(self, state: Five, step: Step, gamma: Four) -> Five:
+        v_hat, *parameters = self._advance(self._a, gamma, state, step)
+        low, high = self.bounds
+        return cast(Five, (v_hat, *[
+            bottom if p < bottom else top if p > top else p
+            for p, bottom, top in zip(parameters, low, high)]))
+
+    def _note_excitation(self, step: Step, gamma: Four) -> None:
+        # the mean square of the normalised regressor over about one adaptation time
+        s, v = self._regressor_scale, self.v_hat
+        x, y, z = step.force[1] * s[0], v * abs(v) * s[1], v * s[2]
+        weight = -math.expm1(-step.dt * self._gamma[0] / (-self._a * s[0] * s[0]))
+        self.excitation += weight * (x * x + y * y + z * z - self.excitation)
+
+
+def _part(step: Step, k: int, pieces: int) -> Step:
+    """Return piece ``k`` of a step, by the parabola through its three points."""
+
+    def at(values: tuple[float, float, float], x: float) -> float:
+        start, middle, end = values
+        return (start * (1.0 - x) * (1.0 - 2.0 * x) + 4.0 * middle * x * (1.0 - x)
+                + end * x * (2.0 * x - 1.0))
+
+    xs = (k / pieces, (k + 0.5) / pieces, (k + 1.0) / pieces)
+    return Step(
+        step.dt / pieces,
+        (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
+        (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))
+
+
+def _rates(a: float, gamma: Four, state: Five, v: float, tau: float) -> Five:
+    """Return the right-hand sides of eq. 7 and 11."""
+    v_hat, p0, p1, p2, p3 = state
+    dv = v_hat - v
+    drag = v_hat * abs(v_hat)
+    return (
+        a * dv + p0 * tau + p1 * drag + p2 * v_hat + p3,
+        -gamma[0] * dv * tau, -gamma[1] * dv * drag, -gamma[2] * dv * v_hat, -gamma[3] * dv,
+    )
+
+
+def _moved(x: Five, h: float, d: Five) -> Five:
+    return (x[0] + h * d[0], x[1] + h * d[1], x[2] + h * d[2], x[3] + h * d[3],
+            x[4] + h * d[4])
+
+
+def _euler(a: float, gamma: Four, x: Five, step: Step) -> Five:
+    # the force of the middle, which the pipe makes the mean of the step: with the force of
+    # the left end alone a part of the thrust is read as drag
+    return _moved(x, step.dt, _rates(a, gamma, x, step.velocity[0], step.force[1]))
+
+
+def _heun(a: float, gamma: Four, x: Five, step: Step) -> Five:
+    h = step.dt
+    first = _rates(a, gamma, x, step.velocity[0], step.force[0])
+    last = _rates(a, gamma, _moved(x, h, first), step.velocity[2], step.force[2])
+    return _moved(_moved(x, 0.5 * h, first), 0.5 * h, last)
+
+
+def _rk4(a: float, gamma: Four, x: Five, step: Step) -> Five:
+    h, v, tau = step.dt, step.velocity, step.force
+    k1 = _rates(a, gamma, x, v[0], tau[0])
+    k2 = _rates(a, gamma, _moved(x, 0.5 * h, k1), v[1], tau[1])
+    k3 = _rates(a, gamma, _moved(x, 0.5 * h, k2), v[1], tau[1])
+    k4 = _rates(a, gamma, _moved(x, h, k3), v[2], tau[2])
+    x = _moved(_moved(x, h / 6.0, k1), h / 3.0, k2)
+    return _moved(_moved(x, h / 3.0, k3), h / 6.0, k4)
+
+
+INTEGRATORS = {'euler': _euler, 'heun': _heun, 'rk4': _rk4}

@@ -1,0 +1,185 @@
+"""What every identification method is given, and what it has to do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import math
+from typing import Any, Protocol
+
+from rovid_core.dofs import Four, PARAMETERS
+from rovid_core.plant import lumped
+from rovid_core.settings import DofSettings, IdentifierSettings, SettingsError
+
+Three = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """
+    What was measured over one step of one DOF.
+
+    Attributes
+    ----------
+    dt : float
+        Length of the step [s], above 0.
+    velocity : tuple of 3 floats
+        Filtered velocity at the start, the middle and the end [m/s or rad/s].
+    force : tuple of 3 floats
+        Force at the same points, filtered alike [N or N m]. The pipe gives the exact mean
+        over the step three times.
+
+    """
+
+    dt: float
+    velocity: Three
+    force: Three
+
+
+class Identifier(Protocol):
+    """
+    One method on one DOF.
+
+    Obligations of a new method (the contract tests check them):
+
+    1. ``step`` moves the estimate by one step and returns '' or, with the estimate left
+       as it was, the reason why the step was refused.
+    2. Whatever it is given, ``parameters`` stays finite and inside ``bounds``.
+    3. Left-out terms stay exactly 0.
+    4. With ``adapt`` False the parameters stay; the state goes on.
+    5. ``restart`` sets the state to a measurement (the first one, or after a gap) and
+       keeps the parameters; ``reset`` goes back to how it was made.
+    6. ``state`` is made of numbers, strings, lists and dicts; ``restore`` of it in a new
+       identifier continues with the same bits.
+    7. Reading an attribute changes nothing.
+    """
+
+    parameters: Four
+    std: Four
+    v_hat: float
+    excitation: float
+
+    def step(self, step: Step, adapt: bool = True) -> str:
+        """Take one step; return '' or why it was refused."""
+
+    def restart(self, velocity: float) -> None:
+        """Take up from a measured velocity, keeping the parameters."""
+
+    def reset(self) -> None:
+        """Go back to the initial values."""
+
+    def lyapunov(self, velocity: float, truth: Four) -> float:
+        """Return W of eq. 9 against the true parameters, NaN for a method without one."""
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scales:
+    """
+    Typical size of things on one DOF, for normalised regressors and bounds.
+
+    Attributes
+    ----------
+    force, velocity : float
+        Typical force [N or N m] and velocity [m/s or rad/s], above 0.
+    initial : tuple of 4 floats
+        Initial lumped parameters, 0 for terms that are left out.
+    active : tuple of 4 bools
+        Terms that are identified.
+
+    """
+
+    force: float
+    velocity: float
+    initial: Four
+    active: tuple[bool, bool, bool, bool]
+
+    @staticmethod
+    def of(settings: DofSettings) -> Scales:
+        """
+        Derive the scales from a DOF's settings.
+
+        Without typical values: 0.5 m/s (rad/s), and the force that the initial model needs
+        for that speed plus that for reaching it in 3 s.
+        """
+        active = tuple([name in settings.terms for name in PARAMETERS])
+        values = lumped(
+            settings.mass, settings.quadratic_drag, settings.linear_drag, settings.bias)
+        initial = tuple([x if on else 0.0 for x, on in zip(values, active)])
+        speed = settings.typical_velocity or 0.5
+        force = settings.typical_force or (
+            settings.mass * speed / 3.0
+            + settings.quadratic_drag * speed * speed + settings.linear_drag * speed)
+        return Scales(force, speed, initial, active)  # type: ignore[arg-type]
+
+    @property
+    def regressor(self) -> Four:
+        """Return what the terms of phi = [tau, v|v|, v, 1] are multiplied by."""
+        v = self.velocity
+        return (1.0 / self.force, 1.0 / (v * v), 1.0 / v, 1.0)
+
+    def bounds(self) -> tuple[Four, Four]:
+        """
+        Return the lowest and the highest allowed parameters.
+
+        alpha > 0, beta <= 0 and gamma <= 0 are physics; the outer limits only keep a
+        wrong input from leading to infinity: alpha within a factor of 1000 of the initial
+        one, and each other term at most 1000 times the initial acceleration.
+        """
+        largest = 1000.0 * max(self.initial[0] * self.force, self.velocity / 3.0)
+        low: list[float] = []
+        high: list[float] = []
+        ranges = (
+            (self.initial[0] / 1000.0, self.initial[0] * 1000.0),
+            (-largest / self.velocity**2, 0.0),
+            (-largest / self.velocity, 0.0),
+            (-largest, largest),
+        )
+        for (bottom, top), on in zip(ranges, self.active):
+            low.append(bottom if on else 0.0)
+            high.append(top if on else 0.0)
+        return tuple(low), tuple(high)  # type: ignore[return-value]
+
+
+def make(settings: IdentifierSettings, dof: DofSettings,
+         raw_gains: Four | None = None) -> Identifier:
+    """
+    Return the configured identifier for one DOF.
+
+    Parameters
+    ----------
+    settings : IdentifierSettings
+        Method, integrator and gains.
+    dof : DofSettings
+        Initial values, scales and terms.
+    raw_gains : tuple of 4 floats, optional
+        The diagonal of Gamma for this DOF where the settings give raw gains.
+
+    Raises
+    ------
+    SettingsError
+        For a method that there is not.
+
+    """
+    from rovid_core.aid import AdaptiveIdentifier, Gains
+
+    if settings.method != 'aid':
+        raise SettingsError('identifier.method', f'got {settings.method!r}, takes aid')
+    scales = Scales.of(dof)
+    if raw_gains is not None:
+        gains = Gains(settings.feedback_gain, raw_gains)
+    else:
+        gains = Gains.from_time(settings.adaptation_time, scales)
+    return AdaptiveIdentifier(scales, gains, settings.integrator)
+
+
+
+
+def finite(values: tuple[float, ...]) -> bool:
+    """Tell whether all values are finite."""
+    return all(map(math.isfinite, values))

@@ -1,0 +1,147 @@
+"""The thrust chain against brute-force integration."""
+
+from dataclasses import replace
+import math
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from rovid_core.settings import SettingsError, ThrusterSettings
+from rovid_core.thrust import Thrust, thruster_model, wrench
+
+NONE = (0.0, 0.0)
+TWO = ThrusterSettings(
+    topics=('/thrusters',), gain=(40.0, -20.0),
+    allocation=((1.0, 1.0), NONE, NONE, NONE, NONE, (0.25, -0.25)))
+COMMANDS = [(0, (1.0, 0.5)), (100, (2.0, -1.0)), (150, (0.0, 3.0)), (400, (-1.0, 1.0)),
+            (420, (1.5, 0.0))]  # ms
+MS = 1_000_000
+
+
+def chain(**changes):
+    thrust = Thrust(replace(TWO, **changes), ('surge', 'yaw'))
+    for time, values in COMMANDS:
+        assert thrust.command(time * MS, values)
+    return thrust
+
+
+def brute_force(hold, delay, lag, start, end):
+    """Integrate surge and yaw with 10 us steps."""
+    dt = 1e-5
+    times = np.array([t / 1000 + delay for t, _ in COMMANDS])
+    surge = np.array([40 * a - 20 * b for _, (a, b) in COMMANDS])
+    yaw = np.array([0.25 * 40 * a + 0.25 * 20 * b for _, (a, b) in COMMANDS])
+    grid = np.arange(times[0], end, dt) + dt / 2
+    out = []
+    for f in (surge, yaw):
+        if hold == 'linear':
+            u = np.interp(grid, times, f)
+        else:
+            u = f[np.searchsorted(times, grid, side='right') - 1]
+        if lag:
+            y, state, k = np.empty_like(u), f[0], 1 - math.exp(-dt / lag)
+            for i, x in enumerate(u):
+                y[i] = state + (x - state) * k / 2  # at the middle of the step
+                state += (x - state) * k
+            u = y
+        out.append(u[(grid > start) & (grid < end)].sum() * dt)
+    return out
+
+
+@pytest.mark.parametrize('hold', ['previous', 'linear'])
+@pytest.mark.parametrize('delay', [0.0, 0.03])
+@pytest.mark.parametrize('lag', [0.0, 0.08])
+def test_impulse_is_the_exact_integral(hold, delay, lag):
+    thrust = chain(hold=hold, delay=delay, time_constant=lag)
+    for start, end in ((0.05, 0.12), (0.11, 0.3), (0.05, 0.5)):
+        a, b = thrust.impulse(round(start * 1e9)), thrust.impulse(round(end * 1e9))
+        expected = brute_force(hold, delay, lag, start, end)
+        assert [y - x for x, y in zip(a, b)] == pytest.approx(expected, abs=5e-3)
+
+
+def test_no_force_before_the_first_command_nor_after_the_timeout():
+    thrust = chain(delay=0.02, timeout=0.2)
+    assert thrust.missing(10 * MS, 50 * MS) == 'no_thrust'
+    assert thrust.missing(20 * MS, 300 * MS) == ''
+    assert thrust.missing(200 * MS, 380 * MS) == 'stale_thrust'  # 150 + 20 + 200 < 380
+    assert thrust.missing(430 * MS, 640 * MS) == ''
+    assert thrust.missing(430 * MS, 641 * MS) == 'stale_thrust'
+    assert chain(timeout=0.0).missing(0, 10**12) == ''
+
+
+def test_linear_hold_waits_for_the_next_command():
+    assert chain(hold='linear').known(420 * MS)
+    assert not chain(hold='linear').known(421 * MS)
+    assert chain().known(10**12)
+
+
+def test_one_topic_per_thruster_needs_all_of_them():
+    thrust = Thrust(replace(TWO, topics=('/a', '/b')), ('surge', 'yaw'))
+    thrust.command(0, (1.0,), 0)
+    assert thrust.missing(0, 1) == 'no_thrust'
+    thrust.command(5 * MS, (2.0,), 1)
+    assert thrust.impulse(15 * MS) == pytest.approx((0.0, 10e-3 * 20.0))
+    thrust.command(15 * MS, (2.0,), 0)  # both at one instant: the later message completes it
+    thrust.command(15 * MS, (0.0,), 1)
+    assert thrust.impulse(25 * MS)[0] == pytest.approx(10e-3 * 80.0)
+
+
+def test_forgetting_changes_no_span():
+    def span(thrust):
+        a, b = thrust.impulse(9_000_500_000), thrust.impulse(9_100_000_000)
+        return [y - x for x, y in zip(a, b)]
+
+    thrust = Thrust(replace(TWO, time_constant=0.1), ('surge', 'yaw'))
+    for k in range(1000):
+        thrust.command(k * 10 * MS, (math.sin(0.1 * k), math.cos(0.1 * k)))
+    before = span(thrust)
+    thrust.forget(9_000_000_000)
+    assert span(thrust) == pytest.approx(before, rel=1e-9)
+    assert len(thrust._times) < 200
+
+
+@pytest.mark.parametrize(('changes', 'command', 'force'), [
+    ({}, 1.5, 1.5),
+    ({'offset': 1500.0}, 1600.0, 100.0),
+    ({'deadband': 0.2}, 0.2, 0.0),
+    ({'deadband': 0.2}, -0.3, -0.3),
+    ({'model': 'quadratic'}, -3.0, -9.0),
+    ({'model': 'polynomial', 'polynomial': (1.0, 2.0, 0.0, 4.0)}, 2.0, 37.0),
+    ({'model': 'table', 'table_command': (-1.0, 0.0, 2.0), 'table_force': (-9.0, 0.0, 8.0)},
+     0.5, 2.0),
+    ({'model': 'table', 'table_command': (-1.0, 0.0, 2.0), 'table_force': (-9.0, 0.0, 8.0)},
+     -7.0, -9.0),
+])
+def test_thruster_models(changes, command, force):
+    assert thruster_model(replace(TWO, **changes))(command) == pytest.approx(force)
+
+
+def test_wrench_of_a_port_thruster_turns_to_starboard():
+    # forward thrust at y = +0.25 (port) gives yaw -0.25, design of the allocation
+    port = replace(TWO, gain=(1.0, 1.0), allocation=(
+        (1.0, 1.0), NONE, NONE, NONE, NONE, (0.25, -0.25)))
+    assert wrench(port, (0.0, 4.0)) == (4.0, 0.0, 0.0, 0.0, 0.0, -1.0)
+
+
+@given(st.lists(st.floats(), min_size=2, max_size=2))
+def test_a_wild_command_never_poisons_the_impulse(values):
+    thrust = chain()
+    thrust.command(430 * MS, values)
+    thrust.command(440 * MS, (1.0, 1.0))
+    assert all(math.isfinite(x) for x in thrust.impulse(500 * MS))
+
+
+@pytest.mark.parametrize(('changes', 'key'), [
+    ({'allocation': ((1.0,),) * 6}, 'thrusters.allocation'),
+    ({'gain': ()}, 'thrusters.gain'),
+    ({'names': ('one',)}, 'thrusters.names'),
+    ({'topics': ('/a', '/b', '/c')}, 'thrusters.topics'),
+    ({'model': 'table', 'table_command': (1.0, 0.0), 'table_force': (0.0, 1.0)},
+     'thrusters.table_command'),
+    ({'model': 'polynomial'}, 'thrusters.polynomial'),
+])
+def test_shapes_that_do_not_match_name_their_key(changes, key):
+    with pytest.raises(SettingsError) as caught:
+        replace(TWO, **changes)
+    assert caught.value.key == key

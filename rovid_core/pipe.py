@@ -1,0 +1,272 @@
+"""Measured motion and thrust into steps of the identifiers, one estimate per step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+import math
+from typing import cast, Protocol
+
+from rovid_core.dofs import Four, Quaternion
+from rovid_core.identifier import Identifier, make, Step
+from rovid_core.lowpass import LowPass
+from rovid_core.motion import Motion, MotionSource, World
+from rovid_core.rotation import normalised
+from rovid_core.settings import Settings
+from rovid_core.thrust import Thrust
+from rovid_core.values import DofEstimate, Estimate, Sample
+from rovid_core.watch import OneSided
+
+NS = 1e-9
+SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
+
+
+class Scorer(Protocol):
+    """Keeps what a score needs."""
+
+    def restarted(self, dof: str, time: int, velocity: float) -> None:
+        """Take the velocity that a DOF takes up from."""
+
+    def stepped(self, dof: str, span: tuple[int, int, int], force: tuple[float, float],
+                velocity: float) -> None:
+        """Take a step: start, middle and end [ns], mean forces of both parts, velocity."""
+
+    def reference(self, time: int, value: tuple[float, ...]) -> None:
+        """Take a reference velocity (six values)."""
+
+
+class Pipe:
+    """
+    What turns ordered samples into estimates.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    reject : callable
+        Told input and reason of everything that is refused.
+    warn : callable
+        Told one line about what looks wrong in the data.
+    scorer : Scorer, optional
+        Told every step.
+    truth : mapping, optional
+        True lumped parameters of DOFs where they are known: the estimates then carry W.
+
+    """
+
+    def __init__(self, settings: Settings, reject: Callable[[str, str], None],
+                 warn: Callable[[str], None], scorer: Scorer | None = None,
+                 truth: Mapping[str, Four] | None = None) -> None:
+        self._settings = settings
+        self._reject = reject
+        self._warn = warn
+        self._scorer = scorer
+        self._truth = truth or {}
+        self._max_gap = round(settings.max_gap / NS)
+        self._world = World(settings)
+        self._thrust = Thrust(settings.thrusters, settings.dofs)
+        self._tracks = [
+            track for track in (_Track(settings, name, self._world, warn) for name in SOURCES)
+            if track.source.dofs]
+        self.identifiers = [self._identifier(i) for i in range(len(settings.dofs))]
+        self.adapt = True
+        self._sign: tuple[float, ...] | None = None
+        self._one_sided = OneSided(settings, warn)
+        self._estimates = [self._waiting(i) for i in range(len(settings.dofs))]
+
+    def _identifier(self, i: int) -> Identifier:
+        name, settings = self._settings.dofs[i], self._settings.identifier
+        gains = settings.adaptation_gains
+        raw = gains[4 * i:4 * i + 4] if len(gains) > 4 else gains
+        return make(settings, self._settings.dof[name], cast(Four, raw) if raw else None)
+
+    def restart(self) -> None:
+        """Start times, filters and histories anew and keep the parameters."""
+        self._world.restart()
+        self._thrust.restart()
+        self._sign = None
+        for track in self._tracks:
+            track.source.restart()
+            track.interrupt()
+
+    def reset(self) -> None:
+        """Go back to the initial parameters; filters and histories stay."""
+        for i, identifier in enumerate(self.identifiers):
+            identifier.reset()
+            self._estimates[i] = self._waiting(i)
+        for track in self._tracks:
+            track.last = None
+
+    def handle(self, time: int, sample: Sample) -> list[Estimate]:
+        """
+        Take one sample and return the estimates of the steps that it completes.
+
+        Parameters
+        ----------
+        time : int
+            Event time [ns], not before that of the last sample.
+        sample : Sample
+            What was measured.
+
+        """
+        reason = self._take(time, sample)
+        if reason:
+            self._reject(sample.input, reason)
+            return []
+        estimates: list[Estimate] = []
+        for track in self._tracks:
+            self._run(track, time, estimates)
+        return estimates
+
+    def estimate(self, time: int, stepped: tuple[int, ...] = ()) -> Estimate:
+        """Return all DOFs as they are now."""
+        return Estimate(time, tuple(self._estimates), stepped)
+
+    def _take(self, time: int, sample: Sample) -> str:
+        """Hand a sample to those who use it; return why it was refused, or ''."""
+        value, name = sample.value, sample.input
+        if name == 'reference':
+            if self._scorer is not None:
+                self._scorer.reference(time, value)
+            return ''
+        if not all(map(math.isfinite, value)):
+            return 'non_finite'
+        if name == 'thrusters':
+            return self._take_command(time, value, sample.part)
+        if name == 'sign':
+            self._sign = value
+            return ''
+        if name == 'attitude':
+            try:
+                value = rotation = normalised(cast(Quaternion, value))
+            except (ValueError, OverflowError):
+                return 'not_a_rotation'
+            self._world.attitude.add(time, rotation)
+        for track in self._tracks:
+            if track.source.input == name:
+                track.source.add(time, value)
+        return ''
+
+    def _take_command(self, time: int, value: tuple[float, ...], part: int) -> str:
+        if self._settings.sign.topic:
+            if self._sign is None:
+                return 'no_sign'
+            signs = self._sign if len(self._sign) > 1 else self._sign * len(value)
+            if len(signs) > len(value):
+                signs = signs[part:part + 1]
+            value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
+        self._one_sided.command(value)
+        return '' if self._thrust.command(time, value, part) else 'force_out_of_range'
+
+    def _run(self, track: _Track, now: int, estimates: list[Estimate]) -> None:
+        while True:
+            motion = track.held or track.source.take(now)
+            track.held = None
+            if motion is None:
+                return
+            if isinstance(motion, str):
+                self._skip(track, motion)
+            elif not self._thrust.known(motion.end) and now - motion.end <= self._max_gap:
+                track.held = motion  # the command that ends its span is still to come
+                return
+            else:
+                self._step(track, motion, estimates)
+
+    def _skip(self, track: _Track, reason: str) -> None:
+        if reason == 'first':
+            return
+        self._reject(track.source.input, reason)
+        if reason != 'too_fast':  # one wild fix costs one step; the state is still good
+            track.interrupt()
+
+    def _step(self, track: _Track, motion: Motion, estimates: list[Estimate]) -> None:
+        last = track.last
+        if last is not None and motion.time - last.time > self._max_gap:
+            self._skip(track, 'gap')
+            last = None
+        missing = self._thrust.missing(last.time if last else motion.time, motion.time)
+        if missing:
+            self._skip(track, missing)
+            return
+        if last is None or track.velocity.value is None:
+            self._take_up(track, motion)
+            return
+        span = (last.time, min(max(motion.start, last.time), motion.time), motion.time)
+        impulses = [self._thrust.impulse(t) for t in span]
+        dt = (span[2] - span[0]) * NS
+        before = track.velocity.value
+        after = track.velocity.step(dt, motion.velocity)
+        forces = track.force.step(dt, tuple(
+            [(impulses[2][i] - impulses[0][i]) / dt for i in track.indices]))
+        for j, i in enumerate(track.indices):
+            step = Step(dt, (before[j], 0.5 * (before[j] + after[j]), after[j]),
+                        (forces[j],) * 3)
+            self._identify(i, motion.time, step)
+            if self._scorer is not None:
+                self._scorer.stepped(self._settings.dofs[i], span, (
+                    _mean(impulses[0][i], impulses[1][i], span[0], span[1]),
+                    _mean(impulses[1][i], impulses[2][i], span[1], span[2])), after[j])
+        track.last = motion
+        self._thrust.forget(min(t.last.time for t in self._tracks if t.last) - self._max_gap)
+        track.warn_if_clamped()
+        estimates.append(self.estimate(motion.time, tuple(track.indices)))
+
+    def _take_up(self, track: _Track, motion: Motion) -> None:
+        """Start the filters and v_hat from a measurement."""
+        track.interrupt()
+        velocity = track.velocity.step(0.0, motion.velocity)
+        track.last = motion
+        for i, v in zip(track.indices, velocity):
+            self.identifiers[i].restart(v)
+            if self._scorer is not None:
+                self._scorer.restarted(self._settings.dofs[i], motion.time, v)
+
+    def _identify(self, i: int, time: int, step: Step) -> None:
+        identifier, before = self.identifiers[i], self._estimates[i]
+        refused = identifier.step(step, self.adapt)
+        if refused:
+            self._reject(self._settings.dofs[i], refused)
+        self._one_sided.velocity(i, step.velocity[2])
+        truth = self._truth.get(before.dof)
+        self._estimates[i] = DofEstimate(
+            dof=before.dof, parameters=identifier.parameters, std=identifier.std,
+            status='invalid' if refused else 'converging' if self.adapt else 'frozen',
+            reasons=(refused,) if refused else (), time=time,
+            steps=before.steps + (not refused), velocity=step.velocity[2],
+            v_hat=identifier.v_hat, force=step.force[1], excitation=identifier.excitation,
+            W=math.nan if truth is None else identifier.lyapunov(step.velocity[2], truth))
+
+    def _waiting(self, i: int) -> DofEstimate:
+        return DofEstimate(self._settings.dofs[i], self.identifiers[i].parameters,
+                           self.identifiers[i].std, reasons=('no step yet',))
+
+
+class _Track:
+    """The DOFs of one source: their filters and how far they have come."""
+
+    def __init__(self, settings: Settings, input: str, world: World,
+                 warn: Callable[[str], None]) -> None:
+        self.source = MotionSource(settings, input, world)
+        self.indices = tuple(settings.dofs.index(d) for d in self.source.dofs)
+        self.velocity = LowPass(settings.cutoff)
+        self.force = LowPass(settings.cutoff)
+        self.held: Motion | None = None  # waits for the force of its span
+        self.last: Motion | None = None  # where the next step begins
+        self._warn: Callable[[str], None] | None = warn
+
+    def interrupt(self) -> None:
+        """Take up from the next measurement."""
+        self.velocity.restart()
+        self.force.restart()
+        self.held = self.last = None
+
+    def warn_if_clamped(self) -> None:
+        """Say once that the samples come too slowly for the cutoff."""
+        taken, clamped = self.velocity.steps, self.velocity.clamped
+        if self._warn and taken >= 50 and clamped > taken // 2:
+            self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.source.input}, and '
+                       'clamped to that')
+            self._warn = None
+
+
+def _mean(start_impulse: float, end_impulse: float, start: int, end: int) -> float:
+    return (end_impulse - start_impulse) / ((end - start) * NS) if end > start else 0.0

@@ -1,0 +1,217 @@
+"""What the live node, a replay and a simulation all run: order, pipe, counters, controls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from rovid_core.dofs import Four
+from rovid_core.ordering import EventOrder
+from rovid_core.pipe import Pipe, Scorer
+from rovid_core.settings import Settings
+from rovid_core.values import Estimate, Event
+
+STATE_VERSION = 1
+
+
+class Recorder(Protocol):
+    """Writes down what the pipe consumed, so that it can be replayed to the same bits."""
+
+    def released(self, event: Event) -> None:
+        """Take an event, in the order of release."""
+
+    def controlled(self, name: str, value: str) -> None:
+        """Take a control at its place between the events."""
+
+
+@dataclass
+class InputHealth:
+    """How an input is doing."""
+
+    count: int = 0
+    last_time: int | None = None  # [ns]
+    rate: float = 0.0  # [Hz], by event time, over about 20 samples
+
+    def note(self, time: int) -> None:
+        """Take the event time [ns] of a sample."""
+        if self.last_time is not None and time > self.last_time:
+            now = 1e9 / (time - self.last_time)
+            self.rate += (now - self.rate) * (0.05 if self.rate else 1.0)
+        self.last_time = time
+        self.count += 1
+
+
+class Stream:
+    """
+    Messages in, estimates out.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    recorder : Recorder, optional
+        Told everything that is consumed.
+    scorer : Scorer, optional
+        Told every step, to score the model afterwards.
+    truth : mapping, optional
+        True lumped parameters of DOFs where they are known: the estimates then carry W.
+
+    Attributes
+    ----------
+    rejected : dict
+        (input, reason) -> how many samples or steps were refused.
+    estimate : Estimate or None
+        The last one.
+    inputs : dict
+        Input name -> InputHealth of the samples that were released.
+
+    """
+
+    def __init__(self, settings: Settings, *, recorder: Recorder | None = None,
+                 scorer: Scorer | None = None,
+                 truth: Mapping[str, Four] | None = None) -> None:
+        self.settings = settings
+        self.rejected: dict[tuple[str, str], int] = {}
+        self.estimate: Estimate | None = None
+        self.inputs = {name: InputHealth() for name in settings.used_inputs()}
+        self._recorder = recorder
+        self._warnings: list[str] = [
+            f'{dof} has no restoring moment in this model: only for a vehicle that is '
+            'neutral in it' for dof in settings.dofs if dof in ('roll', 'pitch')]
+        self._pipe = Pipe(settings, self.reject, self._warnings.append, scorer, truth)
+        keys = [(name, 0) for name in self.inputs if name != 'thrusters']
+        keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
+        self._order = EventOrder(keys, settings.max_wait, settings.time_jump, self.reject,
+                                 self._warnings.append)
+
+    def receive(self, event: Event) -> list[Estimate]:
+        """Take an event in any order and return the estimates that it releases."""
+        released, jumped = self._order.push(event)
+        if jumped:
+            self._jump()
+        return self._handle(released)
+
+    def finish(self) -> list[Estimate]:
+        """Release what is held: the log's end, or shutdown."""
+        return self._handle(self._order.flush())
+
+    def reset(self) -> None:
+        """Put the parameters back to their initial values, between two steps."""
+        self._note('reset', '')
+        self._pipe.reset()
+
+    def enable(self, adapt: bool) -> None:
+        """Adapt the parameters, or freeze them while v_hat goes on."""
+        self._note('enable', 'true' if adapt else 'false')
+        self._pipe.adapt = adapt
+
+    @property
+    def adapting(self) -> bool:
+        """Tell whether the parameters are being adapted."""
+        return self._pipe.adapt
+
+    def control(self, name: str, value: str) -> list[Estimate]:
+        """
+        Replay a recorded control; what was recorded before it is released first.
+
+        Raises
+        ------
+        ValueError
+            For a control that there is not.
+
+        """
+        estimates = self.finish()
+        if name == 'reset':
+            self.reset()
+        elif name == 'enable':
+            self.enable(value == 'true')
+        elif name == 'time_jump':
+            self._order.restart()
+            self._jump()
+        else:
+            raise ValueError(f'an unknown control {name!r}')
+        return estimates
+
+    def reject(self, input: str, reason: str) -> None:
+        """Count a refusal."""
+        self.rejected[(input, reason)] = self.rejected.get((input, reason), 0) + 1
+
+    def rejected_by_reason(self) -> dict[str, int]:
+        """Return how many samples or steps were refused, by reason."""
+        total: dict[str, int] = {}
+        for (_, reason), count in sorted(self.rejected.items()):
+            total[reason] = total.get(reason, 0) + count
+        return total
+
+    def take_warnings(self) -> list[str]:
+        """Return the warnings that have not been taken yet, a line each."""
+        taken = list(self._warnings)
+        self._warnings.clear()
+        return taken
+
+    def state(self) -> dict[str, Any]:
+        """Return the identifiers' state, of plain numbers, strings, lists and dicts."""
+        return {
+            'version': STATE_VERSION, 'method': self.settings.identifier.method,
+            'adapt': self.adapting,
+            'dofs': {dof: {'terms': list(self.settings.dof[dof].terms), **identifier.state()}
+                     for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers)}}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """
+        Go on from a state, all of it or nothing.
+
+        Raises
+        ------
+        ValueError
+            If it was made by another version, method or set of DOFs or terms, or holds
+            values that are out of bounds.
+
+        """
+        if state.get('version') != STATE_VERSION:
+            raise ValueError(f'version {state.get("version")}, not {STATE_VERSION}')
+        mine = self.state()
+        if state.get('method') != mine['method']:
+            raise ValueError(f'method {state.get("method")}, not {mine["method"]}')
+        dofs = state.get('dofs')
+        if not isinstance(dofs, Mapping) or list(dofs) != list(self.settings.dofs):
+            raise ValueError(f'DOFs other than {", ".join(self.settings.dofs)}')
+        for dof in self.settings.dofs:
+            if dofs[dof].get('terms') != list(self.settings.dof[dof].terms):
+                raise ValueError(f'other terms of {dof}')
+        try:
+            for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers):
+                identifier.restore(dofs[dof])
+        except (KeyError, TypeError, ValueError) as error:
+            for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers):
+                identifier.restore(mine['dofs'][dof])
+            raise ValueError(f'{dof}: {error}') from error
+        self._pipe.adapt = bool(state.get('adapt', True))
+
+    def _handle(self, events: list[Event]) -> list[Estimate]:
+        estimates: list[Estimate] = []
+        for event in events:
+            if self._recorder is not None:
+                self._recorder.released(event)
+            for sample in event.samples:
+                self.inputs[sample.input].note(event.time)
+                estimates += self._pipe.handle(event.time, sample)
+        if estimates:
+            self.estimate = estimates[-1]
+        return estimates
+
+    def _jump(self) -> None:
+        self._note('time_jump', '')
+        self._warnings.append('time jumped back: histories are started anew'
+                              + (' and the parameters reset' if
+                                 self.settings.reset_on_time_jump else ''))
+        self._pipe.restart()
+        if self.settings.reset_on_time_jump:
+            self._pipe.reset()
+        for health in self.inputs.values():
+            health.last_time = None
+
+    def _note(self, name: str, value: str) -> None:
+        if self._recorder is not None:
+            self._recorder.controlled(name, value)

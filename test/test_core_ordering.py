@@ -1,0 +1,196 @@
+"""Event-time ordering: only event times decide."""
+
+import random
+
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+import pytest
+from rovid_core.ordering import EventOrder
+from rovid_core.values import Event, Sample
+
+MS = 1_000_000
+INPUTS = [('position', 0), ('attitude', 0), ('thrusters', 0)]
+
+
+class Order:
+    """An order that notes what it is told."""
+
+    def __init__(self, max_wait=0.1, time_jump=1.0, inputs=INPUTS):
+        self.rejected, self.warnings = [], []
+        self.order = EventOrder(inputs, max_wait, time_jump,
+                                lambda i, r: self.rejected.append((i, r)),
+                                self.warnings.append)
+
+    def push(self, ms, *inputs):
+        released, self.jumped = self.order.push(event(ms, *inputs))
+        return named(released)
+
+    def feed(self, events):
+        out = []
+        for e in events:
+            out += self.order.push(e)[0]
+        return out + self.order.flush()
+
+
+def event(ms, *inputs):
+    return Event(round(ms * MS), tuple(Sample(i, (0.0,)) for i in inputs))
+
+
+def named(events):
+    return [(e.time // MS, e.samples[0].input) for e in events]
+
+
+def stream(count=200):
+    """Three inputs at their own rates, in the order of event time."""
+    events = [event(100 * k, 'position') for k in range(count // 10)]
+    events += [event(20 * k, 'attitude') for k in range(count // 2)]
+    events += [event(50 * k + 3, 'thrusters') for k in range(count // 5)]
+    rank = [name for name, _ in INPUTS].index
+    return sorted(events, key=lambda e: (e.time, rank(e.samples[0].input)))
+
+
+def test_released_as_soon_as_every_other_input_has_come_as_far():
+    order = Order()
+    assert order.push(0, 'position') == []
+    assert order.push(1, 'attitude') == []
+    assert order.push(2, 'thrusters') == [(0, 'position')]
+    assert order.push(3, 'position') == [(1, 'attitude')]
+
+
+def test_released_at_the_latest_after_max_wait():
+    order = Order()
+    order.push(0, 'position')
+    assert order.push(50, 'thrusters') == []
+    assert order.push(100, 'position') == [(0, 'position')]
+
+
+def test_max_wait_0_holds_nothing_once_two_inputs_agree():
+    order = Order(max_wait=0.0)
+    order.push(0, 'position')
+    assert order.push(1, 'attitude') == [(0, 'position'), (1, 'attitude')]
+    assert order.push(2, 'position') == [(2, 'position')]
+
+
+def test_ties_go_in_the_order_of_the_inputs():
+    order = Order()
+    for name in ('thrusters', 'attitude'):
+        order.push(5, name)
+    assert order.push(5, 'position') == [
+        (5, 'position'), (5, 'attitude'), (5, 'thrusters')]
+
+
+@given(st.integers(0, 2**32))
+@hypothesis_settings(max_examples=50, deadline=None)
+def test_any_delivery_within_max_wait_gives_the_same_sequence(seed):
+    shuffle = random.Random(seed)
+    expected = stream()
+    order = Order()
+    delays = {}
+
+    def arrival(e):  # each input keeps its own order, as DDS does
+        name = e.samples[0].input
+        late = e.time + shuffle.uniform(0.0, 0.099) * 1e9
+        delays[name] = max(delays.get(name, 0.0), late)
+        return delays[name]
+
+    delivered = sorted(expected, key=arrival)
+    assert order.feed(delivered) == expected
+    assert order.rejected == []
+
+
+def test_late_duplicate_and_backward_are_dropped_and_counted():
+    order = Order()
+    for ms in (0, 200, 400):
+        order.push(ms, 'position')
+        order.push(ms, 'attitude')
+    order.push(250, 'thrusters')
+    order.push(400, 'attitude')
+    order.push(390, 'attitude')
+    assert order.rejected == [
+        ('thrusters', 'late'), ('attitude', 'duplicate'), ('attitude', 'backward')]
+    assert not order.jumped
+
+
+def test_back_by_more_than_time_jump_starts_anew():
+    order = Order()
+    for ms in (5000, 5010):
+        order.push(ms, 'position')
+        order.push(ms, 'attitude')
+    order.push(1000, 'position')
+    assert order.jumped
+    assert ('attitude', 'discarded') in order.rejected
+    assert order.push(1001, 'attitude') == []
+    assert not order.jumped
+    assert order.push(1102, 'thrusters') == [(1000, 'position'), (1001, 'attitude')]
+
+
+def test_one_stamp_far_ahead_moves_nothing():
+    order = Order()
+    for ms in (0, 10):
+        order.push(ms, 'position')
+        order.push(ms, 'attitude')
+    assert order.push(90_000, 'thrusters') == []
+    assert order.push(20, 'thrusters') == [(0, 'position'), (0, 'attitude'),
+                                           (10, 'position'), (10, 'attitude')]
+    assert order.rejected == [('thrusters', 'future')]
+
+
+def test_a_pause_of_everything_goes_on_when_two_inputs_agree():
+    order = Order()
+    for ms in (0, 10):
+        for name, _ in INPUTS:
+            order.push(ms, name)
+    assert order.push(60_000, 'position') == []
+    assert order.push(60_010, 'position') == []
+    released = order.push(60_005, 'attitude')
+    assert released[:1] == []  # thrusters may still come
+    assert order.push(60_120, 'attitude') == [
+        (60_000, 'position'), (60_005, 'attitude'), (60_010, 'position')]
+    assert order.rejected == []
+
+
+def test_a_wild_first_stamp_does_not_decide_the_time():
+    order = Order()
+    order.push(10**9, 'thrusters')
+    order.push(0, 'position')
+    order.push(5, 'attitude')
+    assert order.push(7, 'thrusters') == [(0, 'position')]
+    assert order.rejected == [('thrusters', 'future')]
+
+
+def test_a_clock_that_is_off_is_told():
+    order = Order()
+    for k in range(20):
+        order.push(20 * k, 'position')
+        order.push(20 * k, 'attitude')
+        order.push(20 * k + 7000, 'thrusters')
+    assert len(order.warnings) == 1
+    assert 'thrusters are 7.0 s ahead' in order.warnings[0]
+    order = Order()
+    for k in range(20):
+        order.push(20 * k + 7000, 'position')
+        order.push(20 * k + 7000, 'attitude')
+        order.push(20 * k, 'thrusters')
+    assert any('behind' in w or 'ahead' in w for w in order.warnings)
+
+
+def test_a_single_input_is_released_too():
+    order = Order(inputs=[('thrusters', 0)])
+    assert order.push(0, 'thrusters') == [(0, 'thrusters')]
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_random_stamps_never_break_the_order(seed):
+    random_ = random.Random(seed)
+    order = Order()
+    last = None
+    for _ in range(2000):
+        name = random_.choice(INPUTS)[0]
+        ms = random_.choice([random_.uniform(0, 1e4), random_.uniform(0, 1e9)])
+        released, jumped = order.order.push(event(ms, name))
+        last = None if jumped else last
+        for e in released:
+            assert last is None or e.time >= last
+            last = e.time
+    assert len(order.order._held) + sum(map(len, order.order._ahead.values())) < 20_000

@@ -1,0 +1,234 @@
+"""A simulated vehicle with its sensors: the plant of eq. 2, thrusters, noise and stamps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from heapq import heappop, heappush
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.dofs import ANGULAR_DOFS, DOFS, LINEAR_DOFS, Quaternion, Vector
+from rovid_core.plant import advance, lumped
+from rovid_core.rotation import product, rotate
+from rovid_core.settings import Settings, SettingsError, ThrusterSettings
+from rovid_core.thrust import Thrust, thruster_model
+
+NS = 1e-9
+STEP = 5_000_000
+"""[ns] Longest integration step; the mean force of a step is exact."""
+
+Profile = Mapping[str, Sequence[tuple[float, float]]]
+"""DOF -> sinusoids as (amplitude [N or N m], frequency [Hz])."""
+
+Measurement = tuple[int, str, tuple[float, ...]]
+
+# the sensors of a vehicle do not fire together: [ns] of the first sample of each
+PHASE = {'thrusters': 0, 'attitude': 3_000_000, 'angular_velocity': 5_000_000,
+         'depth': 7_000_000, 'position': 11_000_000, 'velocity': 13_000_000,
+         'reference': 17_000_000}
+
+
+def simulate(settings: Settings, duration: float, seed: int,
+             profile: Profile | None = None) -> Iterator[Measurement]:
+    """
+    Simulate the vehicle under ``settings.simulation`` and its configured sensors.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run; only inputs with a topic are measured.
+    duration : float
+        [s]
+    seed : int
+        Of the sensor noise; the same seed gives the same values.
+    profile : mapping, optional
+        Sinusoids of thrust per DOF, instead of those of the settings.
+
+    Yields
+    ------
+    time : int
+        [ns] from 0, never decreasing.
+    input : str
+        Name of the input.
+    value : tuple of float
+        As in ``Sample``; thrusters: the raw command of every thruster.
+
+    Raises
+    ------
+    SettingsError
+        If there is no truth for a DOF, or the thrusters can not give the profile.
+
+    """
+    vehicle = _Vehicle(settings, profile)
+    sensors = _Sensors(settings, vehicle, np.random.default_rng(seed))
+    queue: list[tuple[int, int, tuple[str, ...], int]] = []
+    for order, (names, rate) in enumerate(sensors.rates().items()):
+        heappush(queue, (PHASE[names[0]], order, names, round(1e9 / rate)))
+    end = round(duration / NS)
+    while queue[0][0] <= end:
+        time, order, names, period = heappop(queue)
+        vehicle.advance(time)
+        for name in names:
+            yield time, name, sensors.read(name, time)
+        heappush(queue, (time + period, order, names, period))
+
+
+class _Vehicle:
+    """Position, attitude and body velocity under commanded thrust."""
+
+    def __init__(self, settings: Settings, profile: Profile | None) -> None:
+        truth = settings.simulation.dofs
+        for dof in settings.dofs:
+            if dof not in truth:
+                raise SettingsError(f'simulation.{dof}.mass', 'is required to simulate')
+        self.profile: dict[str, list[tuple[float, float]]] = {
+            dof: list(zip(t.forces, t.frequencies)) for dof, t in truth.items()}
+        self.profile.update({dof: list(waves) for dof, waves in (profile or {}).items()})
+        for dof, waves in self.profile.items():
+            if dof not in truth and waves:
+                raise SettingsError(f'simulation.{dof}.mass', 'is required to simulate')
+        self._dofs = tuple(d for d in DOFS if d in truth)
+        self._parameters = [
+            lumped(t.mass, t.quadratic_drag, t.linear_drag, t.bias)
+            for t in (truth[d] for d in self._dofs)]
+        self._thrust = Thrust(replace(settings.thrusters, timeout=0.0), self._dofs)
+        self._commands = _Commands(settings.thrusters, self.profile)
+        self.velocity = [0.0] * 6
+        self.position: Vector = (0.0, 0.0, 0.0)
+        self.attitude: Quaternion = (0.0, 0.0, 0.0, 1.0)
+        self.time = 0
+
+    def command(self, time: int) -> tuple[float, ...]:
+        """Command the profile's thrust at ``time`` [ns] and return the raw commands."""
+        raw = self._commands.at(time * NS)
+        self._thrust.command(time, raw)
+        return raw
+
+    def advance(self, time: int) -> None:
+        """Move on to ``time`` [ns]."""
+        while self.time < time:
+            step = min(STEP, time - self.time)
+            dt = step * NS
+            before = list(self.velocity)
+            force = self._force(self.time, self.time + step)
+            for dof, parameters, f in zip(self._dofs, self._parameters, force):
+                i = DOFS.index(dof)
+                self.velocity[i] = advance(parameters, before[i], f, dt)
+            mean = [0.5 * (a + b) for a, b in zip(before, self.velocity)]
+            self._move(mean, dt)
+            self.time += step
+        self._thrust.forget(self.time)
+
+    def _force(self, start: int, end: int) -> tuple[float, ...]:
+        if self._thrust.missing(start, end):
+            return (0.0,) * len(self._dofs)
+        a, b = self._thrust.impulse(start), self._thrust.impulse(end)
+        return tuple([(y - x) / ((end - start) * NS) for x, y in zip(a, b)])
+
+    def _move(self, mean: Sequence[float], dt: float) -> None:
+        turn = math.sqrt(mean[3] ** 2 + mean[4] ** 2 + mean[5] ** 2)
+
+        def turned(share: float) -> Quaternion:
+            if turn == 0.0:
+                return self.attitude
+            half = 0.5 * turn * dt * share
+            s = math.sin(half) / turn
+            return product(
+                self.attitude, (mean[3] * s, mean[4] * s, mean[5] * s, math.cos(half)))
+
+        shift = rotate(turned(0.5), (mean[0] * dt, mean[1] * dt, mean[2] * dt))
+        x, y, z = self.position
+        self.position = (x + shift[0], y + shift[1], z + shift[2])
+        self.attitude = turned(1.0)
+
+
+class _Commands:
+    """Raw thruster commands that give a profile of body forces."""
+
+    def __init__(self, settings: ThrusterSettings, profile: Profile) -> None:
+        self._settings = settings
+        self._dofs = tuple(d for d in DOFS if profile.get(d))
+        self._waves = [profile[d] for d in self._dofs]
+        rows = np.array([settings.allocation[DOFS.index(d)] for d in self._dofs])
+        rows = rows.reshape(len(self._dofs), settings.count)
+        if np.linalg.matrix_rank(rows) < len(self._dofs):
+            raise SettingsError(
+                'thrusters.allocation', f'can not push {", ".join(self._dofs)} independently')
+        self._inverse: NDArray[np.float64] = np.linalg.pinv(rows)
+        self._command = _inverse_model(settings)
+
+    def at(self, t: float) -> tuple[float, ...]:
+        """Return the raw commands at ``t`` [s]."""
+        wrench = [sum(f * math.sin(2.0 * math.pi * hz * t) for f, hz in waves)
+                  for waves in self._waves]
+        forces = self._inverse @ np.array(wrench) if wrench else np.zeros(self._settings.count)
+        return tuple(
+            self._command(float(f) / k) for f, k in zip(forces, self._settings.gain))
+
+
+def _inverse_model(settings: ThrusterSettings) -> Callable[[float], float]:
+    """Return the raw command for a thruster force before its gain."""
+    if settings.model == 'linear':
+        return lambda f: f + settings.offset
+    if settings.model == 'quadratic':
+        return lambda f: math.copysign(math.sqrt(abs(f)), f) + settings.offset
+    grid = (np.linspace(-1.0, 1.0, 2001) if settings.model == 'polynomial'
+            else np.array(settings.table_command)) + settings.offset
+    forces = [thruster_model(settings)(float(u)) for u in grid]
+    if any(b < a for a, b in zip(forces, forces[1:])):
+        raise SettingsError('thrusters.model', 'has to rise with the command to be simulated')
+    return lambda f: float(np.interp(f, forces, grid))
+
+
+class _Sensors:
+    """What the configured sensors read off the vehicle."""
+
+    def __init__(self, settings: Settings, vehicle: _Vehicle,
+                 random: np.random.Generator) -> None:
+        self._settings = settings
+        self._vehicle = vehicle
+        self._random = random
+
+    def rates(self) -> dict[tuple[str, ...], float]:
+        """Return the inputs of each topic with their rate [Hz], that of the slowest."""
+        s = self._settings.simulation
+        rates = {
+            'thrusters': s.thruster_rate, 'attitude': s.attitude_rate,
+            'angular_velocity': s.angular_velocity_rate, 'depth': s.depth_rate,
+            'position': s.position_rate, 'velocity': s.velocity_rate,
+            'reference': s.velocity_rate}
+        topics: dict[str, list[str]] = {}
+        for name in rates:
+            if name == 'thrusters':
+                topics.setdefault(self._settings.thrusters.topics[0], []).append(name)
+            elif name in self._settings.used_inputs():
+                topics.setdefault(self._settings.input(name).topic, []).append(name)
+        return {tuple(names): min(rates[name] for name in names) for names in topics.values()}
+
+    def read(self, name: str, time: int) -> tuple[float, ...]:
+        """Return one measurement."""
+        s, v = self._settings.simulation, self._vehicle
+        if name == 'thrusters':
+            return self._noisy(v.command(time), s.thruster_noise)
+        if name == 'position':
+            arm = rotate(v.attitude, self._settings.lever_arm)
+            x, y, z = v.position
+            return self._noisy((x + arm[0], y + arm[1], z + arm[2]), s.position_noise)
+        if name == 'depth':
+            return self._noisy(v.position[2:], s.depth_noise)
+        if name == 'attitude':
+            half = self._noisy((0.0, 0.0, 0.0), 0.5 * s.attitude_noise)
+            w = math.sqrt(max(0.0, 1.0 - sum(x * x for x in half)))
+            return product(v.attitude, (half[0], half[1], half[2], w))
+        if name == 'velocity':
+            return self._noisy(v.velocity[:len(LINEAR_DOFS)], s.velocity_noise)
+        if name == 'angular_velocity':
+            return self._noisy(v.velocity[-len(ANGULAR_DOFS):], s.angular_velocity_noise)
+        return tuple(v.velocity)
+
+    def _noisy(self, values: Sequence[float], sigma: float) -> tuple[float, ...]:
+        if sigma == 0.0:
+            return tuple(values)
+        return tuple([x + sigma * float(self._random.standard_normal()) for x in values])

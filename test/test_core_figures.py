@@ -1,0 +1,78 @@
+"""The figures that the method stands on; ``python -m benchmarks.foundation`` prints them."""
+
+from statistics import median
+
+import pytest
+from rovid_core import pipe
+from rovid_core.dofs import PARAMETERS
+from rovid_core.lowpass import LowPass
+from rovid_core.stream import Stream
+
+from benchmarks.cases import (
+    exact_case,
+    HEAVY,
+    LIGHT,
+    prediction,
+    run,
+    surge_log,
+    surge_settings,
+    SURGE_TRUTH,
+    TRAINING,
+)
+
+
+def test_rk4_at_100_hz_finds_the_eq_13_vehicle_and_w_never_grows():
+    (alpha, beta), growth = exact_case('rk4', 'stage')
+    assert abs(alpha) < 0.01
+    assert abs(beta) < 0.01
+    assert growth < 1e-9
+
+
+@pytest.mark.parametrize('integrator', ['euler', 'heun'])
+def test_mean_thrust_leaves_no_bias_at_100_hz(integrator):
+    (alpha, beta), _ = exact_case(integrator, 'mean')
+    assert abs(alpha) < 0.01
+    assert abs(beta) < 0.01
+
+
+def test_textbook_euler_reads_thrust_as_drag():
+    (_, beta), _ = exact_case('euler', 'left')
+    assert 0.05 < beta < 0.10  # the reason for the mean thrust: 7 % more drag
+
+
+@pytest.fixture(scope='module')
+def logs():
+    return [surge_log(seed) for seed in range(3)]
+
+
+@pytest.mark.parametrize('initial', [HEAVY, LIGHT], ids=['heavy', 'light'])
+def test_default_settings_predict_another_profile_within_10_mm_s(logs, initial):
+    for log in logs:
+        stream = Stream(surge_settings(initial))
+        parameters = run(stream, log)[-1].dofs[0].parameters
+        assert prediction(parameters).mae < 0.010
+        assert not stream.rejected
+
+
+def test_thrust_that_is_not_filtered_like_the_velocity_is_several_times_worse(
+        logs, monkeypatch):
+    def error():
+        return median(prediction(run(Stream(surge_settings()), log)[-1].dofs[0].parameters).mae
+                      for log in logs)
+
+    alike = error()
+
+    class ForceUnfiltered(pipe._Track):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            self.force = LowPass(0.0)
+
+    monkeypatch.setattr(pipe, '_Track', ForceUnfiltered)
+    assert error() > 4 * alike
+
+
+def test_the_score_of_the_truth_is_noise_and_that_of_the_guess_is_not():
+    assert prediction(SURGE_TRUTH, TRAINING).mae == 0.0
+    guess = Stream(surge_settings()).state()['dofs']['surge']['parameters']
+    assert prediction(guess, TRAINING).mae > 0.05
+    assert len(guess) == len(PARAMETERS)

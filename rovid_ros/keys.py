@@ -1,0 +1,188 @@
+"""
+The table of the parameters: each key once, with default, unit, range and meaning.
+
+The defaults and types come from the settings that the keys fill. The parameter files,
+the node's parameter descriptors and the error messages all follow this table.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+
+from rovid_core.dofs import DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
+from rovid_core.settings import (
+    DofSettings,
+    IdentifierSettings,
+    InputSettings,
+    Settings,
+    SimulatedDof,
+    SimulationSettings,
+    ThrusterSettings,
+)
+from rovid_ros.key import in_group, Key, key_of, LARGE
+
+__all__ = ['KEYS', 'LARGE', 'Key']
+
+
+def _source(name: str, setting: str, what: str, owner: type = InputSettings) -> list[Key]:
+    """Return the keys that say where an input comes from."""
+    topic = 'topics' if owner is ThrusterSettings else 'topic'
+    return [
+        key_of(f'{name}.{topic}', f'{setting}.{topic}', owner, what),
+        key_of(f'{name}.type', f'{setting}.type', owner,
+               'message type, package/msg/Type; a log knows its own'),
+        key_of(f'{name}.field', f'{setting}.field', owner,
+               'field path in the message, dotted, with [i] for an index; empty: all of it'),
+        key_of(f'{name}.stamp', f'{setting}.stamp', owner,
+               'time of the data: header stamp or receive time; empty: header where there is one',
+               choices=('', 'header', 'receive')),
+        key_of(f'{name}.latency', f'{setting}.latency', owner,
+               'time between the measurement and its stamp, subtracted', 's', -10.0, 10.0),
+        key_of(f'{name}.qos', f'{setting}.qos', owner,
+               'reliability of the live subscription: sensor_data takes both kinds of publisher',
+               choices=('sensor_data', 'reliable')),
+    ]
+
+
+def _run() -> list[Key]:
+    return [
+        key_of('dofs', 'dofs', Settings, 'degrees of freedom to identify', choices=DOFS),
+        key_of('frames', 'frames', Settings,
+               'frames of the input messages: enu (z up, body flu) or ned (z down, body frd)',
+               choices=('enu', 'ned')),
+        key_of('max_wait', 'max_wait', Settings,
+               'a slow input is waited for until the newest event time is this much later', 's',
+               0.0, 60.0),
+        key_of('max_gap', 'max_gap', Settings,
+               'after a longer gap filter and observer restart from the measurement', 's',
+               0.001, 3600.0),
+        key_of('time_jump', 'time_jump', Settings,
+               'stamps that go back by more are a jump (a restarted log), by less are dropped',
+               's', 0.001, 3600.0),
+        key_of('reset_on_time_jump', 'reset_on_time_jump', Settings,
+               'whether the estimate starts afresh at a jump'),
+        key_of('record.path', 'record_path', Settings,
+               'MCAP file to record every consumed message in; empty: none'),
+        key_of('checkpoint.path', 'checkpoint_path', Settings,
+               'file of the saved state, read at the start; empty: none'),
+        key_of('checkpoint.period', 'checkpoint_period', Settings,
+               'time between two saves', 's', 0.1, 86400.0),
+    ]
+
+
+def _inputs() -> list[Key]:
+    return [
+        *_source('position', 'position', 'topic of the position fix in the world'),
+        key_of('position.lever_arm', 'lever_arm', Settings,
+               'position of the transponder in the body frame (forward, left, up)', 'm',
+               -100.0, 100.0),
+        *_source('depth', 'depth', 'topic of the depth sensor; replaces position z for heave'),
+        key_of('depth.scale', 'depth_scale', Settings, 'z [m, up] = scale * value + offset'),
+        key_of('depth.offset', 'depth_offset', Settings, 'z [m, up] = scale * value + offset',
+               'm'),
+        *_source('attitude', 'attitude', 'topic of the attitude or of a scalar heading'),
+        key_of('attitude.yaw_offset', 'yaw_offset', Settings,
+               'added to the heading, about z up', 'rad', -6.3, 6.3),
+        key_of('attitude.unit', 'heading_unit', Settings, 'unit of a scalar heading',
+               choices=('rad', 'deg')),
+        *_source('angular_velocity', 'angular_velocity',
+                 'topic of a gyro; replaces the attitude for roll, pitch and yaw'),
+        *_source('velocity', 'velocity',
+                 'topic of a body velocity (DVL); replaces the derivative of the position'),
+        key_of('velocity.cutoff', 'cutoff', Settings,
+               'cutoff of the low-pass on velocity and thrust alike', 'Hz', 0.001, 1000.0),
+        key_of('velocity.max', 'max_speed', Settings, 'faster measurements are refused',
+               'm/s or rad/s', 0.01, 1000.0),
+        *_source('reference', 'reference',
+                 'topic of a body velocity to score against, never used to identify'),
+    ]
+
+
+def _thrusters() -> list[Key]:
+    key = partial(in_group, 'thrusters', ThrusterSettings)
+    return [
+        Key('thrusters.topic', '', 'string', '', 'topic of all thrusters in one message'),
+        *_source('thrusters', 'thrusters', 'topics of the thrusters, one each, in place of topic',
+                 ThrusterSettings),
+        key('names', "picks and orders a JointState's entries; none: its own order"),
+        key('offset', 'subtracted from the command first, such as 1500 for PWM'),
+        key('deadband', 'commands smaller than this count as 0', low=0.0),
+        key('model', 'force of a command i: k i, k i|i|, polynomial or table',
+            choices=('linear', 'quadratic', 'polynomial', 'table')),
+        key('gain', 'k, one per thruster; their number is the number of thrusters', 'N/command'),
+        key('polynomial', 'coefficients from the constant term upwards, times k'),
+        key('table_command', 'commands of the table, increasing'),
+        key('table_force', 'forces of the table, times k', 'N'),
+        key('delay', 'dead time from the command to the force', 's', 0.0, 10.0),
+        key('time_constant', 'first-order lag of the force; 0: none', 's', 0.0, 10.0),
+        key('hold', 'force between two commands: the previous one, or linear between both',
+            choices=('previous', 'linear')),
+        key('timeout', 'an older command is stale; 0: it holds for ever', 's', 0.0, 3600.0),
+        key('allocation', 'six rows (surge to yaw) of one number per thruster: direction of the '
+            'force, then position x direction', '- and m', -1e6, 1e6),
+        *_source('thrusters.sign', 'sign',
+                 'topic that gives the direction of currents that are never negative'),
+    ]
+
+
+def _identifier() -> list[Key]:
+    key = partial(in_group, 'identifier', IdentifierSettings)
+    return [
+        key('method', 'aid (the adaptive identifier)', choices=('aid',)),
+        key('integrator', 'how the identifier integrates its state',
+            choices=('euler', 'heun', 'rk4')),
+        key('adaptation_time', 'time in which the best excited parameters close 63 % of their '
+            'error', 's', 0.01, 1e6),
+        key('feedback_gain', 'a of eq. 7; 0: from adaptation_time', '1/s', -1e6, 0.0),
+        key('adaptation_gains', 'diagonal of Gamma: 4 numbers (alpha, beta, gamma, delta), or 4 '
+            'per DOF; none: from adaptation_time', low=0.0),
+    ]
+
+
+def _dof(dof: str) -> list[Key]:
+    """Return the keys of one degree of freedom: what is known beforehand, and the truth."""
+    linear = dof in LINEAR_DOFS
+    units = (('kg', 'N s^2/m^2', 'N s/m', 'N') if linear
+             else ('kg m^2', 'N m s^2/rad^2', 'N m s/rad', 'N m'))
+    force, speed = ('N', 'm/s') if linear else ('N m', 'rad/s')
+    known, truth = f'dof.{dof}', f'simulation.dofs.{dof}'
+    lows = (0.0, 0.0, 0.0, -LARGE)
+    texts = ('effective mass, added mass included', 'quadratic drag', 'linear drag',
+             'constant force towards negative; weight - buoyancy for heave')
+    return [
+        *(key_of(f'{dof}.initial.{name}', f'{known}.{name}', DofSettings,
+                 f'initial guess of the {text}', unit, low)
+          for name, text, unit, low in zip(PHYSICAL, texts, units, lows, strict=True)),
+        key_of(f'{dof}.typical.force', f'{known}.typical_force', DofSettings,
+               'usual force, for the scale of the gains; 0: from the initial values', force, 0.0),
+        key_of(f'{dof}.typical.velocity', f'{known}.typical_velocity', DofSettings,
+               'usual velocity, for the scale of the gains; 0: 0.5', speed, 0.0),
+        key_of(f'{dof}.dry_mass', f'{known}.dry_mass', DofSettings,
+               'mass in air (moment of inertia of an angular DOF); 0: unknown', units[0], 0.0),
+        key_of(f'{dof}.terms', f'{known}.terms', DofSettings,
+               'parameters that the model has; the others are 0', choices=PARAMETERS),
+        *(key_of(f'simulation.{dof}.{name}', f'{truth}.{name}', SimulatedDof,
+                 f'truth of the simulation: {text}', unit, low)
+          for name, text, unit, low in zip(PHYSICAL, texts, units, lows, strict=True)),
+        key_of(f'simulation.{dof}.forces', f'{truth}.forces', SimulatedDof,
+               'amplitudes of the sinusoids of thrust', force),
+        key_of(f'simulation.{dof}.frequencies', f'{truth}.frequencies', SimulatedDof,
+               'their frequencies, as many', 'Hz', 0.0, 100.0),
+    ]
+
+
+def _simulation() -> list[Key]:
+    key = partial(in_group, 'simulation', SimulationSettings)
+    units = {'position': 'm', 'depth': 'm', 'attitude': 'rad', 'angular_velocity': 'rad/s',
+             'velocity': 'm/s', 'thruster': 'command'}
+    return [
+        *(key(f'{sensor}_rate', f'messages of the simulated {sensor}', 'Hz', 0.01, 10000.0)
+          for sensor in units),
+        *(key(f'{sensor}_noise', f'standard deviation of the simulated {sensor}', unit, 0.0)
+          for sensor, unit in units.items()),
+    ]
+
+
+KEYS = (*_run(), *_inputs(), *_thrusters(), *_identifier(),
+        *(key for dof in DOFS for key in _dof(dof)), *_simulation())
+"""Every parameter."""

@@ -12,9 +12,6 @@ from statistics import median
 import sys
 from typing import Any
 
-from benchmarks.cases import (
-    exact_case, HEAVY, LIGHT, prediction, run, surge_log, surge_settings,
-)
 from rovid_core import pipe
 from rovid_core.lowpass import LowPass
 from rovid_core.score import Score, ScoreLog
@@ -26,11 +23,21 @@ from rovid_ros.logs import Log
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 
+from benchmarks.cases import (
+    exact_case,
+    HEAVY,
+    LIGHT,
+    prediction,
+    run,
+    surge_log,
+    surge_settings,
+)
+
 SEEDS = 20
 TANK = Path(__file__).parents[1] / 'config' / 'bluerov2_tank.yaml'
 
 
-class ForceUnfiltered(pipe._Track):
+class ForceUnfiltered(pipe.Track):
     """The mistake of filtering the velocity and not the thrust."""
 
     def __init__(self, *arguments: Any) -> None:
@@ -93,9 +100,9 @@ def main() -> None:
         for name, initial in (('heavy', HEAVY), ('light', LIGHT)):
             _row(f'{integrator}, guess too {name}',
                  *_spread(surge_errors(initial, integrator=integrator)))
-    filtered, pipe._Track = pipe._Track, ForceUnfiltered  # type: ignore[misc]
+    filtered, pipe.Track = pipe.Track, ForceUnfiltered  # type: ignore[misc]
     _row('heun, guess too heavy, thrust not filtered', *_spread(surge_errors(HEAVY)))
-    pipe._Track = filtered  # type: ignore[misc]
+    pipe.Track = filtered  # type: ignore[misc]
     if len(sys.argv) > 1:
         print()
         _row('Tank: surge_sway_heave on all_axes', 'mae', 'fit')

@@ -14,14 +14,16 @@ import math
 from typing import Any, cast
 
 from rovid_core.dofs import Four, PARAMETERS
-from rovid_core.identifier import finite, Scales, Step
+from rovid_core.identifier import finite, Scales, Step, Three
+from rovid_core.integrators import Five, INTEGRATORS
 from rovid_core.settings import SettingsError
 from rovid_core.values import NAN4
 
-Five = tuple[float, float, float, float, float]
-
 MOST_PIECES = 100
 """A step that would have to be divided further is refused."""
+
+MOST_EXCITATION = 1e12
+"""Keeps a wild force from making the mean infinite for ever."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +109,9 @@ class AdaptiveIdentifier:
         self._a = gains.feedback
         self._gamma = cast(Four, tuple(
             [g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)]))
+        # of the best excited direction [1/s], 1 / adaptation_time
+        self._rate = max(
+            g / (s * s) for g, s in zip(self._gamma, self._regressor_scale)) / -self._a
         self._advance = INTEGRATORS[integrator]
         self.bounds = scales.bounds()
         self.std: Four = NAN4
@@ -154,7 +159,7 @@ class AdaptiveIdentifier:
             return 'unstable_step'
         self.v_hat = state[0]
         self.parameters = state[1:]
-        self._note_excitation(step, gamma)
+        self._note_excitation(step)
         return ''
 
     def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
@@ -199,18 +204,18 @@ class AdaptiveIdentifier:
             bottom if p < bottom else top if p > top else p
             for p, bottom, top in zip(parameters, low, high)]))
 
-    def _note_excitation(self, step: Step, gamma: Four) -> None:
+    def _note_excitation(self, step: Step) -> None:
         # the mean square of the normalised regressor over about one adaptation time
         s, v = self._regressor_scale, self.v_hat
         x, y, z = step.force[1] * s[0], v * abs(v) * s[1], v * s[2]
-        weight = -math.expm1(-step.dt * self._gamma[0] / (-self._a * s[0] * s[0]))
-        self.excitation += weight * (x * x + y * y + z * z - self.excitation)
+        square = min(x * x + y * y + z * z, MOST_EXCITATION)
+        self.excitation -= math.expm1(-step.dt * self._rate) * (square - self.excitation)
 
 
 def _part(step: Step, k: int, pieces: int) -> Step:
     """Return piece ``k`` of a step, by the parabola through its three points."""
 
-    def at(values: tuple[float, float, float], x: float) -> float:
+    def at(values: Three, x: float) -> float:
         start, middle, end = values
         return (start * (1.0 - x) * (1.0 - 2.0 * x) + 4.0 * middle * x * (1.0 - x)
                 + end * x * (2.0 * x - 1.0))
@@ -220,45 +225,3 @@ def _part(step: Step, k: int, pieces: int) -> Step:
         step.dt / pieces,
         (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
         (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))
-
-
-def _rates(a: float, gamma: Four, state: Five, v: float, tau: float) -> Five:
-    """Return the right-hand sides of eq. 7 and 11."""
-    v_hat, p0, p1, p2, p3 = state
-    dv = v_hat - v
-    drag = v_hat * abs(v_hat)
-    return (
-        a * dv + p0 * tau + p1 * drag + p2 * v_hat + p3,
-        -gamma[0] * dv * tau, -gamma[1] * dv * drag, -gamma[2] * dv * v_hat, -gamma[3] * dv,
-    )
-
-
-def _moved(x: Five, h: float, d: Five) -> Five:
-    return (x[0] + h * d[0], x[1] + h * d[1], x[2] + h * d[2], x[3] + h * d[3],
-            x[4] + h * d[4])
-
-
-def _euler(a: float, gamma: Four, x: Five, step: Step) -> Five:
-    # the force of the middle, which the pipe makes the mean of the step: with the force of
-    # the left end alone a part of the thrust is read as drag
-    return _moved(x, step.dt, _rates(a, gamma, x, step.velocity[0], step.force[1]))
-
-
-def _heun(a: float, gamma: Four, x: Five, step: Step) -> Five:
-    h = step.dt
-    first = _rates(a, gamma, x, step.velocity[0], step.force[0])
-    last = _rates(a, gamma, _moved(x, h, first), step.velocity[2], step.force[2])
-    return _moved(_moved(x, 0.5 * h, first), 0.5 * h, last)
-
-
-def _rk4(a: float, gamma: Four, x: Five, step: Step) -> Five:
-    h, v, tau = step.dt, step.velocity, step.force
-    k1 = _rates(a, gamma, x, v[0], tau[0])
-    k2 = _rates(a, gamma, _moved(x, 0.5 * h, k1), v[1], tau[1])
-    k3 = _rates(a, gamma, _moved(x, 0.5 * h, k2), v[1], tau[1])
-    k4 = _rates(a, gamma, _moved(x, h, k3), v[2], tau[2])
-    x = _moved(_moved(x, h / 6.0, k1), h / 3.0, k2)
-    return _moved(_moved(x, h / 3.0, k3), h / 6.0, k4)
-
-
-INTEGRATORS = {'euler': _euler, 'heun': _heun, 'rk4': _rk4}

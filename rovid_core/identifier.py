@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from rovid_core.dofs import Four, PARAMETERS
 from rovid_core.plant import lumped
-from rovid_core.settings import DofSettings, IdentifierSettings, SettingsError
+from rovid_core.settings import DofSettings
 
 Three = tuple[float, float, float]
 
@@ -144,40 +144,6 @@ class Scales:
             low.append(bottom if on else 0.0)
             high.append(top if on else 0.0)
         return tuple(low), tuple(high)  # type: ignore[return-value]
-
-
-def make(settings: IdentifierSettings, dof: DofSettings,
-         raw_gains: Four | None = None) -> Identifier:
-    """
-    Return the configured identifier for one DOF.
-
-    Parameters
-    ----------
-    settings : IdentifierSettings
-        Method, integrator and gains.
-    dof : DofSettings
-        Initial values, scales and terms.
-    raw_gains : tuple of 4 floats, optional
-        The diagonal of Gamma for this DOF where the settings give raw gains.
-
-    Raises
-    ------
-    SettingsError
-        For a method that there is not.
-
-    """
-    from rovid_core.aid import AdaptiveIdentifier, Gains
-
-    if settings.method != 'aid':
-        raise SettingsError('identifier.method', f'got {settings.method!r}, takes aid')
-    scales = Scales.of(dof)
-    if raw_gains is not None:
-        gains = Gains(settings.feedback_gain, raw_gains)
-    else:
-        gains = Gains.from_time(settings.adaptation_time, scales)
-    return AdaptiveIdentifier(scales, gains, settings.integrator)
-
-
 
 
 def finite(values: tuple[float, ...]) -> bool:

@@ -7,6 +7,7 @@ import math
 MOST_TURN = 2.0 * math.pi * 0.4
 """A cutoff above 0.4 of the sample rate means nothing any more."""
 
+
 class LowPass:
     """
     First-order low-pass for irregular sampling, several signals at once.

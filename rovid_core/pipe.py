@@ -7,12 +7,13 @@ import math
 from typing import cast, Protocol
 
 from rovid_core.dofs import Four, Quaternion
-from rovid_core.identifier import Identifier, make, Step
-from rovid_core.lowpass import LowPass
-from rovid_core.motion import Motion, MotionSource, World
+from rovid_core.identifier import Identifier, Step
+from rovid_core.methods import make
+from rovid_core.motion import Motion, World
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
 from rovid_core.thrust import Thrust
+from rovid_core.track import Track
 from rovid_core.values import DofEstimate, Estimate, Sample
 from rovid_core.watch import OneSided
 
@@ -65,7 +66,7 @@ class Pipe:
         self._world = World(settings)
         self._thrust = Thrust(settings.thrusters, settings.dofs)
         self._tracks = [
-            track for track in (_Track(settings, name, self._world, warn) for name in SOURCES)
+            track for track in (Track(settings, name, self._world, warn) for name in SOURCES)
             if track.source.dofs]
         self.identifiers = [self._identifier(i) for i in range(len(settings.dofs))]
         self.adapt = True
@@ -157,7 +158,7 @@ class Pipe:
         self._one_sided.command(value)
         return '' if self._thrust.command(time, value, part) else 'force_out_of_range'
 
-    def _run(self, track: _Track, now: int, estimates: list[Estimate]) -> None:
+    def _run(self, track: Track, now: int, estimates: list[Estimate]) -> None:
         while True:
             motion = track.held or track.source.take(now)
             track.held = None
@@ -171,14 +172,14 @@ class Pipe:
             else:
                 self._step(track, motion, estimates)
 
-    def _skip(self, track: _Track, reason: str) -> None:
+    def _skip(self, track: Track, reason: str) -> None:
         if reason == 'first':
             return
         self._reject(track.source.input, reason)
         if reason != 'too_fast':  # one wild fix costs one step; the state is still good
             track.interrupt()
 
-    def _step(self, track: _Track, motion: Motion, estimates: list[Estimate]) -> None:
+    def _step(self, track: Track, motion: Motion, estimates: list[Estimate]) -> None:
         last = track.last
         if last is not None and motion.time - last.time > self._max_gap:
             self._skip(track, 'gap')
@@ -210,7 +211,7 @@ class Pipe:
         track.warn_if_clamped()
         estimates.append(self.estimate(motion.time, tuple(track.indices)))
 
-    def _take_up(self, track: _Track, motion: Motion) -> None:
+    def _take_up(self, track: Track, motion: Motion) -> None:
         """Start the filters and v_hat from a measurement."""
         track.interrupt()
         velocity = track.velocity.step(0.0, motion.velocity)
@@ -238,34 +239,6 @@ class Pipe:
     def _waiting(self, i: int) -> DofEstimate:
         return DofEstimate(self._settings.dofs[i], self.identifiers[i].parameters,
                            self.identifiers[i].std, reasons=('no step yet',))
-
-
-class _Track:
-    """The DOFs of one source: their filters and how far they have come."""
-
-    def __init__(self, settings: Settings, input: str, world: World,
-                 warn: Callable[[str], None]) -> None:
-        self.source = MotionSource(settings, input, world)
-        self.indices = tuple(settings.dofs.index(d) for d in self.source.dofs)
-        self.velocity = LowPass(settings.cutoff)
-        self.force = LowPass(settings.cutoff)
-        self.held: Motion | None = None  # waits for the force of its span
-        self.last: Motion | None = None  # where the next step begins
-        self._warn: Callable[[str], None] | None = warn
-
-    def interrupt(self) -> None:
-        """Take up from the next measurement."""
-        self.velocity.restart()
-        self.force.restart()
-        self.held = self.last = None
-
-    def warn_if_clamped(self) -> None:
-        """Say once that the samples come too slowly for the cutoff."""
-        taken, clamped = self.velocity.steps, self.velocity.clamped
-        if self._warn and taken >= 50 and clamped > taken // 2:
-            self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.source.input}, and '
-                       'clamped to that')
-            self._warn = None
 
 
 def _mean(start_impulse: float, end_impulse: float, start: int, end: int) -> float:

@@ -151,7 +151,7 @@ class Thrust:
             return True  # some thruster has not been heard yet
         oldest = min(t for t in self._part_times if t is not None)
         forces = [k * self._model(u) for k, u in zip(self._settings.gain, raw)]
-        tau = tuple([sum([a * f for a, f in zip(row, forces)]) for row in self._rows])
+        tau = tuple([sum(a * f for a, f in zip(row, forces)) for row in self._rows])
         if not all(-LARGEST_FORCE < f < LARGEST_FORCE for f in tau):
             return False
         self._append(time + self._delay, tau, oldest + self._delay + self._timeout)

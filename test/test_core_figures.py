@@ -62,12 +62,12 @@ def test_thrust_that_is_not_filtered_like_the_velocity_is_several_times_worse(
 
     alike = error()
 
-    class ForceUnfiltered(pipe._Track):
+    class ForceUnfiltered(pipe.Track):
         def __init__(self, *arguments):
             super().__init__(*arguments)
             self.force = LowPass(0.0)
 
-    monkeypatch.setattr(pipe, '_Track', ForceUnfiltered)
+    monkeypatch.setattr(pipe, 'Track', ForceUnfiltered)
     assert error() > 4 * alike
 
 

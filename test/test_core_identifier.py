@@ -4,13 +4,12 @@ from dataclasses import replace
 import json
 import math
 
-from hypothesis import given
-from hypothesis import settings as hypothesis_settings
-from hypothesis import strategies as st
+from hypothesis import given, settings as hypothesis_settings, strategies as st
 import pytest
 from rovid_core.aid import AdaptiveIdentifier, Gains
 from rovid_core.dofs import PARAMETERS
-from rovid_core.identifier import make, Scales, Step
+from rovid_core.identifier import Scales, Step
+from rovid_core.methods import make
 from rovid_core.plant import advance, lumped
 from rovid_core.settings import DofSettings, IdentifierSettings, SettingsError
 

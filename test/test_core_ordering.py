@@ -2,9 +2,7 @@
 
 import random
 
-from hypothesis import given
-from hypothesis import settings as hypothesis_settings
-from hypothesis import strategies as st
+from hypothesis import given, settings as hypothesis_settings, strategies as st
 import pytest
 from rovid_core.ordering import EventOrder
 from rovid_core.values import Event, Sample

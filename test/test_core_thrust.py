@@ -3,8 +3,7 @@
 from dataclasses import replace
 import math
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from rovid_core.settings import SettingsError, ThrusterSettings

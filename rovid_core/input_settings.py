@@ -1,0 +1,98 @@
+"""Settings of the inputs: where they come from, and the thrusters' chain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class SettingsError(ValueError):
+    """
+    A setting that cannot work.
+
+    Parameters
+    ----------
+    key : str
+        The key as in the parameter file, such as ``thrusters.gain``.
+    message : str
+        What it got and what it takes.
+
+    """
+
+    def __init__(self, key: str, message: str) -> None:
+        super().__init__(f'{key}: {message}')
+        self.key = key
+
+
+@dataclass(frozen=True)
+class InputSettings:
+    """Where one input comes from; an empty ``topic`` means that it is not used."""
+
+    topic: str = ''
+    type: str = ''
+    field: str = ''
+    stamp: str = ''  # 'header', 'receive', or '': header where the type has one
+    latency: float = 0.0  # [s], subtracted from the stamp
+    qos: str = 'sensor_data'  # 'sensor_data' or 'reliable', of the live subscription
+
+
+@dataclass(frozen=True)
+class ThrusterSettings:
+    """The chain from a thruster message to the force on the body."""
+
+    topics: tuple[str, ...] = ()  # one for all thrusters, or one per thruster
+    type: str = ''
+    field: str = ''
+    stamp: str = ''
+    latency: float = 0.0
+    qos: str = 'sensor_data'
+    names: tuple[str, ...] = ()
+    offset: float = 0.0
+    deadband: float = 0.0
+    model: str = 'linear'  # linear | quadratic | polynomial | table
+    gain: tuple[float, ...] = ()
+    polynomial: tuple[float, ...] = ()  # ascending powers, from the constant term
+    table_command: tuple[float, ...] = ()
+    table_force: tuple[float, ...] = ()
+    delay: float = 0.0
+    time_constant: float = 0.0
+    hold: str = 'previous'  # previous | linear
+    timeout: float = 1.0
+    allocation: tuple[tuple[float, ...], ...] = ()  # 6 rows (surge..yaw) x thrusters
+
+    @property
+    def count(self) -> int:
+        """Return the number of thrusters."""
+        return len(self.gain)
+
+    def __post_init__(self) -> None:
+        """Check the shapes against each other."""
+        n = self.count
+        if n == 0:
+            raise SettingsError('thrusters.gain', 'takes one number per thruster, got none')
+        if self.names and len(self.names) != n:
+            raise SettingsError(
+                'thrusters.names', f'has {len(self.names)} entries for {n} thrusters '
+                                   '(the length of thrusters.gain)')
+        if len(self.topics) > 1 and len(self.topics) != n:
+            raise SettingsError(
+                'thrusters.topics', f'has {len(self.topics)} entries for {n} thrusters '
+                                    '(the length of thrusters.gain)')
+        got = sum(len(row) for row in self.allocation)
+        if len(self.allocation) != 6 or any(len(row) != n for row in self.allocation):
+            raise SettingsError(
+                'thrusters.allocation', f'takes 6 rows x {n} thrusters = {6 * n} numbers, '
+                                        f'got {got}')
+        if self.model == 'polynomial' and not self.polynomial:
+            raise SettingsError(
+                'thrusters.polynomial', 'takes at least one coefficient for model polynomial')
+        if self.model == 'table':
+            self._check_table()
+
+    def _check_table(self) -> None:
+        commands, forces = self.table_command, self.table_force
+        if len(commands) < 2 or len(commands) != len(forces):
+            raise SettingsError(
+                'thrusters.table_command', f'takes two or more commands, as many as '
+                f'thrusters.table_force; got {len(commands)} and {len(forces)}')
+        if any(b <= a for a, b in zip(commands, commands[1:])):
+            raise SettingsError('thrusters.table_command', 'takes strictly increasing commands')

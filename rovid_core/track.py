@@ -1,0 +1,51 @@
+"""Where the DOFs of one source stand between two steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rovid_core.lowpass import LowPass
+from rovid_core.motion import Motion, MotionSource, World
+from rovid_core.settings import Settings
+
+
+class Track:
+    """
+    The DOFs of one source: their filters and how far they have come.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    input : str
+        The source.
+    world : World
+        What the sources know of each other.
+    warn : callable
+        Told one line, once, if the samples come too slowly for the cutoff.
+
+    """
+
+    def __init__(self, settings: Settings, input: str, world: World,
+                 warn: Callable[[str], None]) -> None:
+        self.source = MotionSource(settings, input, world)
+        self.indices = tuple(settings.dofs.index(d) for d in self.source.dofs)
+        self.velocity = LowPass(settings.cutoff)
+        self.force = LowPass(settings.cutoff)
+        self.held: Motion | None = None  # waits for the force of its span
+        self.last: Motion | None = None  # where the next step begins
+        self._warn: Callable[[str], None] | None = warn
+
+    def interrupt(self) -> None:
+        """Take up from the next measurement."""
+        self.velocity.restart()
+        self.force.restart()
+        self.held = self.last = None
+
+    def warn_if_clamped(self) -> None:
+        """Say once that the samples come too slowly for the cutoff."""
+        taken, clamped = self.velocity.steps, self.velocity.clamped
+        if self._warn and taken >= 50 and clamped > taken // 2:
+            self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.source.input}, and '
+                       'clamped to that')
+            self._warn = None

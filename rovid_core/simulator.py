@@ -152,7 +152,8 @@ class _Commands:
         self._dofs = tuple(d for d in DOFS if profile.get(d))
         self._waves = [profile[d] for d in self._dofs]
         rows = np.array([settings.allocation[DOFS.index(d)] for d in self._dofs])
-        rows = rows.reshape(len(self._dofs), settings.count)
+        working = np.array(settings.gain) != 0.0
+        rows = rows.reshape(len(self._dofs), settings.count) * working
         if np.linalg.matrix_rank(rows) < len(self._dofs):
             raise SettingsError(
                 'thrusters.allocation', f'can not push {", ".join(self._dofs)} independently')
@@ -165,7 +166,8 @@ class _Commands:
                   for waves in self._waves]
         forces = self._inverse @ np.array(wrench) if wrench else np.zeros(self._settings.count)
         return tuple(
-            self._command(float(f) / k) for f, k in zip(forces, self._settings.gain))
+            self._command(float(f) / k if k else 0.0)
+            for f, k in zip(forces, self._settings.gain))
 
 
 def _inverse_model(settings: ThrusterSettings) -> Callable[[float], float]:

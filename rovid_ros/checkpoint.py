@@ -1,0 +1,82 @@
+"""The file that an identification goes on from after a restart."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from rovid_core.settings import Settings
+
+VERSION = 1
+
+
+class CheckpointError(ValueError):
+    """A checkpoint that cannot be gone on from; the text says which file and why."""
+
+
+def save(path: Path, settings: Settings, state: Mapping[str, Any]) -> None:
+    """
+    Write the state; at every moment the file is the old or the new one, whole.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+
+    """
+    content = {'rovid_checkpoint': VERSION, **_fingerprint(settings), 'state': state}
+    text = json.dumps(content, indent=1, allow_nan=False)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(path.name + '.tmp')
+    with temporary.open('w', encoding='utf-8') as file:
+        file.write(text + '\n')
+        file.flush()
+        os.fsync(file.fileno())
+    temporary.replace(path)
+    # the new name itself is only safe once its directory is
+    directory = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(directory)
+    finally:
+        os.close(directory)
+
+
+def load(path: Path, settings: Settings) -> dict[str, Any]:
+    """
+    Return the state that :func:`save` wrote.
+
+    Raises
+    ------
+    CheckpointError
+        If the file cannot be read or belongs to another method, other DOFs or terms.
+
+    """
+    try:
+        content = json.loads(path.read_text(encoding='utf-8'))
+    except (OSError, ValueError) as error:
+        raise CheckpointError(f'{path}: {error}') from None
+    if not isinstance(content, dict) or 'rovid_checkpoint' not in content:
+        raise CheckpointError(f'{path}: is not a checkpoint')
+    if content['rovid_checkpoint'] != VERSION:
+        raise CheckpointError(
+            f'{path}: has version {content["rovid_checkpoint"]}, this program reads {VERSION}')
+    for key, value in _fingerprint(settings).items():
+        if content.get(key) != value:
+            raise CheckpointError(
+                f'{path}: was made with {key} {content.get(key)}, configured is {value}')
+    state = content.get('state')
+    if not isinstance(state, dict):
+        raise CheckpointError(f'{path}: has no state')
+    return state
+
+
+def _fingerprint(settings: Settings) -> dict[str, Any]:
+    """Return what has to be the same for a state to fit."""
+    return {
+        'method': settings.identifier.method,
+        'dofs': list(settings.dofs),
+        'terms': {name: list(settings.dof[name].terms) for name in settings.dofs},
+    }

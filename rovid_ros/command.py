@@ -1,0 +1,93 @@
+"""How a command reads its settings, minds its files, and ends: exit codes and one line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import os
+from pathlib import Path
+import sys
+from typing import Any
+
+from rovid_core.settings import Settings, SettingsError
+
+DONE, AT_FAULT, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
+
+
+class CommandError(ValueError):
+    """What a command was given does not work; the text is the line to print."""
+
+
+class UsageError(ValueError):
+    """The command line itself is wrong."""
+
+
+def guarded(name: str, run: Callable[[], None]) -> int:
+    """Run a command; turn what goes wrong into one line on stderr and an exit code."""
+    try:
+        run()
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return DONE
+    except KeyboardInterrupt as stop:
+        return _fail(name, str(stop) or 'interrupted', INTERRUPTED)
+    except BrokenPipeError:
+        # The reader left: that is its right. Python would complain again when it flushes.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except OSError as error:
+        reason = error.strerror or str(error)
+        return _fail(name, f'{error.filename}: {reason}' if error.filename else reason, AT_FAULT)
+    except UsageError as error:
+        return _fail(name, f'{error} (see {name} --help)', USAGE)
+    except ValueError as error:
+        if not type(error).__module__.startswith('rovid_'):
+            raise  # not one of ours: a defect, whose traceback is wanted
+        return _fail(name, str(error), AT_FAULT)
+
+
+def read_settings(path: Path, method: str = '') -> Settings:
+    """
+    Read a parameter file as the node does.
+
+    Raises
+    ------
+    ParameterFileError, CommandError, UsageError
+        If the file, a value in it or the ``method`` of the command line cannot work.
+
+    """
+    from rovid_ros.parameters import settings_from
+    try:
+        return settings_from(read_values(path, method))
+    except SettingsError as error:
+        if method and error.key == 'identifier.method':
+            raise UsageError(f'--method: {str(error).partition(": ")[2]}') from None
+        raise CommandError(f'{path}: {error}') from None
+
+
+def read_values(path: Path, method: str = '') -> dict[str, Any]:
+    """Read the parameters by their dotted names; ``method`` wins over the file's."""
+    from rovid_ros.parameter_file import load
+    return {**load(path), **({'identifier.method': method} if method else {})}
+
+
+def check_written(written: Sequence[Path | None], read: Sequence[Path]) -> None:
+    """Refuse to write over what is read, twice to one file, or to where nothing can be."""
+    seen: list[Path] = []
+    for path in (p for p in written if p is not None):
+        place = path.resolve()
+        if not place.parent.is_dir():
+            raise CommandError(f'{path}: the directory {path.parent} does not exist')
+        if place.is_dir():
+            raise CommandError(f'{path}: is a directory, takes the name of a file')
+        for source in (p.resolve() for p in read):
+            if place == source or (place.exists() and place.parent == source):
+                raise CommandError(f'{path}: is read by this command; write to another file')
+        if place in seen:
+            raise CommandError(f'{path}: would be written twice')
+        seen.append(place)
+
+
+def _fail(name: str, message: str, code: int) -> int:
+    line = ' '.join(message.split())
+    print(f'{name}: {line}', file=sys.stderr)
+    return code

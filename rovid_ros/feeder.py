@@ -1,0 +1,59 @@
+"""What takes the messages of a log: the pipe itself, or the node around it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from rovid_core.score import ScoreLog
+from rovid_core.settings import Settings
+from rovid_core.stream import Stream
+from rovid_core.values import Estimate
+from rovid_ros.convert import Converter
+from rovid_ros.logs import LogMessage
+
+
+class Feeder(Protocol):
+    """Takes the messages of a log, one after the other."""
+
+    stream: Stream
+    converter: Converter
+    scores: ScoreLog
+
+    def feed(self, message: LogMessage) -> list[Estimate]:
+        """Take the next message; return the estimates that it released."""
+
+    def control(self, name: str, value: str) -> list[Estimate]:
+        """Do again what a service call did when the log was recorded."""
+
+    def finish(self) -> list[Estimate]:
+        """Take the log's end."""
+
+    def close(self) -> None:
+        """Let go of what was opened."""
+
+
+class PipeFeeder:
+    """The pipe alone: conversion and stream, no ROS."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.scores = ScoreLog(settings)
+        self.stream = Stream(settings, scorer=self.scores)
+        self.converter = Converter(settings, self.stream.reject)
+
+    def feed(self, message: LogMessage) -> list[Estimate]:
+        """Take the next message; return the estimates that it released."""
+        return [
+            estimate
+            for event in self.converter.events(message.topic, message.data, message.time)
+            for estimate in self.stream.receive(event)]
+
+    def control(self, name: str, value: str) -> list[Estimate]:
+        """Do again what a service call did when the log was recorded."""
+        return self.stream.control(name, value)
+
+    def finish(self) -> list[Estimate]:
+        """Take the log's end."""
+        return self.stream.finish()
+
+    def close(self) -> None:
+        """Do nothing: nothing was opened."""

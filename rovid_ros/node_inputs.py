@@ -1,0 +1,130 @@
+"""The topics that the node subscribes to: their inputs, message classes, QoS, messages."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from rclpy.clock import ROSClock
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
+from rclpy.validate_topic_name import validate_topic_name
+from rovid_core.settings import Settings, SettingsError
+from rovid_ros.convert import Converter
+from rovid_ros.node_messages import import_type, MessageTypeError
+from rovid_ros.node_publishers import best_effort, DEPTH, reliable
+from rovid_ros.node_recorder import Received
+
+
+def inputs_of(settings: Settings, topic: str) -> list[str]:
+    """Return the inputs that a topic feeds."""
+    return [name for name in settings.used_inputs() if topic in _topics(settings, name)]
+
+
+def message_classes(settings: Settings, converter: Converter) -> dict[str, type[Any]]:
+    """
+    Import the message class of every topic and check the field paths against it.
+
+    Raises
+    ------
+    SettingsError
+        If a topic's name is not one, or its type is not given or not installed.
+    FieldError
+        If a type does not have a configured field.
+
+    """
+    classes: dict[str, type[Any]] = {}
+    for topic, name in converter.topics.items():
+        key = _key(inputs_of(settings, topic)[0])
+        try:
+            validate_topic_name(topic)
+        except InvalidTopicNameException as error:
+            reason = str(error).partition(':')[0]
+            raise SettingsError(f'{key}.topic', f'got {topic!r}: {reason}') from None
+        if not name:
+            raise SettingsError(f'{key}.type', f'is required to subscribe to {topic}')
+        try:
+            classes[topic] = import_type(name)
+        except MessageTypeError as error:
+            raise SettingsError(f'{key}.type', str(error)) from None
+        converter.check_type(topic, classes[topic]())
+    return classes
+
+
+class Subscriptions:
+    """
+    One subscription per topic.
+
+    After a stall, an executor would take one message of each topic in turn, and the slow
+    topics would run ahead of the fast ones in event time. So when one message is there, all
+    that wait behind it and on the other topics are taken at once.
+
+    Parameters
+    ----------
+    node : Node
+        Owns the subscriptions; its clock gives the receive time where it is simulated.
+    settings : Settings
+        The quality of service of the inputs.
+    classes : dict
+        Message class by topic.
+    take : callable
+        Gets what has come, by topic, each topic's messages in order of arrival.
+
+    """
+
+    def __init__(self, node: Node, settings: Settings, classes: dict[str, type[Any]],
+                 types: dict[str, str],
+                 take: Callable[[dict[str, list[Received]]], None]) -> None:
+        self._node = node
+        self._types = types
+        self._take = take
+        self._topics: dict[str, Subscription[Any]] = {}
+        for topic, cls in classes.items():
+            self._topics[topic] = node.create_subscription(
+                cls, topic, partial(self._arrived, topic), _qos(settings, topic),
+                qos_overriding_options=QoSOverridingOptions.with_default_policies(), raw=True)
+
+    def drain(self) -> None:
+        """Hand over everything that waits."""
+        self._take(self._waiting({topic: [] for topic in self._topics}))
+
+    def _arrived(self, topic: str, cdr: bytes, info: Any) -> None:
+        batch: dict[str, list[Received]] = {name: [] for name in self._topics}
+        batch[topic].append(self._received(topic, cdr, info))
+        self._take(self._waiting(batch))
+
+    def _waiting(self, batch: dict[str, list[Received]]) -> dict[str, list[Received]]:
+        for topic, subscription in self._topics.items():
+            for _ in range(DEPTH):  # a publisher that never pauses must not hold this up
+                with subscription.handle:
+                    taken = subscription.handle.take_message(subscription.msg_type, True)
+                if taken is None:
+                    break
+                batch[topic].append(self._received(topic, *taken))
+        return batch
+
+    def _received(self, topic: str, cdr: bytes, info: Any) -> Received:
+        # where the clock is the system's, the time when it came says more than the present
+        clock = self._node.get_clock()
+        simulated = isinstance(clock, ROSClock) and clock.ros_time_is_active
+        time = 0 if simulated else info['received_timestamp']
+        return Received(topic, self._types[topic], cdr, time or clock.now().nanoseconds)
+
+
+def _qos(settings: Settings, topic: str) -> QoSProfile:
+    """Return a topic's profile: reliable where one of its inputs asks for it."""
+    wanted = [settings.thrusters.qos if name == 'thrusters' else settings.input(name).qos
+              for name in inputs_of(settings, topic)]
+    return reliable(DEPTH) if 'reliable' in wanted else best_effort(DEPTH)
+
+
+def _topics(settings: Settings, name: str) -> tuple[str, ...]:
+    return settings.thrusters.topics if name == 'thrusters' else (settings.input(name).topic,)
+
+
+def _key(name: str) -> str:
+    return 'thrusters.sign' if name == 'sign' else name

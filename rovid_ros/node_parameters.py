@@ -1,0 +1,143 @@
+"""The parameters of the node: where they come from, and how ROS shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rovid_ros.keys import Key, KEYS, LARGE
+from rovid_ros.parameter_file import load
+
+NODE_NAME = 'identifier_node'
+
+ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
+"""Parameters that rclpy itself declares."""
+
+_TYPES = {
+    'double': Parameter.Type.DOUBLE,
+    'bool': Parameter.Type.BOOL,
+    'string': Parameter.Type.STRING,
+    'double[]': Parameter.Type.DOUBLE_ARRAY,
+    'string[]': Parameter.Type.STRING_ARRAY,
+}
+
+
+def read_files(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
+    """
+    Read the parameter files that the command line names, by the reader of all commands.
+
+    rcl itself turns an empty list into nothing, dies on a list of integers and doubles, and
+    says neither file nor key.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Command line, with ``--ros-args``.
+
+    Returns
+    -------
+    rest : list of str
+        The command line without the parameter files.
+    values : dict
+        Their parameters, dotted; a later file wins.
+
+    Raises
+    ------
+    ParameterFileError
+        If one cannot be read; it names file and line.
+
+    """
+    rest, files = _take_files(arguments)
+    name, namespace = _full_name(rest)
+    values: dict[str, Any] = {}
+    for file in files:
+        values.update(load(file, name, namespace))
+    return rest, values
+
+
+def ros_own(values: Mapping[str, Any]) -> list[Parameter[Any]]:
+    """Return those values that rclpy itself takes, as overrides for a node."""
+    return [Parameter(name, value=value) for name, value in values.items()
+            if name.startswith(ROS_OWN)]
+
+
+def declare(node: Node, values: Mapping[str, Any]) -> None:
+    """
+    Declare every key with its value, read-only, described as in the table of the keys.
+
+    Parameters
+    ----------
+    node : Node
+        Gets the parameters.
+    values : mapping
+        Checked values by dotted key; the others have their default.
+
+    """
+    for key in KEYS:
+        value = _value(key, values.get(key.name, key.default))
+        if value != []:
+            node.declare_parameter(key.name, value, _descriptor(key), ignore_override=True)
+            continue
+        # rclpy takes an empty list for one of bytes, unless it is told the type by itself
+        kind = _TYPES[key.type]
+        node.declare_parameter(key.name, kind, ignore_override=True)
+        node.set_parameters([Parameter(key.name, kind, [])])
+        descriptor = _descriptor(key)
+        descriptor.type = kind.value
+        node.set_descriptor(key.name, descriptor)
+
+
+def _take_files(arguments: Sequence[str]) -> tuple[list[str], list[Path]]:
+    rest: list[str] = []
+    files: list[Path] = []
+    in_ros = False
+    tokens = iter(arguments)
+    for token in tokens:
+        if token in ('--ros-args', '--'):
+            in_ros = token == '--ros-args'
+        if in_ros and token == '--params-file':
+            file = next(tokens, None)
+            if file is not None:
+                files.append(Path(file))
+                continue
+        rest.append(token)
+    return rest, files
+
+
+def _full_name(arguments: Sequence[str]) -> tuple[str, str]:
+    """Return name and namespace of the node after the remapping rules."""
+    name, namespace = NODE_NAME, '/'
+    for flag, rule in zip(arguments, arguments[1:]):
+        if flag not in ('-r', '--remap'):
+            continue
+        source, _, target = rule.removeprefix(f'{NODE_NAME}:').partition(':=')
+        if source in ('__node', '__name'):
+            name = target
+        elif source == '__ns':
+            namespace = f'/{target.strip("/")}'
+    return name, namespace
+
+
+def _value(key: Key, value: Any) -> Any:
+    """Return the value in the key's type."""
+    if key.type == 'double':
+        return float(value)
+    if key.type.endswith('[]'):
+        element = float if key.type == 'double[]' else str
+        return [element(entry) for entry in value]
+    return value
+
+
+def _descriptor(key: Key) -> ParameterDescriptor:
+    unit = f' [{key.unit}]' if key.unit else ''
+    descriptor = ParameterDescriptor(
+        description=key.description + unit, additional_constraints=f'takes {key.takes}',
+        read_only=True)
+    if key.type == 'double' and (key.low, key.high) != (-LARGE, LARGE):
+        descriptor.floating_point_range = [
+            FloatingPointRange(from_value=key.low, to_value=key.high)]
+    return descriptor

@@ -1,0 +1,135 @@
+"""The node's own log: every message that was consumed, in the order of its release."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+import json
+from pathlib import Path
+from typing import Any
+
+from rovid_core.values import Event
+from rovid_ros import __version__
+from rovid_ros.log_writer import LogWriter
+
+CONTROL_TOPIC = '/rovid/control'
+
+
+@dataclass
+class Received:
+    """
+    A message as it came in.
+
+    Attributes
+    ----------
+    topic : str
+        As configured, before any remapping: what a replay looks for.
+    cdr : bytes
+        The message as it was on the wire.
+    time : int
+        Receive time [ns].
+    recorded : bool
+        True once it is in the log: a message can give several events.
+
+    """
+
+    topic: str
+    type: str
+    cdr: bytes
+    time: int
+    recorded: bool = False
+
+
+class Recorder:
+    """
+    Write what the stream consumes.
+
+    A file that cannot be written any more (a full disk) ends the recording, not the node.
+
+    Parameters
+    ----------
+    path : Path
+        Where to; an existing file is kept, and the next free ``name-1.mcap`` taken.
+    definition : callable
+        Gives the message definition of a type.
+    failed : callable
+        Told in one line why the recording ended.
+
+    """
+
+    def __init__(self, path: Path, definition: Callable[[str], str],
+                 failed: Callable[[str], object]) -> None:
+        self.path = _free(path)
+        self._definition = definition
+        self._failed = failed
+        self._writer: LogWriter | None = None
+        self._time = 0  # of the newest message, for controls
+        self._event_time = 0
+
+    def open(self, restored: Mapping[str, Any] | None) -> None:
+        """
+        Make the file.
+
+        Parameters
+        ----------
+        restored : mapping or None
+            The state that the stream goes on from; a replay needs it.
+
+        Raises
+        ------
+        OSError
+            If the file cannot be made.
+
+        """
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        self._writer = LogWriter(self.path)
+        values = {'version': __version__}
+        if restored is not None:
+            values['state'] = json.dumps(restored)
+        self._writer.metadata('rovid_record', values)
+
+    def released(self, event: Event) -> None:
+        """Write the message that the event came from."""
+        received = event.origin
+        assert isinstance(received, Received)
+        self._time, self._event_time = received.time, event.time
+        if received.recorded:
+            return
+        received.recorded = True
+        self._write(lambda writer: writer.write_raw(
+            f'/{received.topic.lstrip("/")}', received.type, received.cdr, received.time,
+            self._definition(received.type), event.time))
+
+    def controlled(self, name: str, value: str) -> None:
+        """Write what a service call or a jump of time did to the stream."""
+        text = json.dumps({'control': name, 'value': value})
+        self._write(lambda writer: writer.write(
+            CONTROL_TOPIC, 'std_msgs/msg/String', {'data': text}, self._time,
+            self._event_time))
+
+    def flush(self) -> None:
+        """Bring what was written to the disk."""
+        self._write(lambda writer: writer.flush())
+
+    def close(self) -> None:
+        """End the log properly."""
+        self._write(lambda writer: writer.close())
+        self._writer = None
+
+    def _write(self, action: Callable[[LogWriter], None]) -> None:
+        if self._writer is None:
+            return
+        try:
+            action(self._writer)
+        except OSError as error:
+            self._writer = None
+            self._failed(f'recording to {self.path} ended: {error}')
+
+
+def _free(path: Path) -> Path:
+    """Return ``path``, or with the first number behind its stem that is not taken."""
+    number, free = 0, path
+    while free.exists():
+        number += 1
+        free = path.with_name(f'{path.stem}-{number}{path.suffix}')
+    return free

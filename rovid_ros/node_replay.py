@@ -1,0 +1,100 @@
+"""``rovid replay --ros``: a log through the real node, publishing as it would live."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import time
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+from rovid_core.score import ScoreLog
+from rovid_core.settings import Settings
+from rovid_core.values import Estimate
+from rovid_ros.logs import LogMessage
+from rovid_ros.node import IdentifierNode
+
+CLOCK_PERIOD = 10_000_000  # [ns] of log time between two messages on /clock
+PATIENCE = 0.01  # [s] of real time after which services and timers get their turn
+
+
+class NodeFeeder:
+    """
+    The node, fed with the messages of a log instead of by subscriptions.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters by dotted key.
+    settings : Settings
+        Made of the same parameters.
+    rate : float, optional
+        Times real time; as fast as it goes when left out.
+
+    Raises
+    ------
+    ValueError
+        If the node refuses a value.
+
+    """
+
+    def __init__(self, values: Mapping[str, Any], settings: Settings, rate: float | None
+                 ) -> None:
+        # Ctrl-C belongs to the replay: rclpy's handler would end the context under the node
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+        self.scores = ScoreLog(settings)
+        try:
+            self.node = IdentifierNode(values, live=False, scorer=self.scores)
+        except BaseException:
+            rclpy.try_shutdown()
+            raise
+        self.stream = self.node.stream
+        self.converter = self.node.converter
+        self._clock = self.node.create_publisher(Clock, '/clock', 10)
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self.node)
+        self._rate = rate
+        self._first: int | None = None  # [ns] log time at which the replay began
+        self._told = 0  # [ns] log time last published
+        self._began = self._turn = time.monotonic()
+
+    def feed(self, message: LogMessage) -> list[Estimate]:
+        """Take the next message when it is due; return the estimates that it released."""
+        self._wait(message.time)
+        return self.node.feed(message.topic, message.data, message.time)
+
+    def control(self, name: str, value: str) -> list[Estimate]:
+        """Do again what a service call did when the log was recorded."""
+        return self.node.control(name, value)
+
+    def finish(self) -> list[Estimate]:
+        """Take the log's end."""
+        return self.node.finish()
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.remove_node(self.node)
+        self._executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown()
+
+    def _wait(self, now: int) -> None:
+        """Spin until ``now`` [ns] of the log is due, and publish it as the time."""
+        if self._first is None:
+            self._first = now
+            self._began = time.monotonic()
+        if self._rate is not None:
+            due = self._began + (now - self._first) * 1e-9 / self._rate
+            while (left := due - time.monotonic()) > 0.0:
+                self._executor.spin_once(timeout_sec=min(left, PATIENCE))
+        elif time.monotonic() - self._turn > PATIENCE:
+            self._executor.spin_once(timeout_sec=0.0)
+            self._turn = time.monotonic()
+        if now - self._told >= CLOCK_PERIOD:
+            self._told = now
+            sec, nanosec = divmod(now, 1_000_000_000)
+            clock = Clock()
+            clock.clock.sec, clock.clock.nanosec = sec, nanosec
+            self._clock.publish(clock)

@@ -1,0 +1,231 @@
+"""
+The messages of an estimate, as plain fields.
+
+The node fills ROS messages with them and the log writer those of a log, so both say the
+same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+import math
+from typing import Any, Protocol
+
+from rovid_core.dofs import DOFS, Four, PARAMETERS, PHYSICAL
+from rovid_core.identifier import Scales
+from rovid_core.plant import physical
+from rovid_core.settings import Settings
+from rovid_core.values import DofEstimate, Estimate, NAN4
+
+ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
+DIAGNOSTIC_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
+
+TOPICS = {
+    'rov/params': ARRAY_TYPE,
+    'rov/params_std': ARRAY_TYPE,
+    'rov/identifier_state': 'sensor_msgs/msg/JointState',
+    'rov/velocity': 'geometry_msgs/msg/TwistStamped',
+    'rov/estimate': DIAGNOSTIC_TYPE,
+}
+"""Output topics, relative to the namespace of the node, and their types."""
+
+FRAME = 'base_link'
+
+OK, WARN, ERROR = 0, 1, 2
+LEVELS = {'waiting': WARN, 'converging': OK, 'frozen': OK, 'invalid': ERROR}
+"""Status of a DOF to level of a ``DiagnosticStatus``."""
+
+
+@dataclass(frozen=True)
+class Output:
+    """A message that goes out: nested dicts and lists of plain values in ``fields``."""
+
+    topic: str
+    type: str
+    fields: dict[str, Any]
+
+
+class Scored(Protocol):
+    """What :func:`summary` reads of a DOF's score."""
+
+    @property
+    def mae(self) -> float:
+        """Return mean |v_sim - v| [m/s or rad/s]."""
+
+    @property
+    def fit(self) -> float:
+        """Return 1 - rms(v_sim - v) / std(v), NaN where std(v) is 0."""
+
+
+class Outputs:
+    """
+    Make the messages of one estimate after the other.
+
+    What is remembered is the last valid row of every DOF (at first its initial values):
+    ``rov/params`` and ``rov/params_std`` hold it while the DOF is invalid.
+
+    Parameters
+    ----------
+    settings : Settings
+        DOFs and initial values.
+
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._rows: dict[str, tuple[Four, Four]] = {
+            name: (Scales.of(settings.dof[name]).initial, NAN4) for name in settings.dofs}
+
+    def messages(self, estimate: Estimate) -> list[Output]:
+        """Return the messages of ``estimate``, in the order in which they are published."""
+        for dof in estimate.dofs:
+            if dof.status != 'invalid':
+                self._rows[dof.dof] = (dof.parameters, dof.std)
+        rows = [self._rows[dof.dof] for dof in estimate.dofs]
+        names = [dof.dof for dof in estimate.dofs]
+        fields = (
+            _array(names, [values for values, _ in rows]),
+            _array(names, [std for _, std in rows]),
+            _state(estimate),
+            _twist(estimate),
+            {'header': header(estimate.time),
+             'status': [_status(dof, index in estimate.stepped)
+                        for index, dof in enumerate(estimate.dofs)]},
+        )
+        return [Output(topic, TOPICS[topic], values)
+                for topic, values in zip(TOPICS, fields)]
+
+
+def header(time: int, frame: str = FRAME) -> dict[str, Any]:
+    """Return the fields of a ``std_msgs/Header`` for a time [ns]."""
+    sec, nanosec = divmod(time, 1_000_000_000)
+    return {'stamp': {'sec': sec, 'nanosec': nanosec}, 'frame_id': frame}
+
+
+def key_values(values: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return ``diagnostic_msgs/KeyValue`` fields; a float's text gives its exact bits back."""
+    return [{'key': key, 'value': _text(value)} for key, value in values.items()]
+
+
+def dof_message(dof: DofEstimate) -> str:
+    """Return status and reasons in one line."""
+    return f'{dof.status}: {", ".join(dof.reasons)}' if dof.reasons else dof.status
+
+
+def summary(settings: Settings, estimate: Estimate | None,
+            scores: Mapping[str, Scored] | None = None) -> dict[str, dict[str, Any]]:
+    """
+    Return the ``dofs`` part of the JSON of ``rovid replay``.
+
+    Parameters
+    ----------
+    settings : Settings
+        What DOFs there are.
+    estimate : Estimate or None
+        The last one; None where there was no step: the initial values, no steps, waiting.
+    scores : mapping of str to Scored, optional
+        The score of each DOF.
+
+    Returns
+    -------
+    dofs : dict
+        Per DOF the parameters in both forms, ``std`` (None where there is none), ``mae``,
+        ``fit``, ``steps`` and ``status``; a number that is not finite is None.
+
+    """
+    dofs = estimate.dofs if estimate else tuple([
+        DofEstimate(name, Scales.of(settings.dof[name]).initial) for name in settings.dofs])
+    result: dict[str, dict[str, Any]] = {}
+    for dof in dofs:
+        score = (scores or {}).get(dof.dof)
+        known = any(math.isfinite(x) for x in dof.std)
+        result[dof.dof] = {
+            **_named(PARAMETERS, dof.parameters),
+            'std': _named(PARAMETERS, dof.std) if known else None,
+            **_named(PHYSICAL, physical(dof.parameters)),
+            'mae': _finite(score.mae if score else math.nan),
+            'fit': _finite(score.fit if score else math.nan),
+            'steps': dof.steps,
+            'status': dof.status,
+            'reasons': list(dof.reasons),
+        }
+    return result
+
+
+def _array(names: list[str], rows: list[Four]) -> dict[str, Any]:
+    size, columns = len(rows), len(PARAMETERS)
+    return {
+        'layout': {
+            'dim': [
+                {'label': ','.join(names), 'size': size, 'stride': columns * size},
+                {'label': ','.join(PARAMETERS), 'size': columns, 'stride': columns},
+            ],
+            'data_offset': 0,
+        },
+        'data': [value for row in rows for value in row],
+    }
+
+
+def _state(estimate: Estimate) -> dict[str, Any]:
+    return {
+        'header': header(estimate.time),
+        'name': [dof.dof for dof in estimate.dofs],
+        'position': [],
+        'velocity': [dof.v_hat for dof in estimate.dofs],
+        'effort': [dof.force for dof in estimate.dofs],
+    }
+
+
+def _twist(estimate: Estimate) -> dict[str, Any]:
+    # a DOF that is not identified has no velocity here: NaN, not a claim of standing still
+    velocity = {dof.dof: dof.velocity for dof in estimate.dofs}
+    values = [velocity.get(name, math.nan) for name in DOFS]
+    return {
+        'header': header(estimate.time),
+        'twist': {
+            'linear': dict(zip('xyz', values[:3])),
+            'angular': dict(zip('xyz', values[3:])),
+        },
+    }
+
+
+def _status(dof: DofEstimate, stepped: bool) -> dict[str, Any]:
+    values: dict[str, Any] = {
+        **dict(zip(PARAMETERS, dof.parameters)),
+        **dict(zip([f'{name}_std' for name in PARAMETERS], dof.std)),
+        **dict(zip(PHYSICAL, physical(dof.parameters))),
+        'velocity': dof.velocity,
+        'v_hat': dof.v_hat,
+        'dv': dof.dv,
+        'force': dof.force,
+        'excitation': dof.excitation,
+        'steps': dof.steps,
+        'status': dof.status,
+        'reasons': ', '.join(dof.reasons),
+        'time': dof.time,
+        'updated': stepped,
+    }
+    if not math.isnan(dof.W):
+        values['W'] = dof.W
+    return {
+        'level': LEVELS[dof.status],
+        'name': dof.dof,
+        'message': dof_message(dof),
+        'hardware_id': '',
+        'values': key_values(values),
+    }
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return 'true' if value else 'false'
+    # numpy's floats are floats, with another repr
+    return float.__repr__(value) if isinstance(value, float) else str(value)
+
+
+def _named(names: tuple[str, ...], values: Four) -> dict[str, float | None]:
+    return {name: _finite(value) for name, value in zip(names, values)}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

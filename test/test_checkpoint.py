@@ -1,0 +1,70 @@
+"""The saved state: whole or not there, and only for the settings that it was made with."""
+
+from dataclasses import replace
+import json
+from pathlib import Path
+
+import pytest
+from rovid_core.settings import (
+    DofSettings,
+    IdentifierSettings,
+    InputSettings,
+    Settings,
+    ThrusterSettings,
+)
+from rovid_ros.checkpoint import CheckpointError, load, save
+
+STATE = {'a': [0.1 + 0.2, 5e-324], 'b': {'c': 'text'}}
+
+
+def settings(**changes: object) -> Settings:
+    return replace(Settings(
+        dofs=('surge',), dof={'surge': DofSettings(200.0)},
+        thrusters=ThrusterSettings(topics=('/t',), gain=(1.0,), allocation=((1.0,),) * 6),
+        position=InputSettings('/p'), attitude=InputSettings('/a')), **changes)
+
+
+def test_what_was_saved_comes_back_exactly(tmp_path: Path) -> None:
+    path = tmp_path / 'folder' / 'checkpoint.json'
+    save(path, settings(), STATE)
+    save(path, settings(), STATE)  # over the old one
+    assert load(path, settings()) == STATE
+    assert [entry.name for entry in path.parent.iterdir()] == ['checkpoint.json']
+    json.loads(path.read_text(), parse_constant=lambda text: pytest.fail(text))
+
+
+def test_a_failed_save_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    save(path, settings(), STATE)
+    with pytest.raises(ValueError):
+        save(path, settings(), {'a': float('nan')})
+    (tmp_path / 'checkpoint.json.tmp').mkdir()  # nothing can be written there
+    with pytest.raises(OSError):
+        save(path, settings(), {'a': 1.0})
+    assert load(path, settings()) == STATE
+
+
+@pytest.mark.parametrize('other, text', [
+    (settings(identifier=IdentifierSettings(method='rls')), 'method'),
+    (settings(dofs=('yaw',), dof={'yaw': DofSettings(20.0)}), 'dofs'),
+    (settings(dof={'surge': DofSettings(200.0, terms=('alpha', 'beta'))}), 'terms'),
+])
+def test_another_configuration_is_refused(other: Settings, text: str, tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    save(path, settings(), STATE)
+    with pytest.raises(CheckpointError, match=text):
+        load(path, other)
+
+
+@pytest.mark.parametrize('content', [
+    '', '[]', '{}', '{"rovid_checkpoint": 99}', '{"rovid_checkpoint": 1, "met'])
+def test_another_file_is_refused(content: str, tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    path.write_text(content)
+    with pytest.raises(CheckpointError, match=r'checkpoint\.json'):
+        load(path, settings())
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CheckpointError):
+        load(tmp_path / 'none.json', settings())

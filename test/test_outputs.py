@@ -1,0 +1,139 @@
+"""The messages of an estimate: layout, exact numbers, and what is held while invalid."""
+
+from dataclasses import replace
+import json
+import math
+from typing import Any
+
+import pytest
+from rovid_core.score import Score
+from rovid_core.settings import DofSettings, InputSettings, Settings, ThrusterSettings
+from rovid_core.values import DofEstimate, Estimate
+from rovid_ros.outputs import OK, Output, Outputs, summary, TOPICS, WARN
+
+TIME = 1_700_000_000_123_456_789
+AWKWARD = (1.0 / 3.0, -0.1 - 0.2, -1e-17, 5e-324)
+
+
+def settings() -> Settings:
+    rows = tuple((1.0,) if i in (0, 5) else (0.0,) for i in range(6))
+    return Settings(
+        dofs=('surge', 'yaw'),
+        dof={'surge': DofSettings(200.0, 100.0, 20.0, 4.0),
+             'yaw': DofSettings(50.0, 10.0, terms=('alpha', 'beta'), bias=7.0)},
+        thrusters=ThrusterSettings(topics=('/thrust',), gain=(1.0,), allocation=rows),
+        position=InputSettings('/position'), attitude=InputSettings('/attitude'))
+
+
+def estimate(**surge: Any) -> Estimate:
+    first = DofEstimate(
+        'surge', AWKWARD, status='converging', time=TIME - 5, steps=3, velocity=0.1, v_hat=0.3,
+        force=7.25, excitation=0.5)
+    second = DofEstimate('yaw', (0.02, -0.2, 0.0, 0.0), std=(0.1, 0.2, math.nan, math.nan),
+                         reasons=('no step yet', 'no thrust'))
+    return Estimate(TIME, (replace(first, **surge), second), (0,))
+
+
+def by_topic(outputs: list[Output]) -> dict[str, dict[str, Any]]:
+    assert [out.topic for out in outputs] == list(TOPICS)
+    assert all(out.type == TOPICS[out.topic] for out in outputs)
+    return {out.topic: out.fields for out in outputs}
+
+
+def test_params_are_a_row_major_table() -> None:
+    fields = by_topic(Outputs(settings()).messages(estimate()))['rov/params']
+    assert fields['layout'] == {
+        'dim': [{'label': 'surge,yaw', 'size': 2, 'stride': 8},
+                {'label': 'alpha,beta,gamma,delta', 'size': 4, 'stride': 4}],
+        'data_offset': 0}
+    assert fields['data'] == [*AWKWARD, 0.02, -0.2, 0.0, 0.0]
+
+
+def test_std_has_the_same_layout_and_nan_where_there_is_none() -> None:
+    messages = by_topic(Outputs(settings()).messages(estimate()))
+    assert messages['rov/params_std']['layout'] == messages['rov/params']['layout']
+    data = messages['rov/params_std']['data']
+    assert data[4:6] == [0.1, 0.2]
+    assert all(math.isnan(x) for x in data[:4] + data[6:])
+
+
+def test_the_last_valid_row_is_held_while_invalid() -> None:
+    outputs = Outputs(settings())
+    outputs.messages(estimate(std=AWKWARD))
+    bad = estimate(status='invalid', reasons=('diverged',), parameters=(9.0, 9.0, 9.0, 9.0))
+    messages = by_topic(outputs.messages(bad))
+    assert messages['rov/params']['data'][:4] == list(AWKWARD)
+    assert messages['rov/params_std']['data'][:4] == list(AWKWARD)
+    values = values_of(messages['rov/estimate'], 0)  # which says what it is
+    assert values['alpha'] == '9.0'
+
+
+def test_an_invalid_dof_without_a_valid_row_has_the_initial_one() -> None:
+    bad = estimate(status='invalid', parameters=(math.nan,) * 4)
+    data = by_topic(Outputs(settings()).messages(bad))['rov/params']['data']
+    assert data[:4] == [1.0 / 200.0, -0.5, -0.1, -0.02]
+
+
+def test_state_and_velocity() -> None:
+    messages = by_topic(Outputs(settings()).messages(estimate()))
+    header = {'stamp': {'sec': 1_700_000_000, 'nanosec': 123_456_789}, 'frame_id': 'base_link'}
+    state, twist = messages['rov/identifier_state'], messages['rov/velocity']
+    assert state['header'] == twist['header'] == header
+    assert state['name'] == ['surge', 'yaw']
+    assert state['velocity'][0] == 0.3
+    assert state['effort'][0] == 7.25
+    assert twist['twist']['linear']['x'] == 0.1
+    assert math.isnan(twist['twist']['linear']['z'])  # heave is not identified
+
+
+def values_of(fields: dict[str, Any], index: int) -> dict[str, str]:
+    return {entry['key']: entry['value'] for entry in fields['status'][index]['values']}
+
+
+def test_the_estimate_text_gives_the_exact_bits_back() -> None:
+    fields = by_topic(Outputs(settings()).messages(estimate()))['rov/estimate']
+    values = values_of(fields, 0)
+    assert tuple(float(values[name]) for name in ('alpha', 'beta', 'gamma', 'delta')) == AWKWARD
+    assert float(values['dv']) == 0.3 - 0.1
+    assert float(values['mass']) == 1.0 / AWKWARD[0]
+    assert values['time'] == str(TIME - 5)
+    assert values['steps'] == '3'
+    assert values['updated'] == 'true'
+    assert values['alpha_std'] == 'nan'
+    assert 'W' not in values
+    known = by_topic(Outputs(settings()).messages(estimate(W=0.1 + 0.2)))['rov/estimate']
+    assert float(values_of(known, 0)['W']) == 0.1 + 0.2
+
+
+def test_numpy_floats_are_written_as_numbers() -> None:
+    numpy = pytest.importorskip('numpy')
+    fields = by_topic(Outputs(settings()).messages(
+        estimate(velocity=numpy.float64(0.1))))['rov/estimate']
+    assert values_of(fields, 0)['velocity'] == '0.1'
+
+
+def test_status_is_level_and_message() -> None:
+    surge, yaw = by_topic(Outputs(settings()).messages(estimate()))['rov/estimate']['status']
+    assert (surge['name'], surge['level'], surge['message']) == ('surge', OK, 'converging')
+    assert (yaw['name'], yaw['level']) == ('yaw', WARN)
+    assert yaw['message'] == 'waiting: no step yet, no thrust'
+    assert values_of({'status': [yaw]}, 0)['updated'] == 'false'
+
+
+def test_summary_is_plain_json() -> None:
+    dofs = summary(settings(), estimate(), {'surge': Score(0.01, 0.9), 'yaw': Score(
+        0.02, math.nan)})
+    json.dumps(dofs, allow_nan=False)
+    assert dofs['surge']['alpha'] == AWKWARD[0]
+    assert dofs['surge']['std'] is None
+    assert (dofs['surge']['mae'], dofs['surge']['fit']) == (0.01, 0.9)
+    assert dofs['yaw']['std'] == {'alpha': 0.1, 'beta': 0.2, 'gamma': None, 'delta': None}
+    assert dofs['yaw']['fit'] is None
+    assert (dofs['yaw']['status'], dofs['yaw']['steps']) == ('waiting', 0)
+
+
+def test_summary_without_a_step_has_the_initial_values() -> None:
+    dofs = summary(settings(), None)
+    assert dofs['surge']['mass'] == pytest.approx(200.0)
+    assert dofs['yaw']['bias'] == 0.0  # delta is left out
+    assert (dofs['surge']['status'], dofs['surge']['mae']) == ('waiting', None)

@@ -1,0 +1,384 @@
+"""``rovid replay`` on real files: what it prints, what it writes, and what it refuses."""
+
+from collections.abc import Iterator
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any
+
+from mcap.reader import make_reader
+import pytest
+from rovid_core.dofs import PARAMETERS, PHYSICAL
+from rovid_ros.cli import main
+from rovid_ros.demo import demo
+from rovid_ros.log_writer import LogWriter
+from rovid_ros.logs import Log
+from rovid_ros.message_types import standard_types
+
+DURATION = 30  # [s] of the log that most tests use
+
+
+@pytest.fixture(scope='module')
+def config(repository: Path) -> Path:
+    """Return the parameter file of the simulated vehicle."""
+    return repository / 'config' / 'jhurov.yaml'
+
+
+@pytest.fixture(scope='module')
+def log(config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a simulated log."""
+    path = tmp_path_factory.mktemp('log') / 'log.mcap'
+    assert main(['simulate', '--params-file', str(config), '--output', str(path),
+                 '--duration', str(DURATION)]) == 0
+    return path
+
+
+@pytest.fixture(scope='module')
+def written(config: Path, log: Path, tmp_path_factory: pytest.TempPathFactory
+            ) -> tuple[Path, dict[str, Any]]:
+    """Return what a replay of the log writes: the output topics and the JSON."""
+    folder = tmp_path_factory.mktemp('written')
+    assert main(['replay', str(log), '--params-file', str(config), '--output',
+                 str(folder / 'out.mcap'), '--json', str(folder / 'out.json')]) == 0
+    return folder / 'out.mcap', json.loads((folder / 'out.json').read_text())
+
+
+def edited(config: Path, folder: Path, *changes: tuple[str, str]) -> Path:
+    """Return a copy of the parameter file with some text replaced."""
+    text = config.read_text()
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / 'edited.yaml'
+    path.write_text(text)
+    return path
+
+
+def command(*arguments: object) -> list[str]:
+    """Return the command line of a child process."""
+    return [sys.executable, '-c', 'import sys; from rovid_ros.cli import main; sys.exit(main())',
+            *map(str, arguments)]
+
+
+@pytest.fixture
+def child(environment: dict[str, str], repository: Path) -> dict[str, str]:
+    """Return the environment of a child process that imports this checkout."""
+    return {**environment, 'PYTHONPATH': str(repository)}
+
+
+def messages(path: Path, topic: str) -> Iterator[tuple[int, int, Any]]:
+    """Yield log time, publish time and decoded message."""
+    store = standard_types()
+    with path.open('rb') as file:
+        for schema, _, message in make_reader(file).iter_messages([topic]):
+            assert schema is not None
+            yield (message.log_time, message.publish_time,
+                   store.deserialize_cdr(message.data, schema.name))
+
+
+def test_the_json_is_as_specified(written: tuple[Path, dict[str, Any]]) -> None:
+    document = written[1]
+    assert list(document) == ['method', 'steps', 'duration_s', 'rejected', 'dofs']
+    assert document['method'] == 'aid'
+    assert document['duration_s'] == pytest.approx(DURATION, abs=0.1)
+    assert document['rejected'] == {}
+    assert list(document['dofs']) == ['surge', 'heave', 'yaw']
+    for dof in document['dofs'].values():
+        assert set(dof) >= {*PARAMETERS, *PHYSICAL, 'std', 'mae', 'fit', 'steps', 'status'}
+        assert dof['std'] is None
+        assert dof['mass'] == pytest.approx(1.0 / dof['alpha'])
+
+
+def test_the_json_is_the_last_published_estimate(
+        written: tuple[Path, dict[str, Any]]) -> None:
+    estimates = list(messages(written[0], '/rov/estimate'))
+    assert len(estimates) == written[1]['steps']
+    last = estimates[-1][2]
+    for status in last.status:
+        values = {entry.key: entry.value for entry in status.values}
+        found = written[1]['dofs'][status.name]
+        assert {name: float(values[name]) for name in (*PARAMETERS, *PHYSICAL)} == {
+            name: found[name] for name in (*PARAMETERS, *PHYSICAL)}
+        assert int(values['steps']) == found['steps']
+
+
+def test_the_output_holds_every_output_topic(written: tuple[Path, dict[str, Any]]) -> None:
+    with written[0].open('rb') as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert {channel.topic for channel in summary.channels.values()} == {
+        '/rov/params', '/rov/params_std', '/rov/identifier_state', '/rov/velocity',
+        '/rov/estimate'}
+    for logged, published, estimate in messages(written[0], '/rov/estimate'):
+        stamp = estimate.header.stamp
+        assert stamp.sec * 1_000_000_000 + stamp.nanosec == published <= logged
+
+
+def test_the_table_has_every_number_with_its_unit(
+        config: Path, log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['replay', str(log), '--params-file', str(config)]) == 0
+    out, err = capsys.readouterr()
+    assert err == ''
+    assert max(map(len, out.splitlines())) <= 100
+    for text in ('surge', 'converging', ' kg ', 'N s²/m²', 'N s/m', ' N\n', 'kg m²',
+                 'N m s²/rad²', 'm/s²', '1/(kg m²)', 'rad/s', ' %', 'refused   nothing'):
+        assert text in out
+
+
+def test_a_part_of_the_log(config: Path, log: Path, tmp_path: Path) -> None:
+    path = tmp_path / 'part.json'
+    assert main(['replay', str(log), '--params-file', str(config), '--json', str(path),
+                 '--start', '5', '--duration', '10']) == 0
+    assert json.loads(path.read_text())['duration_s'] == pytest.approx(10.0, abs=0.1)
+
+
+def test_a_log_in_two_pieces_is_one_log(
+        config: Path, log: Path, tmp_path: Path,
+        written: tuple[Path, dict[str, Any]]) -> None:
+    pieces = [tmp_path / 'b.mcap', tmp_path / 'a.mcap']
+    writers = [LogWriter(piece) for piece in pieces]
+    with log.open('rb') as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            late = message.log_time > 1_700_000_012_000_000_000
+            writers[late].write_raw(channel.topic, schema.name, message.data, message.log_time)
+    for writer in writers:
+        writer.close()
+    path = tmp_path / 'joined.json'
+    assert main(['replay', *map(str, reversed(pieces)), '--params-file', str(config), '--json',
+                 str(path)]) == 0
+    assert json.loads(path.read_text()) == written[1]
+
+
+def test_controls_of_a_recording_are_done_again(
+        config: Path, log: Path, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    record, path = tmp_path / 'record.mcap', tmp_path / 'out.json'
+    with LogWriter(record) as writer, log.open('rb') as file:
+        writer.metadata('rovid_record', {})
+        control = {'data': json.dumps({'control': 'enable', 'value': 'false'})}
+        writer.write('rovid/control', 'std_msgs/msg/String', control, 1_700_000_000 * 10**9)
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            writer.write_raw(channel.topic, schema.name, message.data, message.log_time)
+    assert main(['replay', str(record), '--params-file', str(config), '--json', str(path)]) == 0
+    surge = json.loads(path.read_text())['dofs']['surge']
+    assert (surge['mass'], surge['status']) == (pytest.approx(180.0), 'frozen')
+
+
+def test_refusals_are_counted_by_input_and_reason(
+        config: Path, log: Path, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    broken, path = tmp_path / 'broken.mcap', tmp_path / 'out.json'
+    with LogWriter(broken) as writer, log.open('rb') as file:
+        for count, (schema, channel, message) in enumerate(
+                make_reader(file).iter_messages()):
+            assert schema is not None
+            for _ in range(2 if channel.topic == '/imu/data' and count % 100 < 9 else 1):
+                writer.write_raw(
+                    channel.topic, schema.name, message.data, message.log_time)
+    assert main(['replay', str(broken), '--params-file', str(config), '--json',
+                 str(path)]) == 0
+    rejected = json.loads(path.read_text())['rejected']
+    assert sum(rejected.values()) > 10
+    (reason,) = rejected
+    assert f'refused   attitude: {rejected[reason]} {reason}' in capsys.readouterr().out
+
+
+def test_a_missing_topic_is_refused_with_the_nearest(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    output = tmp_path / 'out.mcap'
+    wrong = edited(config, tmp_path, ('topic: /sharps/position', 'topic: /sharp/postion'))
+    assert main(['replay', str(log), '--params-file', str(wrong), '--output',
+                 str(output)]) == 1
+    err = capsys.readouterr().err
+    assert err.count('\n') == 1
+    assert '/sharp/postion' in err
+    assert "did you mean '/sharps/position'" in err
+    assert '/imu/data' in err
+    assert not output.exists()
+
+
+def test_a_missing_reference_is_a_warning(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = edited(config, tmp_path, (
+        "reference:                     # optional: a body velocity to score against, from a "
+        "better\n      topic: ''", 'reference:\n      topic: /truth'))
+    assert main(['replay', str(log), '--params-file', str(path)]) == 0
+    err = capsys.readouterr().err
+    assert err.count('\n') == 1
+    assert 'warning: no messages on /truth (reference)' in err
+
+
+def test_a_wrong_type_and_a_wrong_field_are_refused(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for change, says in (
+            (('PointStamped', 'PoseStamped'), 'is geometry_msgs/msg/PointStamped, not'),
+            (('field: point ', 'field: pint '), "did you mean 'point'")):
+        path = edited(config, tmp_path, change)
+        assert main(['replay', str(log), '--params-file', str(path)]) == 1
+        err = capsys.readouterr().err
+        assert err.count('\n') == 1
+        assert says in err
+
+
+def test_a_log_that_gives_no_step_says_why(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = edited(config, tmp_path, ('starboard, port, vertical]', 'starboard, port, up]'))
+    assert main(['replay', str(log), '--params-file', str(path)]) == 1
+    out, err = capsys.readouterr()
+    assert out == ''
+    assert err.count('\n') == 1
+    assert 'no step' in err
+    assert 'thrusters 0 taken, refused 601 missing_name' in err
+
+
+def test_a_log_without_a_leading_slash_in_the_settings(
+        config: Path, log: Path, tmp_path: Path, written: tuple[Path, dict[str, Any]]) -> None:
+    path = edited(config, tmp_path, ('topic: /imu/data', 'topic: imu/data'))
+    out = tmp_path / 'out.json'
+    assert main(['replay', str(log), '--params-file', str(path), '--json', str(out)]) == 0
+    assert json.loads(out.read_text()) == written[1]
+
+
+def test_ctrl_c_leaves_a_whole_file(
+        config: Path, log: Path, tmp_path: Path, child: dict[str, str]) -> None:
+    output = tmp_path / 'out.mcap'
+    process = subprocess.Popen(
+        command('replay', log, '--params-file', config, '--output', output),
+        env=child, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while not output.exists() and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (130, '')
+    assert err.count('\n') == 1
+    assert 'interrupted' in err
+    with output.open('rb') as file:
+        assert make_reader(file).get_summary() is not None
+
+
+def test_ctrl_c_in_a_simulation_keeps_what_there_is(
+        config: Path, tmp_path: Path, child: dict[str, str]) -> None:
+    output = tmp_path / 'out.mcap'
+    process = subprocess.Popen(
+        command('simulate', '--params-file', config, '--output', output, '--duration', 1e6),
+        env=child, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    deadline = time.monotonic() + 60.0
+    while not output.exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.5)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err.count('\n')) == (130, '', 1)
+    with Log([output]) as log:
+        assert log.warnings == []
+        assert len(list(log.messages(['/imu/data']))) > 10
+
+
+def test_a_reader_that_leaves_is_no_error(
+        config: Path, log: Path, child: dict[str, str]) -> None:
+    process = subprocess.Popen(
+        command('replay', log, '--params-file', config, '--duration', 3), env=child,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.stderr is not None
+    assert process.stderr.read() == ''
+    process.stderr.close()
+    assert process.wait(timeout=60) == 141
+
+
+def test_a_recorded_dive_is_identified(
+        repository: Path, data: Path, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / 'out.json'
+    assert main(['replay', str(data / 'bluerov2_tank' / 'all_axes.mcap'), '--params-file',
+                 str(repository / 'config' / 'bluerov2_tank.yaml'), '--json', str(path)]) == 0
+    dofs = json.loads(path.read_text())['dofs']
+    assert list(dofs) == ['surge', 'sway', 'heave', 'yaw']
+    for dof in dofs.values():
+        assert dof['steps'] > 1000
+        assert 0.2 < dof['fit'] < 0.9
+
+
+def test_the_demonstration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    demo(tmp_path / 'new' / 'folder', duration=20.0)
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 100
+    assert (tmp_path / 'new' / 'folder' / 'jhurov.mcap').exists()
+    for text in ('290.0 kg', 'initial guess', 'identified', 'rovid replay YOUR_LOG'):
+        assert text in out
+
+
+def ros(config: Path, log: Path, *more: object, child: dict[str, str]
+        ) -> 'subprocess.Popen[str]':
+    """Start a replay through the node."""
+    return subprocess.Popen(
+        command('replay', log, '--params-file', config, '--ros', *more), env=child,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_the_node_gives_the_same_bits(
+        config: Path, log: Path, tmp_path: Path, child: dict[str, str],
+        written: tuple[Path, dict[str, Any]]) -> None:
+    pytest.importorskip('rclpy')
+    output, path = tmp_path / 'out.mcap', tmp_path / 'out.json'
+    process = ros(config, log, '--output', output, '--json', path, child=child)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert json.loads(path.read_text()) == written[1]
+    assert output.read_bytes() == written[0].read_bytes()
+    assert 'effective mass' in out
+
+
+def test_the_node_publishes_and_tells_the_time(
+        config: Path, log: Path, child: dict[str, str]) -> None:
+    rclpy = pytest.importorskip('rclpy')
+    from rclpy.executors import SingleThreadedExecutor
+    from rosgraph_msgs.msg import Clock
+    from std_msgs.msg import Float64MultiArray
+
+    context = rclpy.Context()
+    context.init(args=[])
+    node = rclpy.create_node('listener', context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    clocks: list[float] = []
+    rows: list[int] = []
+    node.create_subscription(
+        Clock, '/clock', lambda m: clocks.append(m.clock.sec + 1e-9 * m.clock.nanosec), 1000)
+    node.create_subscription(
+        Float64MultiArray, '/rov/params', lambda m: rows.append(len(m.data)), 1000)
+    began = time.monotonic()
+    process = ros(config, log, '--rate', '5', child=child)
+    try:
+        while process.poll() is None and time.monotonic() < began + 120.0:
+            executor.spin_once(timeout_sec=0.05)
+        assert process.wait(timeout=1) == 0
+        assert time.monotonic() - began > DURATION / 5
+    finally:
+        process.kill()
+        process.communicate()
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
+    assert clocks == sorted(clocks)
+    assert clocks[-1] == pytest.approx(1_700_000_000 + DURATION, abs=0.2)
+    assert rows and set(rows) == {12}
+
+
+def test_without_ros_one_line_says_so(
+        config: Path, log: Path, tmp_path: Path, child: dict[str, str]) -> None:
+    (tmp_path / 'rclpy.py').write_text("raise ModuleNotFoundError(\"No module named 'rclpy'\")")
+    child['PYTHONPATH'] = os.pathsep.join([str(tmp_path), child['PYTHONPATH']])
+    process = ros(config, log, child=child)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (1, '')
+    assert err == ("rovid replay: --ros needs ROS 2, which is not installed here: "
+                   "No module named 'rclpy'\n")

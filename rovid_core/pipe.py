@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 import math
 from typing import cast, Protocol
 
@@ -10,6 +10,7 @@ from rovid_core.dofs import Four, Quaternion
 from rovid_core.identifier import Identifier, Step
 from rovid_core.methods import make
 from rovid_core.motion import Motion, World
+from rovid_core.plant import lumped
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
 from rovid_core.thrust import Thrust
@@ -49,19 +50,19 @@ class Pipe:
         Told one line about what looks wrong in the data.
     scorer : Scorer, optional
         Told every step.
-    truth : mapping, optional
-        True lumped parameters of DOFs where they are known: the estimates then carry W.
 
     """
 
     def __init__(self, settings: Settings, reject: Callable[[str, str], None],
-                 warn: Callable[[str], None], scorer: Scorer | None = None,
-                 truth: Mapping[str, Four] | None = None) -> None:
+                 warn: Callable[[str], None], scorer: Scorer | None = None) -> None:
         self._settings = settings
         self._reject = reject
         self._warn = warn
         self._scorer = scorer
-        self._truth = truth or {}
+        self._truth = {
+            dof: lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
+            for dof, true in settings.simulation.dofs.items()
+            if settings.simulation.publish_w}
         self._max_gap = round(settings.max_gap / NS)
         self._world = World(settings)
         self._thrust = Thrust(settings.thrusters, settings.dofs)

@@ -80,6 +80,7 @@ class SimulationSettings:
     velocity_noise: float = 0.01  # [m/s]
     thruster_rate: float = 20.0
     thruster_noise: float = 0.0  # in the unit of the command
+    publish_w: bool = False  # estimates carry W against these parameters
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from rovid_core.dofs import Four
 from rovid_core.ordering import EventOrder
 from rovid_core.pipe import Pipe, Scorer
 from rovid_core.settings import Settings
@@ -54,8 +53,6 @@ class Stream:
         Told everything that is consumed.
     scorer : Scorer, optional
         Told every step, to score the model afterwards.
-    truth : mapping, optional
-        True lumped parameters of DOFs where they are known: the estimates then carry W.
 
     Attributes
     ----------
@@ -69,8 +66,7 @@ class Stream:
     """
 
     def __init__(self, settings: Settings, *, recorder: Recorder | None = None,
-                 scorer: Scorer | None = None,
-                 truth: Mapping[str, Four] | None = None) -> None:
+                 scorer: Scorer | None = None) -> None:
         self.settings = settings
         self.rejected: dict[tuple[str, str], int] = {}
         self.estimate: Estimate | None = None
@@ -79,7 +75,7 @@ class Stream:
         self._warnings: list[str] = [
             f'{dof} has no restoring moment in this model: only for a vehicle that is '
             'neutral in it' for dof in settings.dofs if dof in ('roll', 'pitch')]
-        self._pipe = Pipe(settings, self.reject, self._warnings.append, scorer, truth)
+        self._pipe = Pipe(settings, self.reject, self._warnings.append, scorer)
         keys = [(name, 0) for name in self.inputs if name != 'thrusters']
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
         self._order = EventOrder(keys, settings.max_wait, settings.time_jump, self.reject,

@@ -180,6 +180,7 @@ def _simulation() -> list[Key]:
           for sensor in units),
         *(key(f'{sensor}_noise', f'standard deviation of the simulated {sensor}', unit, 0.0)
           for sensor, unit in units.items()),
+        key('publish_w', 'estimates carry the Lyapunov function W against this truth'),
     ]
 
 

@@ -4,7 +4,9 @@ from dataclasses import replace
 import math
 import random
 
-from hypothesis import given, settings as hypothesis_settings, strategies as st
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from rovid_core.dofs import DOFS
@@ -331,6 +333,14 @@ def test_the_truth_scores_noise_against_the_pipe_and_nothing_against_a_reference
         assert log.score('surge', truth).fit > 0.99
         wrong = [truth[0] * 0.8, *truth[1:]]
         assert log.score('surge', wrong).mae > 10 * limit
+
+
+def test_w_is_published_where_the_truth_is_known():
+    settings = surge_settings()
+    assert math.isnan(feed(Stream(settings), events(settings))[-1].dofs[0].W)
+    known = replace(settings, simulation=replace(settings.simulation, publish_w=True))
+    values = [e.dofs[0].W for e in feed(Stream(known), events(known, 200.0))]
+    assert 0.0 < values[-1] < 0.1 * values[0]
 
 
 wild = st.floats(allow_nan=True, allow_infinity=True)

@@ -1,0 +1,156 @@
+"""
+Field paths, such as ``pose.pose.position`` or ``channels[0:8]``, into messages of any type.
+
+They work alike on rclpy's message objects and on the dataclasses that a log is decoded to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import dataclasses
+import difflib
+from numbers import Real
+from operator import attrgetter, itemgetter
+import re
+from typing import Any
+
+import numpy as np
+
+Step = str | int | slice
+
+_STEP = re.compile(r'\.?([A-Za-z]\w*)|\[(\d+)(:(\d+))?\]')
+
+
+class FieldError(ValueError):
+    """
+    A field path that the message type does not have, or that leads to something of no use.
+
+    Parameters
+    ----------
+    key : str
+        The key in the parameter file, such as ``position.field``.
+    message : str
+        What is wrong and what is there.
+
+    """
+
+    def __init__(self, key: str, message: str) -> None:
+        super().__init__(f'{key}: {message}')
+        self.key = key
+
+
+class MissingIndexError(LookupError):
+    """The message at hand has fewer entries than the path asks for; another may have more."""
+
+
+def parse(path: str, key: str) -> list[Step]:
+    """Return the steps of a path; raises FieldError when it is not one."""
+    steps: list[Step] = []
+    position = 0
+    while position < len(path):
+        match = _STEP.match(path, position)
+        if not match or (match[0].startswith('.') is (position == 0) and match[1]):
+            raise FieldError(
+                key, f'{path!r} is not a field path; one looks like a.b, a[0] or a[0:4]')
+        if match[1]:
+            steps.append(match[1])
+        elif match[3]:
+            steps.append(slice(int(match[2]), int(match[4])))
+        else:
+            steps.append(int(match[2]))
+        position = match.end()
+    return steps
+
+
+def walk(message: Any, steps: Sequence[Step], path: str, key: str) -> Any:
+    """
+    Follow the steps into a message.
+
+    Raises
+    ------
+    FieldError
+        If a field is not there; it names the type and the fields that are.
+    MissingIndexError
+        If this message's array is too short.
+
+    """
+    value = message
+    for step in steps:
+        if isinstance(step, str):
+            if step not in field_names(value):
+                raise FieldError(key, _no_field(value, step, path))
+            value = getattr(value, step)
+        else:
+            try:
+                value = value[step]
+            except IndexError:
+                raise MissingIndexError(path) from None
+            except TypeError:
+                raise FieldError(
+                    key, f'{path!r}: {describe(value)} has no entries to index') from None
+    return value
+
+
+def getter(steps: Sequence[Step]) -> Callable[[Any], Any]:
+    """Return a fast function from a message to the value at the end of the steps."""
+    gets: list[Callable[[Any], Any]] = []
+    names: list[str] = []
+    for step in [*steps, None]:
+        if isinstance(step, str):
+            names.append(step)
+            continue
+        if names:
+            gets.append(attrgetter('.'.join(names)))
+            names = []
+        if step is not None:
+            gets.append(itemgetter(step))
+    if len(gets) == 1:
+        return gets[0]
+
+    def get(value: Any) -> Any:
+        for one in gets:
+            value = one(value)
+        return value
+
+    return get
+
+
+def field_names(message: Any) -> tuple[str, ...]:
+    """Return the names of a message's fields; none for a number, a text or an array."""
+    if hasattr(message, 'get_fields_and_field_types'):
+        return tuple(message.get_fields_and_field_types())
+    if dataclasses.is_dataclass(message):
+        # a log's dataclasses have constants too; what has no default is a field
+        return tuple(field.name for field in dataclasses.fields(message)
+                     if field.default is dataclasses.MISSING)
+    return ()
+
+
+def describe(value: Any) -> str:
+    """Return the type of a value, as ROS writes it where it is a message."""
+    if hasattr(value, '__msgtype__'):
+        return str(value.__msgtype__)
+    if hasattr(value, 'get_fields_and_field_types'):
+        cls = type(value)
+        return f'{cls.__module__.partition(".")[0]}/msg/{cls.__name__}'
+    if isinstance(value, str):
+        return 'a text'
+    if isinstance(value, (bool, np.bool_)):
+        return 'true or false'
+    if isinstance(value, Real):
+        return 'a number'
+    return 'an array' if hasattr(value, '__len__') else type(value).__name__
+
+
+def nearest(name: str, there: Sequence[str]) -> str:
+    """Return '' or '; did you mean ...?' for a name that is not there."""
+    near = difflib.get_close_matches(name, there, 1, 0.5)
+    return f'; did you mean {near[0]!r}?' if near else ''
+
+
+def _no_field(value: Any, name: str, path: str) -> str:
+    there = field_names(value)
+    if not there:
+        return f'{path!r}: {describe(value)} has no field {name!r}'
+    return (f'{path!r}: {describe(value)} has no field {name!r}, it has {", ".join(there)}'
+            f'{nearest(name, there)}')

@@ -1,0 +1,226 @@
+"""What the file formats of logs share: channels, and blocks of messages read one at a time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+import bz2
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
+from pathlib import Path
+import struct
+from typing import Any
+
+import lz4.frame
+from mcap.exceptions import McapError
+import zstandard
+
+NEVER = (1 << 63) - 1
+_PIECE = 1024  # [bytes]; what one damaged piece costs when a chunk cannot be had whole
+_SECTOR = 512  # [bytes]; fewer zeros at the end of a file can well be data
+_STEP = 1 << 20
+
+
+MALFORMED = (
+    struct.error, IndexError, KeyError, OverflowError, StopIteration, TypeError, ValueError,
+    McapError)
+"""What comes of bytes that do not mean anything; LogError is among them."""
+
+
+class LogError(ValueError):
+    """A log that cannot be read or written; the text names the file and says why."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(' '.join(message.splitlines()))  # a damaged name can hold a new line
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One topic with one type, as a file declares it."""
+
+    number: int  # in the file
+    topic: str
+    type: str
+    encoding: str  # of the messages: cdr or ros1, others cannot be decoded
+    definition: str  # '' if the file has none
+    idl: bool = False
+
+
+Raw = tuple[int, int, Channel, bytes]
+"""Log time [ns], place (no two messages share one), channel, serialised message."""
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """
+    A part of a file that is read as a whole.
+
+    Attributes
+    ----------
+    container : Container
+        Whose file it is in.
+    number : int
+        Place among the blocks of the file.
+    start, end : int
+        Times of the first and the last message [ns].
+    channels : frozenset of int or None
+        Those that it has messages of; None if that is not known.
+    where : object
+        What the container needs to find it.
+
+    """
+
+    container: Container
+    number: int
+    start: int
+    end: int
+    channels: frozenset[int] | None
+    where: Any
+
+
+class Container(ABC):
+    """
+    A file of recorded messages.
+
+    A file without an end, as a power failure leaves it, gives what comes before the cut.
+
+    Attributes
+    ----------
+    channels, counts : dict
+        By channel id; None counts if the file does not say.
+    metadata : dict
+        MCAP metadata records by name.
+    start, end : int
+        Times of the first and the last message [ns].
+    cut : bool
+        Whether the end of the file is missing.
+
+    """
+
+    def __init__(self, path: Path, name: str) -> None:
+        self.path = path
+        self.name = name  # what to call it in messages
+        self.order = 0  # among the files that are read as one log
+        self.channels: dict[int, Channel] = {}
+        self.counts: dict[int, int] | None = {}
+        self.metadata: dict[str, dict[str, str]] = {}
+        self.blocks: list[Block] = []
+        self.start = NEVER
+        self.end = -1
+        self.cut = False
+        self.warnings: list[str] = []
+
+    @abstractmethod
+    def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
+        """Return the messages of these channels in a block, in the order of the file."""
+
+    def read(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
+        """Load a block; one that makes no sense gives nothing but a warning."""
+        try:
+            return self.load(block, wanted)
+        except LogError:
+            raise
+        except MALFORMED:
+            self.damaged()
+            return []
+
+    def finish(self) -> None:
+        """Say what is missing, after the file has been looked through."""
+        if self.cut and not self.blocks:
+            self.warnings.append(f'{self.name}: cut off before its first message')
+        elif self.cut and self.counts is not None:
+            self.warnings.append(
+                f'{self.name}: cut off after {(self.end - self.start) * 1e-9:.1f} s (no end of '
+                f'file); {sum(self.counts.values()):,} messages before the cut are used')
+
+    def add_block(self, start: int, end: int, channels: Set[int] | None, where: Any) -> None:
+        """Take note of the next block in the file."""
+        known = None if channels is None else frozenset(channels)
+        self.blocks.append(Block(self, len(self.blocks), start, end, known, where))
+        self.start = min(self.start, start)
+        self.end = max(self.end, end)
+
+    def add_counted(self, messages: list[Raw], where: Any) -> None:
+        """Take note of the next block, of which all messages are at hand."""
+        if not messages:
+            return
+        assert self.counts is not None
+        numbers = [message[2].number for message in messages]
+        for number in numbers:
+            self.counts[number] = self.counts.get(number, 0) + 1
+        times = [message[0] for message in messages]
+        self.add_block(min(times), max(times), set(numbers), where)
+
+    def damaged(self) -> None:
+        """Warn of a chunk that is there but cannot be read as a whole."""
+        line = f'{self.name}: damaged; some of its messages are left out'
+        if line not in self.warnings:
+            self.warnings.append(line)
+
+    def place(self, block: Block) -> int:
+        """Return a number that grows from log to log and from block to block."""
+        return self.order << 60 | block.number << 40
+
+
+def written_size(path: Path) -> int:
+    """
+    Return the size of a file [bytes] without the zeros at its end that were never written.
+
+    After a power failure a file can have its new size and not yet its new content.
+    """
+    size = path.stat().st_size
+    end = size
+    with path.open('rb') as file:
+        while end > 0:
+            file.seek(max(end - _STEP, 0))
+            tail = file.read(min(end, _STEP)).rstrip(b'\0')
+            end = max(end - _STEP, 0) + len(tail)
+            if tail:
+                break
+    return end if size - end >= _SECTOR else size
+
+
+def inflate(data: bytes, compression: str, name: str) -> bytes:
+    """
+    Decompress a chunk, or as much of it as can be had.
+
+    Parameters
+    ----------
+    data : bytes
+        May lack its end or be damaged.
+    compression : str
+        '', none, zstd, lz4 or bz2.
+    name : str
+        The file, for the error.
+
+    Raises
+    ------
+    LogError
+        If the compression is another.
+
+    """
+    if compression in ('', 'none'):
+        return data
+    if compression not in _DECOMPRESSORS:
+        raise LogError(f'{name}: its chunks are compressed as {compression!r}; '
+                       f'{", ".join(_DECOMPRESSORS)} can be read')
+    try:
+        whole: bytes = _DECOMPRESSORS[compression]().decompress(data)
+        return whole
+    except _DAMAGE:
+        pass
+    decompressor = _DECOMPRESSORS[compression]()
+    pieces = []
+    try:
+        for position in range(0, len(data), _PIECE):
+            pieces.append(decompressor.decompress(data[position:position + _PIECE]))
+    except _DAMAGE:
+        pass
+    return b''.join(pieces)
+
+
+_DAMAGE = (zstandard.ZstdError, RuntimeError, OSError, EOFError)
+_DECOMPRESSORS: dict[str, Any] = {
+    'zstd': lambda: zstandard.ZstdDecompressor().decompressobj(),
+    'lz4': lz4.frame.LZ4FrameDecompressor,
+    'bz2': bz2.BZ2Decompressor,
+}

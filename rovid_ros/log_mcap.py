@@ -1,0 +1,255 @@
+"""
+MCAP files (https://mcap.dev/spec), whole or cut off, with chunks or without.
+
+The format's own Python package refuses a file without an end and stops at a chunk without one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from io import BytesIO
+from pathlib import Path
+import struct
+from typing import BinaryIO
+import zlib
+
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from rovid_ros.log_container import (
+    Block,
+    Channel,
+    Container,
+    inflate,
+    MALFORMED,
+    Raw,
+    written_size,
+)
+from rovid_ros.message_types import normalised
+
+MAGIC = b'\x89MCAP0\r\n'
+
+_RECORD = struct.Struct('<BQ')  # opcode, length
+_MESSAGE = struct.Struct('<H4xQ8x')  # channel, (sequence,) log time, (publish time)
+_CHUNK = struct.Struct('<QQQII')  # start, end, uncompressed size and CRC, length of a name
+_FOOTER = 9 + 20 + len(MAGIC)
+_RUN = 1 << 20  # [bytes] of messages outside chunks that are read as one block
+_ENCODINGS = {'ros2msg': False, 'ros1msg': False, 'ros2idl': True, 'omgidl': True}
+
+
+class McapFile(Container):
+    """
+    An MCAP file.
+
+    Raises
+    ------
+    LogError
+        If it cannot be read.
+
+    """
+
+    def __init__(self, path: Path, name: str) -> None:
+        super().__init__(path, name)
+        self._schemas: dict[int, records.Schema] = {}
+        self._size = written_size(path)
+        with path.open('rb') as file:
+            try:
+                indexed = self._read_summary(file)
+            except MALFORMED:
+                indexed = False
+            if not indexed:
+                super().__init__(path, name)
+                self._schemas.clear()
+                self._scan(file)
+        self.finish()
+
+    def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
+        """Return the messages of these channels in a block, in the order of the file."""
+        offset, size, is_chunk = block.where
+        with self.path.open('rb') as file:
+            file.seek(offset)
+            data = file.read(size)
+        if is_chunk:
+            data, whole = self._chunk(data)
+            if not whole and not self.cut:
+                self.damaged()
+        return _messages(data, wanted, self.place(block))
+
+    def _summary(self, file: BinaryIO) -> bytes:
+        """Return the records of the index at the end of the file; none if it is damaged."""
+        file.seek(max(self._size - _FOOTER, 0))
+        tail = file.read(_FOOTER)
+        if len(tail) < _FOOTER or tail[-8:] != MAGIC or tail[0] != Opcode.FOOTER:
+            return b''
+        footer = records.Footer.read(_stream(tail[9:]))
+        if not 0 < footer.summary_start <= self._size - _FOOTER:
+            return b''
+        file.seek(footer.summary_start)
+        summary = file.read(self._size - _FOOTER - footer.summary_start)
+        crc = footer.summary_crc
+        return b'' if crc and crc != zlib.crc32(summary + tail[:25]) else summary
+
+    def _read_summary(self, file: BinaryIO) -> bool:
+        """Return whether the index at the end tells all; note what it tells."""
+        statistics: records.Statistics | None = None
+        chunks: list[records.ChunkIndex] = []
+        metadata: list[records.MetadataIndex] = []
+        for opcode, body in _records(self._summary(file)):
+            if opcode == Opcode.STATISTICS:
+                statistics = records.Statistics.read(_stream(body))
+            elif opcode == Opcode.CHUNK_INDEX:
+                chunks.append(records.ChunkIndex.read(_stream(body)))
+            elif opcode == Opcode.METADATA_INDEX:
+                metadata.append(records.MetadataIndex.read(_stream(body)))
+            else:
+                self._declare(opcode, body)
+        if statistics is None or not self._agrees(statistics, len(chunks), len(metadata)):
+            return False
+        for index in sorted(chunks, key=lambda index: index.chunk_start_offset):
+            self._index_chunk(index)
+        for entry in metadata:
+            file.seek(min(entry.offset + 9, self._size))
+            self._declare(Opcode.METADATA, file.read(entry.length - 9))
+        return True
+
+    def _agrees(self, statistics: records.Statistics, chunks: int, metadata: int) -> bool:
+        """Return whether the index is complete; it may leave out most of its parts."""
+        self.counts = counts = statistics.channel_message_counts
+        return (
+            statistics.channel_count <= len(self.channels)  # those without messages may not count
+            and statistics.chunk_count == chunks
+            and statistics.metadata_count == metadata
+            and statistics.message_count == sum(counts.values())
+            and (chunks > 0 or statistics.message_count == 0))
+
+    def _index_chunk(self, index: records.ChunkIndex) -> None:
+        if index.chunk_start_offset + index.chunk_length > self._size:
+            raise ValueError('a chunk behind the end of the file')
+        channels = set(index.message_index_offsets)
+        if channels or index.message_end_time:
+            self.add_block(index.message_start_time, index.message_end_time, channels or None,
+                           (index.chunk_start_offset + 9, index.chunk_length - 9, True))
+
+    def _declare(self, opcode: int, body: bytes) -> None:
+        """Take note of a schema, a channel or metadata."""
+        if opcode == Opcode.SCHEMA:
+            schema = records.Schema.read(_stream(body))
+            self._schemas[schema.id] = schema
+        elif opcode == Opcode.CHANNEL:
+            record = records.Channel.read(_stream(body))
+            found = self._schemas.get(record.schema_id, records.Schema(0, b'', '', 'unknown'))
+            known = found.encoding in _ENCODINGS
+            self.channels[record.id] = Channel(
+                record.id, '/' + record.topic.lstrip('/'), normalised(found.name),
+                record.message_encoding,
+                found.data.decode(errors='replace') if known else '',
+                _ENCODINGS.get(found.encoding, False))
+        elif opcode == Opcode.METADATA:
+            entry = records.Metadata.read(_stream(body))
+            self.metadata[entry.name] = dict(entry.metadata)
+
+    def _declare_if_sound(self, opcode: int, body: bytes) -> None:
+        try:
+            self._declare(opcode, body)
+        except MALFORMED:
+            self.damaged()
+
+    def _scan(self, file: BinaryIO) -> None:
+        """Look through the whole file, up to its end or to where it stops making sense."""
+        offset = len(MAGIC)
+        run = offset  # where the messages outside chunks begin that no block holds yet
+        file.seek(offset)
+        while True:
+            there = offset + _RECORD.size <= self._size
+            opcode, length = _RECORD.unpack(file.read(_RECORD.size)) if there else (0, 0)
+            if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                break
+            end = offset + _RECORD.size + length
+            self.cut = opcode == 0 or Opcode.DATA_END < opcode < 0x80 or end > self._size
+            is_chunk = opcode == Opcode.CHUNK
+            if is_chunk or self.cut or end - run > _RUN:
+                self._scan_run(file, run, offset)
+                run = end if is_chunk else offset
+                file.seek(offset + _RECORD.size)
+            if is_chunk:
+                self._scan_chunk(
+                    file, offset + _RECORD.size, min(end, self._size) - offset - _RECORD.size)
+            if self.cut:
+                return
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
+                self._declare_if_sound(opcode, file.read(length))
+            offset = end
+            file.seek(offset)
+        self._scan_run(file, run, offset)
+        file.seek(max(self._size - len(MAGIC), 0))
+        self.cut = file.read(len(MAGIC)) != MAGIC
+
+    def _scan_run(self, file: BinaryIO, start: int, end: int) -> None:
+        file.seek(start)
+        data = file.read(end - start)
+        self.add_counted(
+            _messages(data, self.channels, 0), (start, end - start, False))
+
+    def _scan_chunk(self, file: BinaryIO, offset: int, length: int) -> None:
+        data, whole = self._chunk(file.read(length))
+        if not whole and not self.cut:
+            self.damaged()
+        for opcode, body in _records(data):
+            if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+                self._declare_if_sound(opcode, body)
+        self.add_counted(
+            _messages(data, self.channels, 0), (offset, length, True))
+
+    def _chunk(self, body: bytes) -> tuple[bytes, bool]:
+        """Return the records in a chunk and whether they are all there and right."""
+        if len(body) < _CHUNK.size:
+            return b'', False
+        _, _, size, crc, length = _CHUNK.unpack_from(body)
+        start = _CHUNK.size + length
+        compression = body[_CHUNK.size:start].decode(errors='replace')
+        if len(body) < start + 8:
+            return b'', False
+        data = inflate(body[start + 8:], compression, self.name)
+        whole = len(data) == size and (not crc or zlib.crc32(data) == crc)
+        if not whole and len(data) >= size and _length(data) == len(data):
+            return b'', False  # every record is there, but some bits are wrong
+        return data, whole
+
+
+def _stream(body: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(body))
+
+
+def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and body of the whole records."""
+    position = 0
+    while position + _RECORD.size <= len(data):
+        opcode, length = _RECORD.unpack_from(data, position)
+        start = position + _RECORD.size
+        position = start + length
+        if not opcode or position > len(data):
+            return
+        yield opcode, data[start:position]
+
+
+def _length(data: bytes) -> int:
+    """Return the length of the whole records [bytes]."""
+    return sum(_RECORD.size + len(body) for _, body in _records(data))
+
+
+def _messages(data: bytes, wanted: Mapping[int, Channel], place: int) -> list[Raw]:
+    """Return the whole messages of these channels."""
+    found: list[Raw] = []
+    position, size = 0, len(data)
+    record, message = _RECORD.unpack_from, _MESSAGE.unpack_from
+    while position + 9 <= size:
+        opcode, length = record(data, position)
+        end = position + 9 + length
+        if end > size or not opcode:
+            break
+        if opcode == 5 and length >= 22:
+            number, time = message(data, position + 9)
+            if number in wanted:
+                found.append((time, place | position, wanted[number], data[position + 31:end]))
+        position = end
+    return found

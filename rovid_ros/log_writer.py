@@ -1,0 +1,132 @@
+"""Logs in MCAP, as rosbag2 writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+from rovid_ros.log_container import LogError
+from rovid_ros.message_types import build, standard_types, TypeUnknownError
+
+_COMPRESSION = {
+    'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4, 'none': CompressionType.NONE}
+_CHUNK = 768 * 1024  # [bytes], as rosbag2
+
+
+class LogWriter:
+    """
+    Writes messages to an MCAP file.
+
+    What was written before the last ``flush`` can be read also when the process is killed.
+
+    Parameters
+    ----------
+    path : Path
+        The file; one that is there is replaced.
+    compression : str
+        zstd, lz4 or none.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be written.
+
+    """
+
+    def __init__(self, path: Path, *, compression: str = 'zstd') -> None:
+        try:
+            self._file = open(path, 'wb')
+        except OSError as error:
+            raise LogError(f'{path}: cannot be written: {error.strerror}') from None
+        self._path = path
+        self._writer = Writer(
+            self._file, chunk_size=_CHUNK, compression=_COMPRESSION[compression])
+        self._writer.start(profile='ros2', library='rovid')
+        self._schemas: dict[tuple[str, str | None], int] = {}
+        self._channels: dict[tuple[str, int], int] = {}
+
+    def write(self, topic: str, type: str, fields: Mapping[str, Any], time: int,
+              publish_time: int | None = None) -> None:
+        """
+        Write a message of a type that comes with ROS 2.
+
+        Parameters
+        ----------
+        topic, type : str
+            Such as /rov/velocity and geometry_msgs/msg/TwistStamped.
+        fields : mapping
+            As in ``message_types.build``.
+        time, publish_time : int
+            Log time [ns] and publish time, the same unless given.
+
+        Raises
+        ------
+        TypeUnknownError, FieldError
+            If ROS 2 has no such type, or the type no such field.
+
+        """
+        store = standard_types()
+        if type not in store.fielddefs:
+            raise TypeUnknownError(f'type {type}: ROS 2 comes with no such type')
+        data = store.serialize_cdr(build(store, type, fields), type)
+        self.write_raw(topic, type, bytes(data), time, publish_time=publish_time)
+
+    def write_raw(self, topic: str, type: str, cdr: bytes, time: int,
+                  definition: str | None = None, publish_time: int | None = None) -> None:
+        """
+        Write a message that is serialised already.
+
+        Parameters
+        ----------
+        topic, type, time, publish_time
+            As in ``write``.
+        cdr : bytes
+            The serialised message.
+        definition : str, optional
+            Text of the type's definition; needed where the type does not come with ROS 2.
+
+        """
+        schema = self._schemas.get((type, definition))
+        if schema is None:
+            schema = self._schemas[type, definition] = self._schema(type, definition)
+        channel = self._channels.get((topic, schema))
+        if channel is None:
+            channel = self._writer.register_channel(topic, 'cdr', schema)
+            self._channels[topic, schema] = channel
+        self._writer.add_message(
+            channel, time, cdr, time if publish_time is None else publish_time)
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a metadata record."""
+        self._writer.add_metadata(name, dict(values))
+
+    def flush(self) -> None:
+        """Hand everything so far to the operating system, in a form that can be read."""
+        self._writer.flush()
+
+    def close(self) -> None:
+        """Write the index and close the file."""
+        if not self._file.closed:
+            self._writer.finish()
+            self._file.close()
+
+    def __enter__(self) -> LogWriter:
+        """Return the writer itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Close the file."""
+        self.close()
+
+    def _schema(self, type: str, definition: str | None) -> int:
+        if definition is None:
+            store = standard_types()
+            if type not in store.fielddefs:
+                raise TypeUnknownError(f'type {type}: no definition of it is at hand')
+            definition = store.generate_msgdef(type, ros_version=2)[0]
+        number: int = self._writer.register_schema(type, 'ros2msg', definition.encode())
+        return number

@@ -1,0 +1,269 @@
+"""Recorded logs: files of several formats, read lazily as one log in time order."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Any, NamedTuple
+
+from rosbags.serde import SerdeError
+from rosbags.typesys.store import Typestore
+from rovid_ros.field_paths import nearest
+from rovid_ros.log_container import Block, Channel, Container, LogError, MALFORMED, Raw
+from rovid_ros.log_paths import open_all
+from rovid_ros.message_types import build, decoder, normalised, typestore, TypeUnknownError
+
+__all__ = ['Log', 'LogError', 'LogMessage', 'RawMessage', 'TopicInfo']
+
+RECORD = 'rovid_record'  # metadata of the logs that the node writes itself
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """What a log holds of a topic."""
+
+    type: str
+    count: int | None  # None: the log does not say
+
+
+@dataclass(frozen=True, slots=True)
+class LogMessage:
+    """A decoded message; ``time`` is when it was received [ns]."""
+
+    topic: str
+    type: str
+    time: int
+    data: Any
+
+
+class RawMessage(NamedTuple):
+    """A message as it is in the file."""
+
+    time: int  # [ns]
+    channel: Channel
+    data: bytes
+
+
+class Log:
+    """
+    One or more recorded files, as one log.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        MCAP files, rosbag2 sqlite3 files and directories, ROS 1 bags.
+
+    Attributes
+    ----------
+    topics : dict of str to TopicInfo
+        By name, which always begins with a slash.
+    metadata : dict
+        MCAP metadata records by name.
+    start, end : int
+        Log time of the first and the last message [ns].
+    recorded : bool
+        Whether the node's own recorder wrote all of it: then messages come in the order of the
+        file, which is the order in which the node took them.
+
+    Raises
+    ------
+    LogError
+        If one is not there, is no log, or all of them hold no message.
+
+    """
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._scratch = TemporaryDirectory(prefix='rovid-')
+        try:
+            self._containers, self._warnings = open_all(paths, Path(self._scratch.name))
+            self._containers.sort(key=lambda container: container.start)
+            if not any(container.blocks for container in self._containers):
+                raise LogError(self._empty(paths))
+        except BaseException:
+            self.close()
+            raise
+        for order, container in enumerate(self._containers):
+            container.order = order
+        self.start = min(container.start for container in self._containers)
+        self.end = max(container.end for container in self._containers)
+        self.metadata: dict[str, dict[str, str]] = {}
+        for container in self._containers:
+            self.metadata.update(container.metadata)
+        self.topics = self._topics()
+        records = [RECORD in container.metadata for container in self._containers]
+        self.recorded = all(records)
+        if any(records) and not self.recorded:
+            self._warnings.append('a record of the node is joined with other logs: it is taken '
+                                  'in time order, without the calls of services in it')
+        self._position = 0.0
+
+    @property
+    def warnings(self) -> list[str]:
+        """Return what is wrong with the log; damage only shows when it is read."""
+        return [*self._warnings, *chain(*(one.warnings for one in self._containers))]
+
+    @property
+    def progress(self) -> float:
+        """Return the fraction, 0 to 1, of what was asked for that has been read."""
+        return self._position
+
+    def require(self, topics: Mapping[str, str]) -> None:
+        """
+        Refuse a log that lacks a topic.
+
+        Parameters
+        ----------
+        topics : mapping of str to str
+            Type by topic; '' is any type.
+
+        Raises
+        ------
+        LogError
+            Names the topic, the nearest one and those that are there.
+
+        """
+        there = sorted(name for name, info in self.topics.items() if info.count != 0)
+        for topic, type in topics.items():
+            if topic not in there:
+                raise LogError(f'{self._name()}: no messages on {topic}{nearest(topic, there)}; '
+                               f'it has {", ".join(there)}')
+            found = {channel.type for channel in self._channels(topic)}
+            if type and found != {normalised(type)}:
+                raise LogError(f'{self._name()}: {topic} is {", ".join(sorted(found))}, '
+                               f'not {type}')
+
+    def blank(self, topic: str) -> Any:
+        """Return a message of a topic's type that holds default values only."""
+        channel = self._channels(topic)[0]
+        return build(self._typestore(channel), channel.type, {})
+
+    def messages(self, topics: Collection[str], start: float = 0.0,
+                 duration: float | None = None) -> Iterator[LogMessage]:
+        """
+        Yield the decoded messages of some topics.
+
+        Parameters
+        ----------
+        topics : collection of str
+            Those that the log does not have are left out.
+        start, duration : float
+            Part of the log [s], from its first message on any topic.
+
+        Raises
+        ------
+        LogError
+            If a topic cannot be decoded.
+
+        """
+        decoders = {}
+        for topic in topics:
+            for channel in self._channels(topic):
+                if channel.encoding not in ('cdr', 'ros1'):
+                    raise LogError(f'{self._name()}: {topic} is encoded as {channel.encoding!r}; '
+                                   'cdr and ros1 can be read')
+                decoders[channel] = decoder(
+                    self._typestore(channel), channel.type, channel.encoding)
+        decoded: set[Channel] = set()
+        for time, channel, raw in self.raw(topics, start, duration):
+            try:
+                data = decoders[channel](raw)
+            except (SerdeError, AssertionError, *MALFORMED) as error:  # by version of rosbags
+                line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
+                if channel not in decoded:
+                    raise LogError(f'{line}: {error}') from None
+                line += ' everywhere; such messages are left out'
+                if line not in self._warnings:
+                    self._warnings.append(line)
+                continue
+            decoded.add(channel)
+            yield LogMessage(channel.topic, channel.type, time, data)
+
+    def raw(self, topics: Collection[str], start: float = 0.0,
+            duration: float | None = None) -> Iterator[RawMessage]:
+        """Yield the messages as they are in the files; parameters as in ``messages``."""
+        first = self.start + round(start * 1e9)
+        if first > self.end:
+            raise LogError(f'{self._name()}: is {(self.end - self.start) * 1e-9:.1f} s long; '
+                           f'nothing is left from {start:g} s on')
+        last = self.end if duration is None else min(
+            self.end, first + round(duration * 1e9) - 1)
+        wanted = {
+            container: {number: channel for number, channel in container.channels.items()
+                        if channel.topic in topics}
+            for container in self._containers}
+        blocks = [
+            block for container in self._containers for block in container.blocks
+            if block.end >= first and block.start <= last and wanted[container]
+            and not (block.channels and block.channels.isdisjoint(wanted[container]))]
+        span = max(last - first, 1)
+        for batch in self._batches(blocks, wanted):
+            for time, _, channel, data in batch:
+                if first <= time <= last:
+                    yield RawMessage(time, channel, data)
+            if batch:
+                self._position = min(max(batch[-1][0] - first, 0) / span, 1.0)
+        self._position = 1.0
+
+    def close(self) -> None:
+        """Remove unpacked copies."""
+        self._scratch.cleanup()
+
+    def __enter__(self) -> Log:
+        """Return the log itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Close the log."""
+        self.close()
+
+    def _batches(self, blocks: list[Block],
+                 wanted: Mapping[Container, Mapping[int, Channel]]) -> Iterator[list[Raw]]:
+        """Yield all messages in order, holding only blocks that overlap in time."""
+        if self.recorded:
+            for block in blocks:
+                yield block.container.read(block, wanted[block.container])
+            return
+        blocks.sort(key=lambda block: block.start)
+        held: list[Raw] = []
+        for block, following in zip(blocks, [*blocks[1:], None]):
+            held += block.container.read(block, wanted[block.container])
+            held.sort()
+            if following is not None:
+                complete = bisect_left(held, (following.start,))
+                yield held[:complete]
+                del held[:complete]
+        yield held
+
+    def _channels(self, topic: str) -> list[Channel]:
+        return [channel for container in self._containers
+                for channel in container.channels.values() if channel.topic == topic]
+
+    def _typestore(self, channel: Channel) -> Typestore:
+        try:
+            return typestore(channel.type, channel.definition, channel.idl)
+        except TypeUnknownError as error:
+            raise LogError(f'{self._name()}: {channel.topic}: {error}') from None
+
+    def _topics(self) -> dict[str, TopicInfo]:
+        topics: dict[str, TopicInfo] = {}
+        for container in self._containers:
+            for channel in container.channels.values():
+                counts = container.counts
+                count = None if counts is None else counts.get(channel.number, 0)
+                known = topics.get(channel.topic, TopicInfo(channel.type, 0))
+                total = None if count is None or known.count is None else known.count + count
+                topics[channel.topic] = TopicInfo(known.type, total)
+        return topics
+
+    def _name(self) -> str:
+        return ', '.join(container.name for container in self._containers)
+
+    def _empty(self, paths: Sequence[Path]) -> str:
+        return next(iter(self.warnings), None) or (
+            f'{", ".join(map(str, paths))}: holds no messages')

@@ -1,0 +1,151 @@
+"""Message types without ROS: definitions, decoders, and messages built from plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+import re
+from typing import Any
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import (
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+    Stores,
+    TypesysError,
+)
+from rosbags.typesys.store import Typestore
+from rovid_ros.field_paths import FieldError, nearest
+import zstandard
+
+Decoder = Callable[[bytes], Any]
+
+_RULE = '=' * 80 + '\n'
+_ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}  # others: 0
+
+
+class TypeUnknownError(ValueError):
+    """A message type whose definition is not at hand or cannot be used."""
+
+
+@cache
+def standard_types() -> Typestore:
+    """Return the types that come with ROS 2."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+def normalised(name: str) -> str:
+    """Return a type's name as ROS 2 writes it: ``std_msgs/String`` has no ``msg`` in ROS 1."""
+    return name.replace('/', '/msg/', 1) if name.count('/') == 1 else name
+
+
+@cache
+def typestore(name: str, definition: str, idl: bool = False) -> Typestore:
+    """
+    Return a store that has the type.
+
+    Parameters
+    ----------
+    name : str
+        As in ``normalised``.
+    definition : str
+        Text of the definition, with those of the types in it; '' takes what ROS 2 has.
+    idl : bool
+        Whether the text is IDL.
+
+    Raises
+    ------
+    TypeUnknownError
+        If there is no definition or it makes no sense.
+
+    """
+    problem = 'no definition of it is at hand'
+    if definition:
+        try:
+            store = get_typestore(Stores.EMPTY)
+            if not idl:
+                store.register(get_types_from_msg(definition, name))
+            else:
+                for part in definition.split(_RULE):
+                    store.register(get_types_from_idl(re.sub(r'\AIDL: .*\n', '', part)))
+            store.get_msgdef(name)
+            return store
+        except (TypesysError, KeyError) as error:
+            problem = f'its definition is of no use ({str(error).strip().splitlines()[0]})'
+    if name in standard_types().fielddefs:
+        return standard_types()
+    raise TypeUnknownError(f'type {name}: {problem}')
+
+
+def decoder(store: Typestore, name: str, encoding: str) -> Decoder:
+    """Return the function from the bytes of a ``cdr`` or ``ros1`` message to a dataclass."""
+    if encoding == 'ros1':
+        return lambda data: store.deserialize_ros1(data, name)
+
+    def decode(data: bytes) -> Any:
+        if data[:1] == b'\x28':  # zstd: rosbag2 can compress each message by itself
+            data = zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        return store.deserialize_cdr(data, name)
+
+    return decode
+
+
+def build(store: Typestore, name: str, fields: Mapping[str, Any]) -> Any:
+    """
+    Return a message made from plain values.
+
+    Parameters
+    ----------
+    store : Typestore
+        Has the type.
+    name : str
+        The type.
+    fields : mapping
+        Values by field name, mappings for messages in it; those left out get their default. A
+        mapping from index to value stands for an array with defaults in between.
+
+    Raises
+    ------
+    FieldError
+        If the type has no such field.
+
+    """
+    _, definitions = store.fielddefs[name]
+    known = [field for field, _ in definitions]
+    for field in fields:
+        if field not in known:
+            raise FieldError(
+                name, f'has no field {field!r}, it has {", ".join(known)}{nearest(field, known)}')
+    message: type[Any] = store.types[name]
+    return message(*[_value(store, kind, fields.get(field, _default(name, field)))
+                     for field, kind in definitions])
+
+
+def _default(name: str, field: str) -> Any:
+    """Return the value of a field left out; as in ROS 2, a quaternion turns nothing."""
+    return 1.0 if (name, field) == ('geometry_msgs/msg/Quaternion', 'w') else None
+
+
+def _value(store: Typestore, kind: Any, value: Any) -> Any:
+    node, detail = kind
+    if node == Nodetype.NAME:
+        return build(store, detail, value or {})
+    if node == Nodetype.BASE:
+        if value is None:
+            return _ZERO.get(detail[0], 0)
+        return value
+    entry, length = detail
+    if node == Nodetype.SEQUENCE:
+        length = 0
+    if isinstance(value, Mapping):
+        length = max(length, *(index + 1 for index in value))
+        value = [value.get(index) for index in range(length)]
+    if value is None:
+        value = [None] * length
+    values = [_value(store, entry, one) for one in value]
+    if entry[0] == Nodetype.BASE and entry[1][0] != 'string':
+        dtype = {'byte': 'uint8', 'octet': 'uint8', 'char': 'uint8'}.get(entry[1][0], entry[1][0])
+        return np.array(values, dtype=dtype)
+    return values

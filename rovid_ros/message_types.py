@@ -112,40 +112,51 @@ def build(store: Typestore, name: str, fields: Mapping[str, Any]) -> Any:
         If the type has no such field.
 
     """
-    _, definitions = store.fielddefs[name]
-    known = [field for field, _ in definitions]
-    for field in fields:
-        if field not in known:
-            raise FieldError(
-                name, f'has no field {field!r}, it has {", ".join(known)}{nearest(field, known)}')
+    return _builder(store, name)(fields)
+
+
+Maker = Callable[[Any], Any]
+"""Plain value, None for the default, to the value in a message."""
+
+
+@cache
+def _builder(store: Typestore, name: str) -> Maker:
+    """Return the maker of a message; looking its fields up for each one takes the time."""
+    makers = {field: _maker(store, kind) for field, kind in store.fielddefs[name][1]}
+    if name == 'geometry_msgs/msg/Quaternion':  # by default, as in ROS 2, it turns nothing
+        makers['w'] = lambda value: 1.0 if value is None else value
     message: type[Any] = store.types[name]
-    return message(*[_value(store, kind, fields.get(field, _default(name, field)))
-                     for field, kind in definitions])
+
+    def make(fields: Mapping[str, Any] | None) -> Any:
+        given = fields or {}
+        if not given.keys() <= makers.keys():
+            field = next(field for field in given if field not in makers)
+            raise FieldError(name, f'has no field {field!r}, it has {", ".join(makers)}'
+                                   f'{nearest(field, list(makers))}')
+        return message(*[maker(given.get(field)) for field, maker in makers.items()])
+
+    return make
 
 
-def _default(name: str, field: str) -> Any:
-    """Return the value of a field left out; as in ROS 2, a quaternion turns nothing."""
-    return 1.0 if (name, field) == ('geometry_msgs/msg/Quaternion', 'w') else None
-
-
-def _value(store: Typestore, kind: Any, value: Any) -> Any:
+def _maker(store: Typestore, kind: Any) -> Maker:
     node, detail = kind
     if node == Nodetype.NAME:
-        return build(store, detail, value or {})
+        return _builder(store, detail)
     if node == Nodetype.BASE:
-        if value is None:
-            return _ZERO.get(detail[0], 0)
-        return value
-    entry, length = detail
-    if node == Nodetype.SEQUENCE:
-        length = 0
-    if isinstance(value, Mapping):
-        length = max(length, *(index + 1 for index in value))
-        value = [value.get(index) for index in range(length)]
-    if value is None:
-        value = [None] * length
-    values = [_value(store, entry, one) for one in value]
+        zero = _ZERO.get(detail[0], 0)
+        return lambda value: zero if value is None else value
+    entry, size = detail
+    make = _maker(store, entry)
+    dtype = None
     if entry[0] == Nodetype.BASE and entry[1][0] != 'string':
         dtype = {'byte': 'uint8', 'octet': 'uint8', 'char': 'uint8'}.get(entry[1][0], entry[1][0])
-        return np.array(values, dtype=dtype)
-    return values
+
+    def make_array(value: Any) -> Any:
+        length = 0 if node == Nodetype.SEQUENCE else size
+        if isinstance(value, Mapping):
+            length = max(length, *(index + 1 for index in value))
+            value = [value.get(index) for index in range(length)]
+        values = [make(one) for one in ([None] * length if value is None else value)]
+        return values if dtype is None else np.array(values, dtype=dtype)
+
+    return make_array

@@ -1,0 +1,65 @@
+# Every target makes the environment that it needs, in this folder only. `make help` lists them.
+
+PYTHON ?= python3
+ROS_DISTRO ?= kilted
+ARGS ?=
+
+PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+METADATA := package.xml setup.py setup.cfg pyproject.toml
+, := ,
+RUN := .venv
+TEST := .venv-$(ROS_DISTRO)
+RUN_READY := $(RUN)/ready-$(PYTHON_VERSION)
+TEST_READY := $(TEST)/ready-$(PYTHON_VERSION)
+
+# The environments stand alone, whatever ROS installation this shell has sourced.
+unexport PYTHONPATH AMENT_PREFIX_PATH LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
+unexport RMW_IMPLEMENTATION
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint clean
+
+help:
+	@echo 'make demo   simulate a vehicle and identify it; needs no ROS'
+	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
+	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest'
+	@echo 'make lint   linters and types only'
+	@echo 'make clean  remove what the other targets made'
+	@echo 'All take PYTHON=..., the interpreter to use (3.10 or newer; now: $(PYTHON))'
+
+demo: $(RUN_READY)
+	$(RUN)/bin/python -m rovid_ros.demo
+
+test: lint
+	$(TEST)/bin/python -m pytest $(ARGS)
+
+# Types against kilted only: in jazzy most of rclpy has no annotations.
+lint: $(TEST_READY)
+	$(TEST)/bin/ruff check .
+ifeq ($(ROS_DISTRO),kilted)
+	$(TEST)/bin/mypy
+endif
+
+clean:
+	rm -rf .venv .venv-* build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find rovid_core rovid_ros launch test -name __pycache__ -prune -exec rm -rf {} +
+
+# $(call environment,FOLDER,EXTRAS): made afresh, with this package from its sources.
+define environment
+@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null || \
+	{ echo 'rovid needs Python 3.10 or newer, $(PYTHON) is $(or $(PYTHON_VERSION),not there)' \
+	'(choose another with PYTHON=...)' >&2; exit 1; }
+$(PYTHON) -m venv --clear $(1)
+$(1)/bin/python -m pip install --quiet --disable-pip-version-check --editable '.$(2)'
+endef
+
+$(RUN_READY): $(METADATA)
+	$(call environment,$(RUN))
+	@touch '$@'
+
+$(TEST_READY): $(METADATA)
+	@case '$(ROS_DISTRO)' in kilted|jazzy) ;; \
+	*) echo 'ROS_DISTRO=$(ROS_DISTRO): takes kilted or jazzy' >&2; exit 1 ;; esac
+	$(call environment,$(TEST),[$(ROS_DISTRO)$(,)test])
+	@touch '$@'

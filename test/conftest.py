@@ -1,0 +1,61 @@
+"""What several test files share."""
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import socket
+
+import pytest
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+
+
+@pytest.fixture(scope='session')
+def repository() -> Path:
+    """Return the folder of the sources."""
+    return REPOSITORY
+
+
+@pytest.fixture(scope='session')
+def data() -> Path:
+    """Return the folder of the recorded logs that are not part of the repository."""
+    folder = Path(os.environ.get('ROVID_DATA', REPOSITORY.parent / 'shared' / 'data'))
+    if not folder.is_dir():
+        pytest.skip(f'no recorded logs in {folder} (set ROVID_DATA)')
+    return folder
+
+
+@pytest.fixture(scope='session', autouse=True)
+def own_dds_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep this process and its children from any other ROS traffic, and out of ~/.ros."""
+    with pytest.MonkeyPatch.context() as patch, socket.socket() as claim:
+        patch.setenv('ROS_DOMAIN_ID', str(_free_domain(claim)))
+        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        patch.setenv('ROS_LOG_DIR', str(tmp_path_factory.mktemp('ros_log')))
+        yield
+
+
+def _free_domain(claim: socket.socket) -> int:
+    """Choose a domain; the port that stands for it stays bound as long as this process runs."""
+    for domain in range(60, 102):  # up to 101 DDS keeps out of the ephemeral ports
+        try:
+            claim.bind(('127.0.0.1', 17400 + domain))
+        except OSError:
+            continue
+        return domain
+    raise RuntimeError('all ROS domains from 60 to 101 are in use by other test processes')
+
+
+@pytest.fixture
+def environment() -> dict[str, str]:
+    """
+    Return the environment for a child process.
+
+    The ROS wheels from PyPI start python twice, the second time with a library path and a
+    guard. A child that inherits the guard uses the parent's libraries, or none: leave both
+    out, and it finds its own.
+    """
+    child = dict(os.environ)
+    if child.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None):
+        child.pop('LD_LIBRARY_PATH', None)
+    return child

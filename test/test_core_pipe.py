@@ -4,9 +4,7 @@ from dataclasses import replace
 import math
 import random
 
-from hypothesis import given
-from hypothesis import settings as hypothesis_settings
-from hypothesis import strategies as st
+from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
 from rovid_core.dofs import DOFS

@@ -43,7 +43,7 @@ endif
 
 clean:
 	rm -rf .venv .venv-* build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
-	find rovid_core rovid_ros launch test -name __pycache__ -prune -exec rm -rf {} +
+	find . -name __pycache__ -prune -exec rm -rf {} +
 
 # $(call environment,FOLDER,EXTRAS): made afresh, with this package from its sources.
 define environment

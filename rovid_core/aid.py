@@ -165,7 +165,7 @@ class AdaptiveIdentifier:
     def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
         """Return W of eq. 9 against the true parameters (terms with gain 0 left out)."""
         dv = self.v_hat - velocity
-        return 0.5 * (dv * dv + sum(
+        return 0.5 * (dv * dv + math.fsum(
             (p - t) ** 2 / g for p, t, g in zip(self.parameters, truth, self._gamma) if g))
 
     def state(self) -> dict[str, Any]:

@@ -154,7 +154,7 @@ class _Commands:
         rows = np.array([settings.allocation[DOFS.index(d)] for d in self._dofs])
         working = np.array(settings.gain) != 0.0
         rows = rows.reshape(len(self._dofs), settings.count) * working
-        if np.linalg.matrix_rank(rows) < len(self._dofs):
+        if self._dofs and np.linalg.matrix_rank(rows) < len(self._dofs):
             raise SettingsError(
                 'thrusters.allocation', f'can not push {", ".join(self._dofs)} independently')
         self._inverse: NDArray[np.float64] = np.linalg.pinv(rows)
@@ -162,7 +162,7 @@ class _Commands:
 
     def at(self, t: float) -> tuple[float, ...]:
         """Return the raw commands at ``t`` [s]."""
-        wrench = [sum(f * math.sin(2.0 * math.pi * hz * t) for f, hz in waves)
+        wrench = [math.fsum(f * math.sin(2.0 * math.pi * hz * t) for f, hz in waves)
                   for waves in self._waves]
         forces = self._inverse @ np.array(wrench) if wrench else np.zeros(self._settings.count)
         return tuple(
@@ -222,7 +222,7 @@ class _Sensors:
             return self._noisy(v.position[2:], s.depth_noise)
         if name == 'attitude':
             half = self._noisy((0.0, 0.0, 0.0), 0.5 * s.attitude_noise)
-            w = math.sqrt(max(0.0, 1.0 - sum(x * x for x in half)))
+            w = math.sqrt(max(0.0, 1.0 - math.fsum(x * x for x in half)))
             return product(v.attitude, (half[0], half[1], half[2], w))
         if name == 'velocity':
             return self._noisy(v.velocity[:len(LINEAR_DOFS)], s.velocity_noise)

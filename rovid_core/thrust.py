@@ -55,6 +55,14 @@ def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
     return ys[i] + (ys[i + 1] - ys[i]) * (x - xs[i]) / (xs[i + 1] - xs[i])
 
 
+def _dot(row: Sequence[float], forces: Sequence[float]) -> float:
+    # sum() rounds differently from Python 3.12 on; a log has to give the same bits on all
+    total = 0.0
+    for a, f in zip(row, forces):
+        total += a * f
+    return total
+
+
 def wrench(settings: ThrusterSettings, commands: Sequence[float],
            dofs: Sequence[str] = DOFS) -> tuple[float, ...]:
     """
@@ -78,7 +86,7 @@ def wrench(settings: ThrusterSettings, commands: Sequence[float],
     model = thruster_model(settings)
     forces = [k * model(u) for k, u in zip(settings.gain, commands)]
     return tuple(
-        sum(a * f for a, f in zip(settings.allocation[DOFS.index(d)], forces)) for d in dofs)
+        [_dot(settings.allocation[DOFS.index(d)], forces) for d in dofs])
 
 
 class Thrust:
@@ -151,7 +159,7 @@ class Thrust:
             return True  # some thruster has not been heard yet
         oldest = min(t for t in self._part_times if t is not None)
         forces = [k * self._model(u) for k, u in zip(self._settings.gain, raw)]
-        tau = tuple([sum(a * f for a, f in zip(row, forces)) for row in self._rows])
+        tau = tuple([_dot(row, forces) for row in self._rows])
         if not all(-LARGEST_FORCE < f < LARGEST_FORCE for f in tau):
             return False
         self._append(time + self._delay, tau, oldest + self._delay + self._timeout)

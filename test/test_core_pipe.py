@@ -132,6 +132,11 @@ def events(settings, duration=30.0, seed=1):
     return [Event(t, (Sample(n, v),)) for t, n, v in simulate(settings, duration, seed)]
 
 
+def bits(estimates):
+    """Return what can be compared: a NaN is not equal to itself."""
+    return [repr(e) for e in estimates]
+
+
 def feed(stream, sequence):
     out = []
     for event in sequence:
@@ -159,7 +164,8 @@ def test_any_delivery_within_max_wait_gives_the_same_bits():
         return latest[name]
 
     stream = Stream(settings)
-    assert feed(stream, sorted(events(settings), key=arrival)) == expected
+    got = feed(stream, sorted(events(settings), key=arrival))
+    assert bits(got) == bits(expected)
     assert stream.rejected == {}
 
 
@@ -174,12 +180,12 @@ def test_what_is_refused_changes_nothing():
             bad.append(event)  # duplicate
             bad.append(replace(clean[k - 40], samples=event.samples))  # backward
     stream = Stream(settings)
-    assert feed(stream, bad) == expected
+    assert bits(feed(stream, bad)) == bits(expected)
     assert set(stream.rejected_by_reason()) == {'duplicate', 'backward'}
     nan = Sample('position', (math.nan, 0.0, 0.0))
     stream = Stream(settings)
     with_nan = clean[:200] + [Event(clean[200].time - 1, (nan,))] + clean[200:]
-    assert feed(stream, with_nan)[-1].dofs == expected[-1].dofs
+    assert bits(feed(stream, with_nan)) == bits(expected)
     assert stream.rejected == {('position', 'non_finite'): 1}
 
 
@@ -242,7 +248,8 @@ def test_reset_enable_and_a_jump_of_time():
     stream.enable(True)
     stream.reset()
     assert stream.state()['dofs']['surge']['parameters'] == initial
-    assert feed(stream, sequence) == feed(Stream(settings), sequence)  # back by 20 s: a jump
+    again = feed(stream, sequence)  # back by 20 s: a jump
+    assert bits(again) == bits(feed(Stream(settings), sequence))
     assert 'time jumped back' in stream.take_warnings()[0]
 
 
@@ -279,7 +286,7 @@ def test_recorded_controls_replay_to_the_same_bits():
     again, other = [], Stream(settings)
     for item in note:
         again += other.control(*item) if isinstance(item, tuple) else other.receive(item)
-    assert again + other.finish() == live
+    assert bits(again + other.finish()) == bits(live)
 
 
 def test_a_state_of_another_configuration_is_refused():

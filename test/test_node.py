@@ -89,7 +89,7 @@ def test_a_burst_keeps_the_order_of_time(ros: None, messages: list[Raw]) -> None
     run.node.finish()
     assert run.node.stream.rejected == {}
     settings = settings_from(changed({'max_wait': 0.1}))
-    assert run.node.stream.estimate == replayed(settings, messages)[-1]
+    assert repr(run.node.stream.estimate) == repr(replayed(settings, messages)[-1])
     run.close()
 
 
@@ -131,7 +131,7 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
     given += run.node.finish()
     run.peer.settle(estimates)
     settings = settings_from(VALUES)
-    assert given == replayed(settings, messages)
+    assert repr(given) == repr(replayed(settings, messages))  # a NaN is not equal to itself
     assert heard(estimates) == told(settings, given)
     # a replay leaves the vehicle's own files alone
     assert not record.exists()

@@ -183,13 +183,18 @@ class AdaptiveIdentifier:
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
         if len(parameters) != 4:
             raise ValueError(f'{len(parameters)} parameters, not 4')
+        v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
+        excitation = float(state['excitation'])
+        if math.isinf(v_hat) or not 0.0 <= excitation <= MOST_EXCITATION:
+            raise ValueError(f'v_hat {v_hat} or excitation {excitation} is out of range')
         self.parameters = cast(Four, tuple(parameters))
-        self.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
-        self.excitation = float(state['excitation'])
+        self.v_hat, self.excitation = v_hat, excitation
 
     def _pieces(self, step: Step, gamma: Four) -> int:
-        speed = max(abs(self.v_hat), abs(step.velocity[0]), abs(step.velocity[2]))
         force = max(abs(step.force[0]), abs(step.force[2]))
+        gain = abs(self.parameters[0] * force) + abs(self.parameters[3])
+        speed = step.dt * gain + max(
+            abs(self.v_hat), abs(step.velocity[0]), abs(step.velocity[2]))
         square = speed * speed
         adaptation = (gamma[0] * force * force + gamma[1] * square * square
                       + gamma[2] * square + gamma[3])

@@ -129,7 +129,8 @@ class Scales:
 
         alpha > 0, beta <= 0 and gamma <= 0 are physics; the outer limits only keep a
         wrong input from leading to infinity: alpha within a factor of 1000 of the initial
-        one, and each other term at most 1000 times the initial acceleration.
+        one, and each other term at most 1000 times the initial acceleration or its initial
+        value.
         """
         largest = 1000.0 * max(self.initial[0] * self.force, self.velocity / 3.0)
         low: list[float] = []
@@ -140,9 +141,9 @@ class Scales:
             (-largest / self.velocity, 0.0),
             (-largest, largest),
         )
-        for (bottom, top), on in zip(ranges, self.active):
-            low.append(bottom if on else 0.0)
-            high.append(top if on else 0.0)
+        for (bottom, top), start, on in zip(ranges, self.initial, self.active):
+            low.append(min(bottom, start) if on else 0.0)
+            high.append(max(top, start) if on else 0.0)
         return tuple(low), tuple(high)  # type: ignore[return-value]
 
 

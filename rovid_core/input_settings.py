@@ -82,6 +82,9 @@ class ThrusterSettings:
             raise SettingsError(
                 'thrusters.allocation', f'takes 6 rows x {n} thrusters = {6 * n} numbers, '
                                         f'got {got}')
+        if self.hold == 'linear' and len(self.topics) > 1:
+            raise SettingsError(
+                'thrusters.hold', 'linear takes one topic for all thrusters; takes previous here')
         if self.model == 'polynomial' and not self.polynomial:
             raise SettingsError(
                 'thrusters.polynomial', 'takes at least one coefficient for model polynomial')

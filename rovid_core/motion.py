@@ -78,6 +78,55 @@ class AttitudeHistory:
             self._values[i - 1], self._values[i], (time - before) / (after - before))
 
 
+class World:
+    """What the sources know of each other: the attitude and the world velocity."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._max_gap = round(settings.max_gap / NS)
+        self.attitude = AttitudeHistory(self._max_gap)
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget everything."""
+        self.attitude.restart()
+        self._depths: deque[tuple[int, float]] = deque()
+        self._horizontal: tuple[int, float, float] | None = None
+
+    def note_depth(self, time: int, z: float) -> None:
+        """Take a depth [m, up] that is good."""
+        self._depths.append((time, z))
+        while self._depths[0][0] < time - 2 * self._max_gap:
+            self._depths.popleft()
+
+    def note_horizontal(self, time: int, velocity: Vector) -> None:
+        """Take the rate of the position [m/s] where it is good."""
+        self._horizontal = (time, velocity[0], velocity[1])
+
+    def vertical(self, time: int, span: int) -> float | None:
+        """
+        Return the mean rate of the depth [m/s] over ``span`` [ns] up to its newest value.
+
+        As long a span as that of the position with which it is turned into the body, so that
+        one is no noisier than the other; None where the depth is too old.
+        """
+        if len(self._depths) < 2 or time - self._depths[-1][0] > self._max_gap:
+            return None
+        end, z = self._depths[-1]
+        first = next(((t, x) for t, x in reversed(self._depths) if t <= end - span),
+                     self._depths[0])
+        return (z - first[1]) / ((end - first[0]) * NS)
+
+    def horizontal(self, time: int) -> tuple[float, float]:
+        """Return the newest rate of the position [m/s]; 0 where it is too old."""
+        if self._horizontal is None or time - self._horizontal[0] > self._max_gap:
+            return (0.0, 0.0)
+        return self._horizontal[1:]
+
+
+Fix = tuple[int, tuple[float, ...]]
+"""A measurement: time [ns] and value."""
+
+
 class MotionSource:
     """
     The velocity of some DOFs from one input.
@@ -85,6 +134,10 @@ class MotionSource:
     Differences of position, depth or attitude are means over their interval, turned into
     the body with the attitude of its middle; a velocity or angular-velocity sensor gives
     point values. A difference waits until the attitude that it needs is known.
+
+    A measurement that would be too fast is refused and the next is taken against the one
+    before it. If two refused ones agree with each other, the fix itself has shifted, and
+    they are where the source takes up.
 
     Parameters
     ----------
@@ -113,8 +166,9 @@ class MotionSource:
 
     def restart(self) -> None:
         """Forget all measurements."""
-        self._waiting: deque[tuple[int, tuple[float, ...]]] = deque()
-        self._last: tuple[int, tuple[float, ...]] | None = None
+        self._waiting: deque[Fix] = deque()
+        self._last: Fix | None = None
+        self._refused: Fix | None = None
 
     def add(self, time: int, value: tuple[float, ...]) -> None:
         """Take a measurement at ``time`` [ns]."""
@@ -133,26 +187,32 @@ class MotionSource:
         """
         if not self._waiting:
             return None
-        time, value = self._waiting[0]
-        last = self._last
+        new = self._waiting[0]
         if self._is_point:
             self._waiting.popleft()
-            return self._checked(Motion(time, time, value[:3]))
-        if last is None or time - last[0] > self._max_gap:
-            self._waiting.popleft()
-            self._last = (time, value)
-            return 'gap' if last else 'first'
-        missing = self._missing(last[0], time)
-        if missing == 'later' and now - time <= self._max_gap:
-            return None
+            return self._body(Motion(new[0], new[0], new[1][:3]))
+        last = self._last
+        missing = 'gap' if last else 'first'
+        if last is not None and new[0] - last[0] <= self._max_gap:
+            missing = self._missing(last[0], new[0])
+            if missing == 'later' and now - new[0] <= self._max_gap:
+                return None
         self._waiting.popleft()
-        if missing:
-            self._last = (time, value)
-            return 'no_attitude'
-        result = self._checked(self._difference(last, (time, value)))
-        if isinstance(result, Motion):
-            self._last = (time, value)
-        return result
+        if missing or last is None:
+            self._take_up(new)
+            return 'no_attitude' if missing == 'later' else missing
+        motion = self._difference(last, new)
+        if motion is not None:
+            self._take_up(new)
+            return motion
+        if self._refused and self._difference(self._refused, new) is not None:
+            self._take_up(new)
+            return 'shifted'
+        self._refused = new
+        return 'too_fast'
+
+    def _take_up(self, fix: Fix) -> None:
+        self._last, self._refused = fix, None
 
     def _missing(self, start: int, end: int) -> str:
         if not self._turned:
@@ -161,25 +221,43 @@ class MotionSource:
         times = (start, end) if self._lever else ((start + end) // 2,)
         return next((m for m in map(self._shared.attitude.missing, times) if m), '')
 
-    def _difference(self, last: tuple[int, tuple[float, ...]],
-                    new: tuple[int, tuple[float, ...]]) -> Motion:
+    def _difference(self, last: Fix, new: Fix) -> Motion | None:
+        """Return the velocity between two measurements, None if it is too fast."""
         start, end = last[0], new[0]
         dt = (end - start) * NS
         if self.input == 'attitude':
             turn = rotation_between(last[1], new[1])  # type: ignore[arg-type]
-            return Motion(start, end, tuple([x / dt for x in turn]))
-        world = self._shared
+            motion = self._body(Motion(start, end, tuple([x / dt for x in turn])))
+            return motion if isinstance(motion, Motion) else None
+        velocity = self._world_velocity(last, new, dt)
+        if velocity is None or self._missing(start, end):
+            return None
+        body = velocity
+        if self._turned:
+            body = rotate_back(self._shared.attitude.at((start + end) // 2), velocity)
+        motion = self._body(Motion(start, end, body))
+        if isinstance(motion, str):
+            return None
+        # only now: what is refused must not reach the other sources either
         if self.input == 'depth':
-            world.note_vertical(end, (new[1][0] - last[1][0]) / dt)
-            velocity = world.velocity(end, self._max_gap)
+            if not self._shared.vertical(end, 1):
+                self._shared.note_depth(*_scalar(last))
+            self._shared.note_depth(*_scalar(new))
+        else:
+            self._shared.note_horizontal(end, velocity)
+        return motion
+
+    def _world_velocity(self, last: Fix, new: Fix, dt: float) -> Vector | None:
+        world, end = self._shared, new[0]
+        if self.input == 'depth':
+            own: tuple[float, ...] = ((new[1][0] - last[1][0]) / dt,)
+            velocity: Vector = (*world.horizontal(end), own[0])
         else:
             a, b = self._body_origin(*last), self._body_origin(*new)
-            velocity = world.note_position(
-                end, ((b[0] - a[0]) / dt, (b[1] - a[1]) / dt, (b[2] - a[2]) / dt),
-                self._max_gap)
-        if self._turned:
-            velocity = rotate_back(world.attitude.at((start + end) // 2), velocity)
-        return Motion(start, end, velocity)
+            vertical = world.vertical(end, end - last[0])
+            own = ((b[0] - a[0]) / dt, (b[1] - a[1]) / dt)
+            velocity = (own[0], own[1], (b[2] - a[2]) / dt if vertical is None else vertical)
+        return velocity if self._is_slow(own) else None
 
     def _body_origin(self, time: int, value: tuple[float, ...]) -> Vector:
         x, y, z = value
@@ -188,46 +266,16 @@ class MotionSource:
             return (x - lx, y - ly, z - lz)
         return (x, y, z)
 
-    def _checked(self, motion: Motion) -> Motion | str:
+    def _body(self, motion: Motion) -> Motion | str:
         velocity = tuple([motion.velocity[i] for i in self._axes])
-        # written so that a NaN (positions of 1e300 give some) is too fast as well
-        if not all(-self._max_speed <= v <= self._max_speed for v in velocity):
+        if not self._is_slow(velocity):
             return 'too_fast'
         return Motion(motion.start, motion.end, velocity)
 
+    def _is_slow(self, velocity: tuple[float, ...]) -> bool:
+        # written so that a NaN (positions of 1e300 give some) is too fast as well
+        return all(-self._max_speed <= v <= self._max_speed for v in velocity)
 
-class World:
-    """World velocity of the horizontal and the vertical source, and the attitude."""
 
-    def __init__(self, settings: Settings) -> None:
-        self.attitude = AttitudeHistory(round(settings.max_gap / NS))
-        self._has_depth = bool(settings.depth.topic)
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget everything."""
-        self.attitude.restart()
-        self._horizontal = (0.0, 0.0)
-        self._horizontal_time: int | None = None
-        self._vertical = 0.0
-        self._vertical_time: int | None = None
-
-    def note_vertical(self, time: int, rate: float) -> None:
-        """Take the rate of the depth input [m/s, up]."""
-        self._vertical, self._vertical_time = rate, time
-
-    def note_position(self, time: int, velocity: Vector, max_gap: int) -> Vector:
-        """Take the rate of the position and return it, with the depth's vertical part."""
-        self._horizontal, self._horizontal_time = velocity[:2], time
-        if not self._has_depth:
-            return velocity
-        return self.velocity(time, max_gap)
-
-    def velocity(self, time: int, max_gap: int) -> Vector:
-        """Return the newest world velocity [m/s]; parts older than ``max_gap`` are 0."""
-        x, y, z = *self._horizontal, self._vertical
-        if self._horizontal_time is None or time - self._horizontal_time > max_gap:
-            x, y = 0.0, 0.0
-        if self._vertical_time is None or time - self._vertical_time > max_gap:
-            z = 0.0
-        return (x, y, z)
+def _scalar(fix: Fix) -> tuple[int, float]:
+    return (fix[0], fix[1][0])

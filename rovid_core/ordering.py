@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from heapq import heappop, heappush
 
@@ -14,8 +15,13 @@ AHEAD = 1_000_000_000
 MOST_AHEAD = 4096
 """Events of one input that are held while they wait for a second input to agree."""
 
-TELLING = 5
+ALONE = 20
+"""So many events with nothing from the others, over more than AHEAD, need no agreement."""
+
+TELLING = 20
 """So many misplaced stamps of one input are a warning, not an accident."""
+
+NEVER = -(1 << 62)
 
 Key = tuple[str, int]
 
@@ -25,15 +31,20 @@ class EventOrder:
     Hold events until nothing can come before them any more, then release them in order.
 
     An event is released when every other input has delivered one at or after its time, or
-    when the newest event time is ``max_wait`` later. Only event times decide, never the
-    time of arrival: every order of delivery that keeps within ``max_wait`` gives the same
-    released sequence. Ties go in the order of ``settings.INPUTS``; within one input, in
-    order of arrival.
+    when the newest event time is more than ``max_wait`` later. Only event times decide,
+    never the time of arrival: every order of delivery that keeps within ``max_wait`` gives
+    the same released sequence. Ties go in the order of ``settings.INPUTS``; within one
+    input, in order of arrival.
+
+    A stamp far ahead is put aside until the other inputs have come as far, or a second one
+    leaps as far, or nothing else comes for a while. A stamp far back is put aside until
+    the next one of its input, or one of another input, confirms that time jumped.
 
     Parameters
     ----------
     inputs : sequence of (str, int)
-        The inputs that are expected, each with its part (0 unless one topic per thruster).
+        The inputs that decide, each with its part (0 unless one topic per thruster). Others
+        (a reference) are put in their place and wait for nobody, nor does anybody for them.
     max_wait : float
         [s] How much later than its stamp an event may come.
     time_jump : float
@@ -48,8 +59,9 @@ class EventOrder:
 
     def __init__(self, inputs: Sequence[Key], max_wait: float, time_jump: float,
                  reject: Callable[[str, str], None], warn: Callable[[str], None]) -> None:
-        self._inputs = tuple(inputs)
+        self._inputs = frozenset(inputs)
         self._max_wait = round(max_wait * 1e9)
+        self._far = max(AHEAD, self._max_wait)  # a stamp may lag by max_wait
         self._time_jump = round(time_jump * 1e9)
         self._reject = reject
         self._warn = warn
@@ -61,8 +73,10 @@ class EventOrder:
         self._newest: int | None = None  # newest accepted event time of all
         self._held: list[tuple[int, int, int, Event]] = []
         self._ahead: dict[Key, list[Event]] = {}  # not believed yet
+        self._behind: dict[Key, Event] = {}  # a jump of time, if confirmed
         self._arrivals = 0
-        self._far_behind: dict[Key, int] = {}
+        self._late: dict[Key, int] = {}
+        self._alone: tuple[Key | None, int, int] = (None, 0, 0)  # input, since when, how many
 
     def push(self, event: Event) -> tuple[list[Event], bool]:
         """
@@ -79,26 +93,136 @@ class EventOrder:
         """
         key = _key(event)
         last = self._last.get(key)
-        jumped = last is not None and event.time < last - self._time_jump
-        if jumped:
-            self._discard()
-        if self._newest is None or event.time > self._newest + AHEAD:
-            self._doubt(key, event)
-        else:
-            self._accept(key, event)
-        self._believe()
-        return self._release(), jumped
+        if last is None or event.time >= last - self._time_jump:
+            self._take(key, event)
+            return self._release(), False
+        confirmed = [e for e in self._behind.values() if abs(e.time - event.time) <= self._far]
+        if not confirmed:
+            self._replace_behind(key, event)
+            return [], False
+        for other in self._behind.values():
+            if other not in confirmed:
+                self._drop(other, 'backward')
+        self._discard()
+        for doubted in (*sorted(confirmed, key=lambda e: e.time), event):
+            self._take(_key(doubted), doubted)
+        return self._release(), True
 
     def flush(self) -> list[Event]:
         """Release everything that is held, in order; nothing more is coming."""
-        for key, events in self._ahead.items():
-            for event in events:
-                if self._newest is None:  # one input alone: there is nobody to agree
-                    self._hold(key, event)
-                else:
-                    self._drop(event, 'future')
+        doubted = [event for events in self._ahead.values() for event in events]
         self._ahead.clear()
+        for event in sorted(doubted, key=lambda e: e.time):
+            self._hold_new(_key(event), event)
         return [heappop(self._held)[3] for _ in range(len(self._held))]
+
+    def _take(self, key: Key, event: Event) -> None:
+        self._replace_behind(key, None)
+        alone, since, count = self._alone
+        self._alone = (key, since, count + 1) if key == alone else (key, event.time, 1)
+        if self._is_doubtful(key, event):
+            self._doubt(key, event)
+        else:
+            self._accept(key, event)
+        if self._ahead:
+            self._believe(event.time)
+
+    def _is_doubtful(self, key: Key, event: Event) -> bool:
+        waiting = self._ahead.get(key, [])
+        return (self._newest is None or event.time > self._newest + self._far
+                or len(waiting) > 0 and event.time > waiting[-1].time)
+
+    def _doubt(self, key: Key, event: Event) -> None:
+        """Put an event aside until something stands for its time."""
+        events = self._ahead.setdefault(key, [])
+        if events and 0 <= events[-1].time - event.time <= self._time_jump:
+            self._drop(event, 'duplicate' if event.time == events[-1].time else 'backward')
+            return
+        while events and events[-1].time > event.time:
+            self._drop(events.pop(), 'future')  # the input itself has come back
+        events.append(event)
+        if len(events) > MOST_AHEAD:
+            self._drop(events.pop(0), 'future')
+        others = [t for k, t in self._last.items() if k != key]
+        silent = self._alone[2] >= TELLING  # then it is they who are behind
+        if (len(events) == TELLING and not silent and others
+                and event.time > max(others) + self._far):
+            self._warn(f'the stamps of {key[0]} are {(event.time - max(others)) / 1e9:.1f} s '
+                       'ahead of those of the other inputs; they wait until the others have '
+                       'come as far')
+
+    def _believe(self, now: int) -> None:
+        """Accept the doubted events that something stands for by now."""
+        ends = sorted((events[-1].time, key) for key, events in self._ahead.items())
+        agreed = [a[0] for a, b in zip(ends, ends[1:]) if b[0] - a[0] <= self._far]
+        common = agreed[0] + self._far if agreed else NEVER
+        alone, since, count = self._alone
+        if len(self._inputs) > 1 and not (count >= ALONE and now - since > self._far):
+            alone = None
+        while True:
+            believed: list[Event] = []
+            for key, events in list(self._ahead.items()):
+                own = events[-1].time if key == alone else NEVER
+                until = max([common, own, *(t for k, t in self._last.items() if k != key)])
+                count = bisect_right(events, until, key=lambda e: e.time)
+                believed += events[:count]
+                del events[:count]
+                if not events:
+                    del self._ahead[key]
+            if not believed:
+                return
+            # all at once, by time: none of them is late because of another
+            for event in sorted(believed, key=lambda e: e.time):
+                self._hold_new(_key(event), event)
+
+    def _accept(self, key: Key, event: Event) -> None:
+        assert self._newest is not None
+        for doubted in self._ahead.pop(key, ()):
+            self._drop(doubted, 'future')
+        if event.time < self._newest - self._max_wait and self._is_new(key, event):
+            self._drop(event, 'late')
+            self._note_late(key, self._newest - event.time)
+        else:
+            self._hold_new(key, event)
+
+    def _is_new(self, key: Key, event: Event) -> bool:
+        return key not in self._last or event.time > self._last[key]
+
+    def _hold_new(self, key: Key, event: Event) -> None:
+        if not self._is_new(key, event):
+            self._drop(event, 'duplicate' if event.time == self._last[key] else 'backward')
+            return
+        for sample in event.samples:
+            self._last[(sample.input, sample.part)] = event.time
+        if key in self._inputs:
+            self._newest = max(NEVER if self._newest is None else self._newest, event.time)
+        self._arrivals += 1
+        heappush(self._held, (event.time, INPUTS.index(key[0]), self._arrivals, event))
+
+    def _release(self) -> list[Event]:
+        if self._newest is None:
+            return []
+        # strictly later, so that ties do not depend on the order of delivery
+        until = self._newest - self._max_wait - (1 if self._max_wait else 0)
+        if self._last.keys() >= self._inputs:
+            until = max(until, min(self._last[key] for key in self._inputs))
+        released = []
+        while self._held and self._held[0][0] <= until:
+            released.append(heappop(self._held)[3])
+        return released
+
+    def _note_late(self, key: Key, lag: int) -> None:
+        count = self._late[key] = self._late.get(key, 0) + 1
+        if count == TELLING:
+            self._warn(f'messages of {key[0]} come up to {lag / 1e9:.2f} s after newer ones of '
+                       'other inputs and are refused as late: raise max_wait, or give the '
+                       'latency of the inputs')
+
+    def _replace_behind(self, key: Key, event: Event | None) -> None:
+        if key in self._behind:
+            self._drop(self._behind.pop(key), 'backward')
+        if event is not None:
+            self._behind[key] = event
 
     def _discard(self) -> None:
         for item in self._held:
@@ -107,97 +231,6 @@ class EventOrder:
             for event in events:
                 self._drop(event, 'discarded')
         self.restart()
-
-    def _doubt(self, key: Key, event: Event) -> None:
-        """Put an event aside until a second input stands for its time."""
-        events = self._ahead.setdefault(key, [])
-        events.append(event)
-        if len(events) > MOST_AHEAD:
-            self._drop(events.pop(0), 'future')
-        if len(events) == TELLING and len(self._inputs) > 1:
-            others = [t for k, t in self._last.items() if k != key]
-            others += [e[-1].time for k, e in self._ahead.items() if k != key]
-            if others:
-                self._warn(f'the stamps of {key[0]} are {(event.time - max(others)) / 1e9:.1f} s '
-                           'ahead of those of the other inputs; they are held until another '
-                           'input agrees')
-
-    def _believe(self) -> None:
-        """Accept the doubted events that a second input has come to agree with."""
-        if not self._ahead:
-            return
-        ends = sorted((events[-1].time, key) for key, events in self._ahead.items())
-        agreed = [a[0] for a, b in zip(ends, ends[1:]) if b[0] - a[0] <= AHEAD]
-        if agreed:
-            self._newest = max(self._newest or agreed[0], agreed[0])
-        elif self._newest is None and len(self._inputs) == 1:
-            self._newest = ends[0][0]
-        while self._newest is not None:
-            believed = []
-            for key in list(self._ahead):
-                believed += self._believed(key, self._newest + AHEAD)
-            if not believed:
-                break
-            # all at once, by time: none of them is late because of another
-            for event in sorted(believed, key=lambda e: e.time):
-                self._hold_new(_key(event), event)
-
-    def _believed(self, key: Key, until: int) -> list[Event]:
-        """Take out the events of one input that are not ahead of ``until``."""
-        events = self._ahead.pop(key)
-        count = max((i for i, e in enumerate(events, 1) if e.time <= until), default=0)
-        if events[count:]:
-            self._ahead[key] = events[count:]
-        for event in events[:count]:
-            if event.time > until:
-                self._drop(event, 'future')  # the input itself has come back since
-        return [e for e in events[:count] if e.time <= until]
-
-    def _accept(self, key: Key, event: Event) -> None:
-        assert self._newest is not None
-        for doubted in self._ahead.pop(key, ()):
-            self._drop(doubted, 'future')
-        if event.time < self._newest - self._max_wait and self._is_new(key, event):
-            self._drop(event, 'late')
-            self._note_behind(key, event)
-        else:
-            self._hold_new(key, event)
-
-    def _is_new(self, key: Key, event: Event) -> bool:
-        return key not in self._last or event.time > self._last[key]
-
-    def _hold_new(self, key: Key, event: Event) -> None:
-        if self._is_new(key, event):
-            self._hold(key, event)
-        else:
-            same = event.time == self._last[key]
-            self._drop(event, 'duplicate' if same else 'backward')
-
-    def _hold(self, key: Key, event: Event) -> None:
-        for sample in event.samples:
-            self._last[(sample.input, sample.part)] = event.time
-        self._arrivals += 1
-        self._newest = max(self._newest or event.time, event.time)
-        heappush(self._held, (event.time, INPUTS.index(key[0]), self._arrivals, event))
-
-    def _release(self) -> list[Event]:
-        if self._newest is None:
-            return []
-        until = self._newest - self._max_wait
-        if len(self._last) == len(self._inputs):
-            until = max(until, min(self._last.values()))
-        released = []
-        while self._held and self._held[0][0] <= until:
-            released.append(heappop(self._held)[3])
-        return released
-
-    def _note_behind(self, key: Key, event: Event) -> None:
-        assert self._newest is not None
-        if self._newest - event.time > AHEAD:
-            self._far_behind[key] = self._far_behind.get(key, 0) + 1
-            if self._far_behind[key] == TELLING:
-                self._warn(f'the stamps of {key[0]} are {(self._newest - event.time) / 1e9:.1f} '
-                           's behind those of the other inputs; they are refused as late')
 
     def _drop(self, event: Event, reason: str) -> None:
         for sample in event.samples:

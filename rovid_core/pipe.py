@@ -29,8 +29,8 @@ class Scorer(Protocol):
         """Take the velocity that a DOF takes up from."""
 
     def stepped(self, dof: str, span: tuple[int, int, int], force: tuple[float, float],
-                velocity: float) -> None:
-        """Take a step: start, middle and end [ns], mean forces of both parts, velocity."""
+                velocity: float, mean: float) -> None:
+        """Take a step: its times [ns], mean forces of both parts, velocity filtered and not."""
 
     def reference(self, time: int, value: tuple[float, ...]) -> None:
         """Take a reference velocity (six values)."""
@@ -66,20 +66,26 @@ class Pipe:
         self._max_gap = round(settings.max_gap / NS)
         self._world = World(settings)
         self._thrust = Thrust(settings.thrusters, settings.dofs)
-        self._tracks = [
+        used = settings.used_inputs()
+        self._tracks = [  # position and depth need each other, also without a DOF of their own
             track for track in (Track(settings, name, self._world, warn) for name in SOURCES)
-            if track.source.dofs]
+            if track.source.dofs or track.source.input in used
+            and track.source.input in ('position', 'depth')]
         self.identifiers = [self._identifier(i) for i in range(len(settings.dofs))]
         self.adapt = True
         self._sign: tuple[float, ...] | None = None
         self._one_sided = OneSided(settings, warn)
-        self._estimates = [self._waiting(i) for i in range(len(settings.dofs))]
+        self.refresh()
 
     def _identifier(self, i: int) -> Identifier:
         name, settings = self._settings.dofs[i], self._settings.identifier
         gains = settings.adaptation_gains
         raw = gains[4 * i:4 * i + 4] if len(gains) > 4 else gains
         return make(settings, self._settings.dof[name], cast(Four, raw) if raw else None)
+
+    def refresh(self) -> None:
+        """Let the estimates say what the identifiers hold by now; no step has been made."""
+        self._estimates = [self._waiting(i) for i in range(len(self.identifiers))]
 
     def restart(self) -> None:
         """Start times, filters and histories anew and keep the parameters."""
@@ -92,9 +98,9 @@ class Pipe:
 
     def reset(self) -> None:
         """Go back to the initial parameters; filters and histories stay."""
-        for i, identifier in enumerate(self.identifiers):
+        for identifier in self.identifiers:
             identifier.reset()
-            self._estimates[i] = self._waiting(i)
+        self.refresh()
         for track in self._tracks:
             track.last = None
 
@@ -126,12 +132,15 @@ class Pipe:
     def _take(self, time: int, sample: Sample) -> str:
         """Hand a sample to those who use it; return why it was refused, or ''."""
         value, name = sample.value, sample.input
+        # a NaN in a reference stands for a DOF that it does not measure
+        sound = map(math.isfinite, value) if name != 'reference' else (
+            not math.isinf(x) for x in value)
+        if not all(sound):
+            return 'non_finite'
         if name == 'reference':
             if self._scorer is not None:
                 self._scorer.reference(time, value)
             return ''
-        if not all(map(math.isfinite, value)):
-            return 'non_finite'
         if name == 'thrusters':
             return self._take_command(time, value, sample.part)
         if name == 'sign':
@@ -157,6 +166,8 @@ class Pipe:
                 signs = signs[part:part + 1]
             value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
         self._one_sided.command(value)
+        # a span begins at most max_gap before a measurement that waited max_gap for the rest
+        self._thrust.forget(time - 3 * self._max_gap)
         return '' if self._thrust.command(time, value, part) else 'force_out_of_range'
 
     def _run(self, track: Track, now: int, estimates: list[Estimate]) -> None:
@@ -167,6 +178,8 @@ class Pipe:
                 return
             if isinstance(motion, str):
                 self._skip(track, motion)
+            elif not track.indices:
+                continue  # measured for the other sources only
             elif not self._thrust.known(motion.end) and now - motion.end <= self._max_gap:
                 track.held = motion  # the command that ends its span is still to come
                 return
@@ -177,6 +190,8 @@ class Pipe:
         if reason == 'first':
             return
         self._reject(track.source.input, reason)
+        if reason == 'gap':
+            track.note_gap()
         if reason != 'too_fast':  # one wild fix costs one step; the state is still good
             track.interrupt()
 
@@ -206,9 +221,9 @@ class Pipe:
             if self._scorer is not None:
                 self._scorer.stepped(self._settings.dofs[i], span, (
                     _mean(impulses[0][i], impulses[1][i], span[0], span[1]),
-                    _mean(impulses[1][i], impulses[2][i], span[1], span[2])), after[j])
+                    _mean(impulses[1][i], impulses[2][i], span[1], span[2])),
+                    after[j], motion.velocity[j])
         track.last = motion
-        self._thrust.forget(min(t.last.time for t in self._tracks if t.last) - self._max_gap)
         track.warn_if_clamped()
         estimates.append(self.estimate(motion.time, tuple(track.indices)))
 

@@ -12,6 +12,8 @@ import math
 
 from rovid_core.dofs import Four
 
+MOST_PIECES = 1000
+
 
 def lumped(mass: float, quadratic_drag: float, linear_drag: float, bias: float) -> Four:
     """Return alpha, beta, gamma, delta (Table II of the paper); ``mass`` above 0 [kg]."""
@@ -48,7 +50,9 @@ def advance(parameters: Sequence[float], velocity: float, force: float, dt: floa
     # the fastest the drag can be on this step: at the speed it has or is driven to
     fastest = abs(velocity) + min(abs(u) * dt, math.sqrt(abs(u / beta)) if beta else math.inf)
     stiffness = (2.0 * abs(beta) * fastest + abs(gamma)) * dt
-    pieces = min(int(stiffness) + 1, 1000)
+    if not stiffness < MOST_PIECES:
+        return _backward_euler(u, beta, gamma, velocity, dt)
+    pieces = int(stiffness) + 1
     h = dt / pieces
     v = velocity
     for _ in range(pieces):
@@ -61,3 +65,12 @@ def advance(parameters: Sequence[float], velocity: float, force: float, dt: floa
         k4 = u + beta * w * abs(w) + gamma * w
         v += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return v
+
+
+def _backward_euler(u: float, beta: float, gamma: float, velocity: float, dt: float) -> float:
+    """Return the end of a step on which the drag settles at once, in closed form."""
+    target = velocity + dt * u
+    linear, quadratic = 1.0 - dt * gamma, -dt * beta
+    # linear w + quadratic w^2 = |target|, in the form that does not cancel
+    root = math.sqrt(linear * linear + 4.0 * quadratic * abs(target))
+    return 2.0 * target / (linear + root)

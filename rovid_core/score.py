@@ -63,11 +63,12 @@ class _Run:
     first_forces: array[float] = field(default_factory=lambda: array('d'))
     last_forces: array[float] = field(default_factory=lambda: array('d'))
     velocities: array[float] = field(default_factory=lambda: array('d'))
+    means: array[float] = field(default_factory=lambda: array('d'))
 
 
 class ScoreLog:
     """
-    Keeps thrust and velocity of every step (40 bytes each) to score any model on them.
+    Keeps thrust and velocity of every step (48 bytes each) to score any model on them.
 
     The simulation restarts from the measured velocity after each gap. Against the pipe's
     own velocity v_sim goes through the same interval mean and low-pass; against a
@@ -91,14 +92,29 @@ class ScoreLog:
         self._runs[dof].append(_Run(time, velocity))
 
     def stepped(self, dof: str, span: tuple[int, int, int], force: tuple[float, float],
-                velocity: float) -> None:
-        """Take a step: start, middle and end [ns], mean forces of both parts, velocity."""
+                velocity: float, mean: float) -> None:
+        """
+        Take a step.
+
+        Parameters
+        ----------
+        dof : str
+            One of the run's DOFs.
+        span : tuple of int
+            Start of the step, start of its measurement, end of the step [ns].
+        force : tuple of float
+            Mean forces of the two parts [N or N m].
+        velocity, mean : float
+            The measured velocity, filtered and not [m/s or rad/s].
+
+        """
         run = self._runs[dof][-1]
         run.middles.append(span[1])
         run.ends.append(span[2])
         run.first_forces.append(force[0])
         run.last_forces.append(force[1])
         run.velocities.append(velocity)
+        run.means.append(mean)
 
     def reference(self, time: int, value: tuple[float, ...]) -> None:
         """Take a reference velocity: the linear then the angular one."""

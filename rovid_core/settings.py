@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-import math
 
 from rovid_core.dofs import ANGULAR_DOFS, DOFS, LINEAR_DOFS, PARAMETERS
 from rovid_core.input_settings import InputSettings, SettingsError, ThrusterSettings
@@ -20,10 +19,13 @@ __all__ = [
 ]
 
 INPUTS = (
-    'position', 'depth', 'attitude', 'angular_velocity', 'velocity', 'reference', 'thrusters',
-    'sign',
+    'position', 'depth', 'attitude', 'angular_velocity', 'velocity', 'reference', 'sign',
+    'thrusters',
 )
 """The inputs, in the order in which samples of one event time are taken."""
+
+TINY, HUGE = 1e-6, 1e12
+"""What a mass, force or velocity can be in any unit; squares of it are far from overflow."""
 
 
 @dataclass(frozen=True)
@@ -183,6 +185,7 @@ class Settings:
             raise SettingsError(
                 'identifier.feedback_gain', 'and identifier.adaptation_gains go together')
         for name in self.dofs:
+            self._check_dof(name)
             terms = self.dof[name].terms
             unknown = [t for t in terms if t not in PARAMETERS]
             if unknown:
@@ -190,5 +193,17 @@ class Settings:
                     f'{name}.terms', f'got {unknown[0]!r}, takes {", ".join(PARAMETERS)}')
             if 'alpha' not in terms:
                 raise SettingsError(f'{name}.terms', 'alpha always stays')
-            if not (math.isfinite(self.dof[name].mass) and self.dof[name].mass > 0.0):
-                raise SettingsError(f'{name}.initial.mass', 'takes a number above 0')
+
+    def _check_dof(self, name: str) -> None:
+        dof = self.dof[name]
+        for key, value, lowest in (
+                ('initial.mass', dof.mass, TINY),
+                ('initial.quadratic_drag', dof.quadratic_drag, 0),
+                ('initial.linear_drag', dof.linear_drag, 0),
+                ('typical.force', dof.typical_force or 1.0, TINY),
+                ('typical.velocity', dof.typical_velocity or 1.0, TINY)):
+            if not lowest <= value < HUGE:
+                raise SettingsError(
+                    f'{name}.{key}', f'got {value:g}, takes a number from {lowest:g} to {HUGE:g}')
+        if not abs(dof.bias) < HUGE:
+            raise SettingsError(f'{name}.initial.bias', f'got {dof.bias:g}, is too large')

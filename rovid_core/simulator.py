@@ -93,7 +93,9 @@ class _Vehicle:
         self._parameters = [
             lumped(t.mass, t.quadratic_drag, t.linear_drag, t.bias)
             for t in (truth[d] for d in self._dofs)]
-        self._thrust = Thrust(replace(settings.thrusters, timeout=0.0), self._dofs)
+        # however many topics the commands come on, they are given all at once
+        self._thrust = Thrust(replace(
+            settings.thrusters, timeout=0.0, topics=settings.thrusters.topics[:1]), self._dofs)
         self._commands = _Commands(settings.thrusters, self.profile)
         self.velocity = [0.0] * 6
         self.position: Vector = (0.0, 0.0, 0.0)

@@ -76,7 +76,7 @@ class Stream:
             f'{dof} has no restoring moment in this model: only for a vehicle that is '
             'neutral in it' for dof in settings.dofs if dof in ('roll', 'pitch')]
         self._pipe = Pipe(settings, self.reject, self._warnings.append, scorer)
-        keys = [(name, 0) for name in self.inputs if name != 'thrusters']
+        keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
         self._order = EventOrder(keys, settings.max_wait, settings.time_jump, self.reject,
                                  self._warnings.append)
@@ -174,6 +174,8 @@ class Stream:
         if not isinstance(dofs, Mapping) or list(dofs) != list(self.settings.dofs):
             raise ValueError(f'DOFs other than {", ".join(self.settings.dofs)}')
         for dof in self.settings.dofs:
+            if not isinstance(dofs[dof], Mapping):
+                raise ValueError(f'no state of {dof}')
             if dofs[dof].get('terms') != list(self.settings.dof[dof].terms):
                 raise ValueError(f'other terms of {dof}')
         try:
@@ -184,6 +186,7 @@ class Stream:
                 identifier.restore(mine['dofs'][dof])
             raise ValueError(f'{dof}: {error}') from error
         self._pipe.adapt = bool(state.get('adapt', True))
+        self._pipe.refresh()
 
     def _handle(self, events: list[Event]) -> list[Estimate]:
         estimates: list[Estimate] = []

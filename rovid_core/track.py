@@ -22,7 +22,7 @@ class Track:
     world : World
         What the sources know of each other.
     warn : callable
-        Told one line, once, if the samples come too slowly for the cutoff.
+        Told one line if the samples come too slowly.
 
     """
 
@@ -35,12 +35,20 @@ class Track:
         self.held: Motion | None = None  # waits for the force of its span
         self.last: Motion | None = None  # where the next step begins
         self._warn: Callable[[str], None] | None = warn
+        self._gaps = 0
 
     def interrupt(self) -> None:
         """Take up from the next measurement."""
         self.velocity.restart()
         self.force.restart()
         self.held = self.last = None
+
+    def note_gap(self) -> None:
+        """Say once that there are nothing but gaps."""
+        self._gaps += 1
+        if self._warn and self._gaps == 20 and not self.velocity.steps:
+            self._warn(f'the messages of {self.source.input} are further apart than max_gap: '
+                       'nothing can be identified from them')
 
     def warn_if_clamped(self) -> None:
         """Say once that the samples come too slowly for the cutoff."""

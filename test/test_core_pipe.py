@@ -202,6 +202,88 @@ def test_one_wild_fix_costs_one_step():
     assert got.parameters == pytest.approx(expected.parameters, rel=0.1)
 
 
+def test_a_shift_of_the_fix_is_taken_up_at_once():
+    settings = surge_settings()
+    clean = events(settings)
+    moved = [replace(e, samples=(Sample('position', tuple(x + 5.0 for x in e.samples[0].value)),))
+             if e.samples[0].input == 'position' and e.time > 15e9 else e for e in clean]
+    stream = Stream(settings)
+    got = feed(stream, moved)
+    assert stream.rejected == {('position', 'too_fast'): 1, ('position', 'shifted'): 1}
+    assert max(abs(e.dofs[0].velocity) for e in got) < 1.0
+
+
+@pytest.mark.parametrize('spoilt', ['position', 'depth'])
+def test_what_one_source_refuses_does_not_reach_the_others(spoilt):
+    settings = vehicle(('surge', 'heave'), depth=InputSettings('/depth'), max_speed=3.0)
+    tilted = (0.0, math.sin(0.15), 0.0, math.cos(0.15))
+    steady = [Event(e.time, (Sample('attitude', tilted),)) if e.samples[0].input == 'attitude'
+              else e for e in events(settings)]
+    highest = []
+    for wild in (False, True):
+        sequence = [Event(e.time, (Sample(spoilt, (8.0, 0.0, 0.0)[:len(e.samples[0].value)]),))
+                    if wild and e.samples[0].input == spoilt and k % 97 == 0 else e
+                    for k, e in enumerate(steady)]
+        stream = Stream(settings)
+        got = feed(stream, sequence)
+        assert bool(stream.rejected) == wild
+        highest.append(max(abs(d.velocity) for e in got for d in e.dofs if d.steps))
+    assert highest[1] < 1.3 * highest[0]
+
+
+def test_depth_without_heave_still_turns_the_surge():
+    settings = vehicle(('surge',), depth=InputSettings('/depth'))
+    climb = (0.0, math.sin(-0.15), 0.0, math.cos(-0.15))  # nose up by 0.3 rad
+    sequence = []
+    for k in range(1200):
+        t, x = k * 10_000_000, 0.5 * k * 0.01  # 0.5 m/s ahead
+        z = x * math.sin(0.3)
+        sequence.append(Event(t, (Sample('thrusters', (0.0,) * 6),)))
+        sequence.append(Event(t, (Sample('attitude', climb),)))
+        if k % 5 == 0:
+            sequence.append(Event(t, (Sample('depth', (z,)),)))
+        if k % 10 == 0:
+            sequence.append(Event(t, (Sample('position', (x * math.cos(0.3), 0.0, 77.0)),)))
+    for dead in (False, True):  # once the depth has died, z of the position counts
+        got = feed(Stream(settings), [e for e in sequence if not dead or e.time < 6e9
+                                      or e.samples[0].input != 'depth'])
+        expected = 0.5 * math.cos(0.3) ** 2 if dead else 0.5
+        assert got[-1].dofs[0].velocity == pytest.approx(expected, abs=1e-6)
+
+
+def test_memory_does_not_grow_without_fixes():
+    settings = vehicle(('surge', 'yaw'))
+    stream = Stream(settings)
+    for event in events(settings, 60.0):
+        if event.samples[0].input != 'position' or event.time < 5e9:
+            stream.receive(event)
+    assert len(stream._pipe._thrust._times) < 400
+
+
+def test_a_restored_state_shows_in_every_dof():
+    settings = vehicle(('surge', 'yaw'))
+    stream = Stream(settings)
+    state = stream.state()
+    state['dofs']['surge']['parameters'][0] = 1 / 500
+    stream.restore(state)
+    yaw_only = [e for e in events(settings, 3.0) if e.samples[0].input != 'position']
+    assert feed(stream, yaw_only)[-1].dofs[0].parameters[0] == 1 / 500
+
+
+def test_one_topic_per_thruster_moves_the_simulated_vehicle():
+    settings = vehicle(('surge',), thrusters=replace(
+        SIX, topics=tuple(f'/thruster/{i}' for i in range(6))))
+    positions = [v[0] for _, n, v in simulate(settings, 10.0, 1) if n == 'position']
+    assert max(positions) > 0.5
+
+
+def test_messages_further_apart_than_max_gap_are_told():
+    settings = replace(surge_settings(), max_gap=0.05)
+    stream = Stream(settings)
+    assert feed(stream, events(settings)) == []
+    assert 'max_gap' in ' '.join(stream.take_warnings())
+
+
 def test_after_a_gap_filter_and_v_hat_restart_from_the_measurement():
     settings = surge_settings()
     sequence = [e for e in events(settings, 60.0) if e.samples[0].input != 'position'
@@ -258,7 +340,9 @@ def test_parameters_survive_a_jump_when_told_so():
     stream = Stream(settings)
     feed(stream, events(settings, 20.0))
     before = stream.state()['dofs']['surge']['parameters']
-    stream.receive(events(settings)[0])
+    for event in events(settings)[:2]:  # back by 20 s
+        stream.receive(event)
+    assert 'time jumped back' in stream.take_warnings()[0]
     assert stream.state()['dofs']['surge']['parameters'] == before
 
 
@@ -308,13 +392,15 @@ def test_magnitudes_without_a_sign_are_told_and_a_sign_input_heals_them():
     folded = []
     for time, name, value in measured:
         if name == 'thrusters':
+            folded.append((time, name, tuple(map(abs, value))))
             folded.append((time, 'sign', tuple(math.copysign(1.0, x) for x in value)))
-            value = tuple(map(abs, value))
-        folded.append((time, name, value))
+        else:
+            folded.append((time, name, value))
     stream, _ = identified(settings, measurements=[m for m in folded if m[1] != 'sign'])
     assert 'thrusters.sign' in stream.take_warnings()[0]
-    signed = replace(settings, sign=InputSettings('/sign'), max_wait=0.0)
+    signed = replace(settings, sign=InputSettings('/sign'))
     stream, estimates = identified(signed, measurements=folded)
+    assert stream.rejected == {}
     assert mass_ratios(estimates[-1])['surge'] == pytest.approx(1.0, abs=0.1)
     assert stream.take_warnings() == []
 

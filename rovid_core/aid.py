@@ -210,10 +210,9 @@ class AdaptiveIdentifier:
             for p, bottom, top in zip(parameters, low, high)]))
 
     def _note_excitation(self, step: Step) -> None:
-        # the mean square of the normalised regressor over about one adaptation time
-        s, v = self._regressor_scale, self.v_hat
-        x, y, z = step.force[1] * s[0], v * abs(v) * s[1], v * s[2]
-        square = min(x * x + y * y + z * z, MOST_EXCITATION)
+        # the mean square of the normalised thrust over about one adaptation time
+        x = step.force[1] * self._regressor_scale[0]
+        square = min(x * x, MOST_EXCITATION)
         self.excitation -= math.expm1(-step.dt * self._rate) * (square - self.excitation)
 
 

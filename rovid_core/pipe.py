@@ -16,9 +16,12 @@ from rovid_core.settings import Settings
 from rovid_core.thrust import Thrust
 from rovid_core.track import Track
 from rovid_core.values import DofEstimate, Estimate, Sample
-from rovid_core.watch import OneSided
+from rovid_core.watch import OneSided, TypicalSizes
 
 NS = 1e-9
+LEAST_EXCITATION = 1e-3
+"""Mean square of the thrust, in typical forces, below which nothing can be learned."""
+
 SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
 
 
@@ -75,6 +78,7 @@ class Pipe:
         self.adapt = True
         self._sign: tuple[float, ...] | None = None
         self._one_sided = OneSided(settings, warn)
+        self._sizes = [TypicalSizes(d, settings.dof[d], warn) for d in settings.dofs]
         self.refresh()
 
     def _identifier(self, i: int) -> Identifier:
@@ -243,14 +247,24 @@ class Pipe:
         if refused:
             self._reject(self._settings.dofs[i], refused)
         self._one_sided.velocity(i, step.velocity[2])
+        self._sizes[i].step(step)
         truth = self._truth.get(before.dof)
+        status, reason = self._status(identifier, refused)
         self._estimates[i] = DofEstimate(
             dof=before.dof, parameters=identifier.parameters, std=identifier.std,
-            status='invalid' if refused else 'converging' if self.adapt else 'frozen',
-            reasons=(refused,) if refused else (), time=time,
+            status=status, reasons=(reason,) if reason else (), time=time,
             steps=before.steps + (not refused), velocity=step.velocity[2],
             v_hat=identifier.v_hat, force=step.force[1], excitation=identifier.excitation,
             W=math.nan if truth is None else identifier.lyapunov(step.velocity[2], truth))
+
+    def _status(self, identifier: Identifier, refused: str) -> tuple[str, str]:
+        if refused:
+            return 'invalid', refused
+        if not self.adapt:
+            return 'frozen', ''
+        if identifier.excitation < LEAST_EXCITATION:
+            return 'unexcited', 'no thrust'
+        return 'converging', ''
 
     def _waiting(self, i: int) -> DofEstimate:
         return DofEstimate(self._settings.dofs[i], self.identifiers[i].parameters,

@@ -67,14 +67,14 @@ class DofEstimate:
     dof: str
     parameters: Four  # alpha, beta, gamma, delta
     std: Four = NAN4
-    status: str = 'waiting'  # waiting | converging | frozen | invalid
+    status: str = 'waiting'  # waiting | unexcited | converging | frozen | invalid
     reasons: tuple[str, ...] = ()
     time: int = 0  # [ns] to which velocity and v_hat belong
     steps: int = 0
     velocity: float = math.nan  # measured, filtered
     v_hat: float = math.nan  # the identifier's state
     force: float = math.nan  # mean over the step, filtered like the velocity
-    excitation: float = 0.0  # mean square of the normalised regressor
+    excitation: float = 0.0  # mean square of the thrust, in typical forces
     W: float = math.nan  # Lyapunov function, where the truth is known
 
     @property

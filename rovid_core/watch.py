@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import math
 
-from rovid_core.settings import Settings
+from rovid_core.identifier import Scales, Step
+from rovid_core.settings import DofSettings, Settings
 
-ENOUGH = 100
-"""Steps backwards after which commands should have been negative once."""
+ENOUGH = 600
+"""Steps each way after which commands should have been negative once."""
+
+MANY = 600
+"""Steps after which forces and velocities are compared with the typical ones."""
+
+FAR_OFF = 3.0
+"""Factor by which the scales of the gains may be off."""
 
 
 class OneSided:
@@ -28,7 +36,7 @@ class OneSided:
         self._slow = [
             -0.2 * (settings.dof[d].typical_velocity or 0.5) for d in settings.dofs]
         self._warn = warn
-        self._backwards = 0
+        self._backwards = self._forwards = 0
         self._watching = True
 
     def command(self, values: tuple[float, ...]) -> None:
@@ -38,10 +46,56 @@ class OneSided:
 
     def velocity(self, i: int, velocity: float) -> None:
         """Take the velocity of DOF number ``i``."""
-        if self._watching and velocity < self._slow[i]:
-            self._backwards += 1
-            if self._backwards == ENOUGH:
-                self._watching = False
-                self._warn('no thruster command was ever negative while the vehicle went '
-                           'backwards: if they are magnitudes, give their direction with '
-                           'thrusters.sign')
+        if not self._watching:
+            return
+        self._backwards += velocity < self._slow[i]
+        self._forwards += velocity > -self._slow[i]
+        if min(self._backwards, self._forwards) >= ENOUGH:
+            self._watching = False
+            self._warn('no thruster command was ever negative while the vehicle went '
+                       'backwards: if they are magnitudes, give their direction with '
+                       'thrusters.sign')
+
+
+class TypicalSizes:
+    """
+    Tell when a DOF's force or velocity is far from the typical one, which scales the gains.
+
+    Parameters
+    ----------
+    dof : str
+        Its name.
+    settings : DofSettings
+        Its typical or initial values.
+    warn : callable
+        Told one line, once.
+
+    """
+
+    def __init__(self, dof: str, settings: DofSettings, warn: Callable[[str], None]) -> None:
+        self._dof = dof
+        self._scales = Scales.of(settings)
+        self._warn = warn
+        self._steps = 0
+        self._squares = [0.0, 0.0]
+
+    def step(self, step: Step) -> None:
+        """Take a step."""
+        if self._steps >= MANY:
+            return
+        self._steps += 1
+        self._squares[0] += step.force[1] * step.force[1]
+        self._squares[1] += step.velocity[1] * step.velocity[1]
+        if self._steps == MANY:
+            self._compare()
+
+    def _compare(self) -> None:
+        # the amplitude of a sinusoid with this mean square
+        force, velocity = (math.sqrt(2.0 * x / MANY) for x in self._squares)
+        for name, got, used in (('force', force, self._scales.force),
+                                ('velocity', velocity, self._scales.velocity)):
+            if not used / FAR_OFF <= got <= used * FAR_OFF and force > 0.0:
+                self._warn(
+                    f'{self._dof}: its {name} is about {got:.2g}, and {used:.2g} scales the '
+                    f'gains: adaptation is {"faster" if got > used else "slower"} than '
+                    f'adaptation_time; set {self._dof}.typical.{name}')

@@ -33,7 +33,7 @@ TOPICS = {
 FRAME = 'base_link'
 
 OK, WARN, ERROR = 0, 1, 2
-LEVELS = {'waiting': WARN, 'converging': OK, 'frozen': OK, 'invalid': ERROR}
+LEVELS = {'waiting': WARN, 'unexcited': WARN, 'converging': OK, 'frozen': OK, 'invalid': ERROR}
 """Status of a DOF to level of a ``DiagnosticStatus``."""
 
 

@@ -426,6 +426,24 @@ def test_the_truth_scores_noise_against_the_pipe_and_nothing_against_a_reference
         assert log.score('surge', wrong).mae > 10 * limit
 
 
+def test_a_dof_that_nothing_pushes_says_so():
+    settings = vehicle(('surge', 'yaw'))
+    settings = replace(settings, simulation=replace(settings.simulation, dofs={
+        'surge': TRUTH['surge'], 'yaw': replace(TRUTH['yaw'], forces=(), frequencies=())}))
+    surge, yaw = feed(Stream(settings), events(settings))[-1].dofs
+    assert (surge.status, yaw.status, yaw.reasons) == ('converging', 'unexcited', ('no thrust',))
+
+
+def test_scales_far_from_the_data_are_told_with_what_to_set():
+    settings = surge_settings(DofSettings(20.0))
+    stream = Stream(settings)
+    feed(stream, events(settings, 120.0))
+    assert any('set surge.typical.force' in w and 'faster' in w for w in stream.take_warnings())
+    stream = Stream(surge_settings())
+    feed(stream, events(settings, 120.0))
+    assert stream.take_warnings() == []
+
+
 def test_w_is_published_where_the_truth_is_known():
     settings = surge_settings()
     assert math.isnan(feed(Stream(settings), events(settings))[-1].dofs[0].W)

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from heapq import heappop, heappush
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from rovid_core.dofs import ANGULAR_DOFS, DOFS, LINEAR_DOFS, Quaternion, Vector
 from rovid_core.plant import advance, lumped
+from rovid_core.profile import Profile, Sinusoid, Waveform
 from rovid_core.rotation import product, rotate
-from rovid_core.settings import Settings, SettingsError, ThrusterSettings
-from rovid_core.thrust import Thrust, thruster_model
+from rovid_core.settings import Settings, SettingsError, SimulatedDof
+from rovid_core.thrust import Thrust
+from rovid_core.thruster_commands import ThrusterCommands
 
 NS = 1e-9
 STEP = 5_000_000
 """[ns] Longest integration step; the mean force of a step is exact."""
-
-Profile = Mapping[str, Sequence[tuple[float, float]]]
-"""DOF -> sinusoids as (amplitude [N or N m], frequency [Hz])."""
 
 Measurement = tuple[int, str, tuple[float, ...]]
 
@@ -44,7 +42,7 @@ def simulate(settings: Settings, duration: float, seed: int,
     seed : int
         Of the sensor noise; the same seed gives the same values.
     profile : mapping, optional
-        Sinusoids of thrust per DOF, instead of those of the settings.
+        Thrust per DOF; the others have that of the settings.
 
     Yields
     ------
@@ -75,6 +73,33 @@ def simulate(settings: Settings, duration: float, seed: int,
         heappush(queue, (time + period, order, names, period))
 
 
+def profile_of(truth: Mapping[str, SimulatedDof], given: Profile | None = None) -> Profile:
+    """
+    Return the profile of a trial.
+
+    Parameters
+    ----------
+    truth : mapping
+        The simulated DOFs, with the sinusoids of the settings.
+    given : mapping, optional
+        Waveforms of some DOFs, instead of those.
+
+    Raises
+    ------
+    SettingsError
+        If a DOF that is not simulated is to move.
+
+    """
+    for dof, waveforms in (given or {}).items():
+        if dof not in truth and waveforms:
+            raise SettingsError(f'simulation.{dof}.mass', 'is required to simulate')
+    profile: dict[str, tuple[Waveform, ...]] = {
+        # 0 Hz is no thrust
+        dof: tuple([Sinusoid(f, hz) for f, hz in zip(true.forces, true.frequencies) if hz])
+        for dof, true in truth.items()}
+    return {**profile, **(given or {})}
+
+
 class _Vehicle:
     """Position, attitude and body velocity under commanded thrust."""
 
@@ -83,12 +108,6 @@ class _Vehicle:
         for dof in settings.dofs:
             if dof not in truth:
                 raise SettingsError(f'simulation.{dof}.mass', 'is required to simulate')
-        self.profile: dict[str, list[tuple[float, float]]] = {
-            dof: list(zip(t.forces, t.frequencies)) for dof, t in truth.items()}
-        self.profile.update({dof: list(waves) for dof, waves in (profile or {}).items()})
-        for dof, waves in self.profile.items():
-            if dof not in truth and waves:
-                raise SettingsError(f'simulation.{dof}.mass', 'is required to simulate')
         self._dofs = tuple(d for d in DOFS if d in truth)
         self._parameters = [
             lumped(t.mass, t.quadratic_drag, t.linear_drag, t.bias)
@@ -96,7 +115,8 @@ class _Vehicle:
         # however many topics the commands come on, they are given all at once
         self._thrust = Thrust(replace(
             settings.thrusters, timeout=0.0, topics=settings.thrusters.topics[:1]), self._dofs)
-        self._commands = _Commands(settings.thrusters, self.profile)
+        self._commands = ThrusterCommands(
+            settings.thrusters, profile_of(truth, profile))
         self.velocity = [0.0] * 6
         self.position: Vector = (0.0, 0.0, 0.0)
         self.attitude: Quaternion = (0.0, 0.0, 0.0, 1.0)
@@ -144,46 +164,6 @@ class _Vehicle:
         x, y, z = self.position
         self.position = (x + shift[0], y + shift[1], z + shift[2])
         self.attitude = turned(1.0)
-
-
-class _Commands:
-    """Raw thruster commands that give a profile of body forces."""
-
-    def __init__(self, settings: ThrusterSettings, profile: Profile) -> None:
-        self._settings = settings
-        self._dofs = tuple(d for d in DOFS if profile.get(d))
-        self._waves = [profile[d] for d in self._dofs]
-        rows = np.array([settings.allocation[DOFS.index(d)] for d in self._dofs])
-        working = np.array(settings.gain) != 0.0
-        rows = rows.reshape(len(self._dofs), settings.count) * working
-        if self._dofs and np.linalg.matrix_rank(rows) < len(self._dofs):
-            raise SettingsError(
-                'thrusters.allocation', f'can not push {", ".join(self._dofs)} independently')
-        self._inverse: NDArray[np.float64] = np.linalg.pinv(rows)
-        self._command = _inverse_model(settings)
-
-    def at(self, t: float) -> tuple[float, ...]:
-        """Return the raw commands at ``t`` [s]."""
-        wrench = [math.fsum(f * math.sin(2.0 * math.pi * hz * t) for f, hz in waves)
-                  for waves in self._waves]
-        forces = self._inverse @ np.array(wrench) if wrench else np.zeros(self._settings.count)
-        return tuple(
-            self._command(float(f) / k if k else 0.0)
-            for f, k in zip(forces, self._settings.gain))
-
-
-def _inverse_model(settings: ThrusterSettings) -> Callable[[float], float]:
-    """Return the raw command for a thruster force before its gain."""
-    if settings.model == 'linear':
-        return lambda f: f + settings.offset
-    if settings.model == 'quadratic':
-        return lambda f: math.copysign(math.sqrt(abs(f)), f) + settings.offset
-    grid = (np.linspace(-1.0, 1.0, 2001) if settings.model == 'polynomial'
-            else np.array(settings.table_command)) + settings.offset
-    forces = [thruster_model(settings)(float(u)) for u in grid]
-    if any(b < a for a, b in zip(forces, forces[1:])):
-        raise SettingsError('thrusters.model', 'has to rise with the command to be simulated')
-    return lambda f: float(np.interp(f, forces, grid))
 
 
 class _Sensors:

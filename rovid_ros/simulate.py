@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-import difflib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 import heapq
 from itertools import chain, groupby
 import math
@@ -11,60 +11,96 @@ from pathlib import Path
 import re
 import struct
 
-from rovid_core.dofs import DOFS, PARAMETERS, PHYSICAL
+from rovid_core.dofs import ANGULAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.plant import lumped
+from rovid_core.profile import Profile
 from rovid_core.settings import Settings, SimulatedDof
-from rovid_core.simulator import simulate
+from rovid_core.simulator import Measurement, profile_of, simulate
+from rovid_core.thruster_commands import shortfall
 from rovid_ros.interrupt import Interrupt, Interrupted
 from rovid_ros.log_writer import LogWriter
+from rovid_ros.profile_text import profile_text
 from rovid_ros.progress import Progress
 from rovid_ros.sensor_messages import SensorMessage, SensorMessages, SimulationError
 
 EPOCH = 1_700_000_000 * 1_000_000_000
 """When every simulation begins [ns]: fixed, so that the same seed gives the same file."""
 
-Profile = Mapping[str, tuple[tuple[float, float], ...]]
+NUMBER = re.compile(r'\{n?\}')
+"""Where the number of a trial goes in the name of its file."""
 
 
-class ProfileError(ValueError):
-    """A thrust profile that cannot be read; the text says what and where."""
+PAUSE = 60 * 1_000_000_000
+"""Between two trials of one call [ns]: joined into one log, they follow one another."""
 
 
-def parse_profile(text: str) -> Profile:
+@dataclass(frozen=True)
+class Trial:
+    """One log of several that are made in one call."""
+
+    path: Path
+    seed: int
+    start: int  # [ns]
+    profile: Profile
+
+
+def plan_trials(output: Path, duration: float, seed: int,
+                profiles: Sequence[Profile]) -> list[Trial]:
     """
-    Read a thrust profile.
+    Lay out the trials of one call.
+
+    Each starts a minute after the end of the one before, with a seed that is one higher.
 
     Parameters
     ----------
-    text : str
-        Sinusoids per DOF, amplitude [N or N m] @ frequency [Hz], such as
-        ``surge=120@0.083+60@0.04,yaw=20@0.05``.
+    output : Path
+        ``{}`` in it stands for the trial's number, from 1. Without it a single trial is
+        written there, and of several ``out.mcap`` the first to ``out-1.mcap``.
+    duration : float
+        Of each trial [s].
+    seed : int
+        Of the first.
+    profiles : sequence of mapping
+        One for each trial.
 
-    Returns
-    -------
-    profile : mapping of str to tuple of (amplitude, frequency)
+    """
+    name = str(output)
+    if not NUMBER.search(name) and len(profiles) > 1:
+        name = str(output.with_name(f'{output.stem}-{{}}{output.suffix}'))
+    step = math.ceil(duration) * 1_000_000_000 + PAUSE
+    return [Trial(Path(NUMBER.sub(str(k + 1), name)), seed + k, EPOCH + k * step, profile)
+            for k, profile in enumerate(profiles)]
+
+
+def profile_warnings(settings: Settings, duration: float, profile: Profile) -> list[str]:
+    """
+    Return what the thrusters cannot do of a trial's profile, one line each.
 
     Raises
     ------
-    ProfileError
-        Says which part it does not understand.
+    SettingsError
+        If they cannot move what the profile moves.
 
     """
-    profile: dict[str, tuple[tuple[float, float], ...]] = {}
-    for part in text.split(','):
-        dof, equals, waves = (piece.strip() for piece in part.partition('='))
-        if dof not in DOFS:
-            near = difflib.get_close_matches(dof, DOFS, 1)
-            hint = f'; did you mean {near[0]}?' if near else ''
-            raise ProfileError(f'got DOF {dof!r}, takes {", ".join(DOFS)}{hint}')
-        if dof in profile:
-            raise ProfileError(f'names {dof} twice; add waves with +')
-        profile[dof] = tuple([_wave(dof, wave) for wave in waves.split('+')])
-    return profile
+    lines = []
+    rate = settings.simulation.thruster_rate
+    profile = profile_of(settings.simulation.dofs, profile)
+    for dof, waveforms in profile.items():
+        highest = max([w.highest for w in waveforms], default=0.0)
+        if highest > 0.5 * rate:
+            lines.append(f'{dof} is to follow {highest:g} Hz, more than half of the {rate:g} Hz '
+                         'of simulation.thruster_rate')
+    short = shortfall(settings.thrusters, profile, rate, duration)
+    if short:
+        unit = 'N m' if short.dof in ANGULAR_DOFS else 'N'
+        lines.append(f'the thrusters are at their limit for {100.0 * short.share:.3g} % of the '
+                     f'time; at {short.time:.2f} s {short.dof} gets {short.given:.4g} of '
+                     f'{short.asked:.4g} {unit}')
+    return lines
 
 
 def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
-                 profile: Profile | None = None) -> int:
+                 profile: Profile | None = None, start: int = EPOCH) -> int:
     """
     Write the log of a simulated vehicle, with the configured topics and types.
 
@@ -73,13 +109,16 @@ def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
     settings : Settings
         With the truth, the sensor rates and the noise under ``simulation``.
     path : Path
-        MCAP file; its metadata record ``rovid_truth`` holds the true parameters.
+        MCAP file; its metadata record ``rovid_truth`` holds the true parameters and, as
+        ``profile``, the thrust of all DOFs.
     duration : float
         Length [s].
     seed : int
         Of the noise; the same seed gives the same file, byte for byte.
     profile : mapping, optional
-        Thrust per DOF, see :func:`parse_profile`; instead of that in the settings.
+        Thrust per DOF; the others have that of the settings.
+    start : int
+        Time [ns] of the first measurement.
 
     Returns
     -------
@@ -93,20 +132,23 @@ def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
 
     """
     sensors = SensorMessages(settings)
-    messages = _in_order(settings, sensors, duration, seed, profile)
+    messages = _in_order(sensors, simulate(settings, duration, seed, profile), start)
     first = next(messages)  # what cannot be simulated shows before there is a file
     count, elapsed = 0, 0
-    with (LogWriter(path) as writer, Interrupt() as interrupt,
+    with (Interrupt(path) as interrupt, LogWriter(path) as writer,
           Progress('simulate', lambda: elapsed / (duration * 1e9)) as progress):
-        writer.metadata('rovid_truth', truth(settings.simulation.dofs))
+        writer.metadata('rovid_truth', {
+            **truth(settings.simulation.dofs),
+            'profile': profile_text(profile_of(settings.simulation.dofs, profile))})
         for message in chain([first], messages):
             if interrupt.asked:
                 break
             _write(writer, message)
-            count, elapsed = count + 1, message.time - EPOCH
+            count, elapsed = count + 1, message.time - start
             progress.tick()
     if interrupt.asked:
-        raise Interrupted(f'interrupted; {path} holds the first {elapsed * 1e-9:.1f} s')
+        raise Interrupted(
+            f'interrupted; {path} holds the first {elapsed * 1e-9:.1f} s', interrupt.code)
     return count
 
 
@@ -125,18 +167,17 @@ def _write(writer: LogWriter, message: SensorMessage) -> None:
         writer.write(message.topic, message.type, message.fields, message.time)
     except (OverflowError, struct.error) as error:
         raise SimulationError(
-            f'{message.topic}: a value does not fit the integer in {message.type}: {error}'
+            message.topic, f'a value does not fit the integer in {message.type}: {error}'
         ) from None
 
 
-def _in_order(settings: Settings, sensors: SensorMessages, duration: float, seed: int,
-              profile: Profile | None) -> Iterator[SensorMessage]:
+def _in_order(sensors: SensorMessages, samples: Iterator[Measurement],
+              start: int) -> Iterator[SensorMessage]:
     """Yield the messages in the order of arrival: each is as late as its input's latency."""
     waiting: list[tuple[int, int, SensorMessage]] = []
     count = 0
-    samples = simulate(settings, duration, seed, profile)
     for time, group in groupby(samples, key=lambda sample: sample[0]):
-        now = EPOCH + time
+        now = start + time
         while waiting and waiting[0][0] <= now + sensors.soonest:
             yield heapq.heappop(waiting)[2]
         for message in sensors.messages(now, {name: value for _, name, value in group}):
@@ -144,16 +185,3 @@ def _in_order(settings: Settings, sensors: SensorMessages, duration: float, seed
             count += 1
     while waiting:
         yield heapq.heappop(waiting)[2]
-
-
-def _wave(dof: str, text: str) -> tuple[float, float]:
-    found = re.fullmatch(r'\s*([^@]+)@([^@]+)', text)
-    try:
-        if found:
-            amplitude, frequency = float(found[1]), float(found[2])
-            if math.isfinite(amplitude) and math.isfinite(frequency) and frequency >= 0.0:
-                return (amplitude, frequency)
-    except ValueError:
-        pass
-    raise ProfileError(f'got {text.strip()!r} for {dof}, takes AMPLITUDE@FREQUENCY such as '
-                       '120@0.083 ([N or N m] @ [Hz])')

@@ -21,7 +21,7 @@ from rovid_ros.cli import main
 from rovid_ros.convert import Converter
 from rovid_ros.message_types import build, standard_types
 from rovid_ros.sensor_messages import SensorMessages, SimulationError
-from rovid_ros.simulate import EPOCH, parse_profile, ProfileError, simulate_log
+from rovid_ros.simulate import EPOCH, simulate_log
 
 ATTITUDE = product(from_yaw(2.5), (0.1, 0.0, 0.0, math.sqrt(0.99)))
 LEVEL = from_yaw(-2.0)
@@ -190,26 +190,6 @@ def test_a_number_that_does_not_fit_is_refused(tmp_path: Path) -> None:
         simulate_log(settings, tmp_path / 'out.mcap', 2.0, 1)
 
 
-@pytest.mark.parametrize(('text', 'profile'), [
-    ('surge=120@0.083', {'surge': ((120.0, 0.083),)}),
-    ('surge=120@0.083+60@0.04, yaw=20@0.05',
-     {'surge': ((120.0, 0.083), (60.0, 0.04)), 'yaw': ((20.0, 0.05),)}),
-])
-def test_a_profile_is_read(text: str, profile: object) -> None:
-    assert parse_profile(text) == profile
-
-
-@pytest.mark.parametrize(('text', 'says'), [
-    ('srge=1@1', 'did you mean surge'), ('surge', "''"), ('surge=1', "'1' for surge"),
-    ('surge=1@', "'1@' for surge"), ('surge=1@1@1', "'1@1@1'"), ('surge=x@1', "'x@1'"),
-    ('surge=nan@1', "'nan@1'"), ('surge=1@-1', "'1@-1'"), ('', 'takes surge, sway'),
-    ('surge=1@1,surge=2@2', 'names surge twice'),
-])
-def test_a_profile_that_cannot_be_read_says_where(text: str, says: str) -> None:
-    with pytest.raises(ProfileError, match=says):
-        parse_profile(text)
-
-
 def test_the_same_seed_gives_the_same_file(repository: Path, tmp_path: Path) -> None:
     config = repository / 'config' / 'jhurov.yaml'
     logs = [tmp_path / f'{i}.mcap' for i in range(3)]
@@ -230,6 +210,7 @@ def test_the_log_tells_the_truth(repository: Path, tmp_path: Path) -> None:
         times = [message.log_time for _, _, message in reader.iter_messages()]
     assert record.name == 'rovid_truth'
     assert float(record.metadata['surge.mass']) == 290.0
+    assert record.metadata['profile'].startswith('surge=99@0.1,heave=350@0.03846+150@0.09091,')
     assert float(record.metadata['surge.alpha']) == 1.0 / 290.0
     assert float(record.metadata['heave.delta']) == -10.0 / 2400.0
     assert times[0] == EPOCH

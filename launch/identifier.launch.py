@@ -13,7 +13,9 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument(
             'params_file', description='parameter file of the vehicle, see config/'),
         DeclareLaunchArgument(
-            'namespace', default_value='', description='namespace of the node and its topics'),
+            'namespace', default_value='',
+            description='namespace of the node: its outputs and services, and those input '
+            'topics whose names are relative (no slash in front)'),
         DeclareLaunchArgument(
             'use_sim_time', default_value='false',
             description='whether the time comes from /clock, as when a bag is played'),

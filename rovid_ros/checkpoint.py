@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import json
-import os
 from pathlib import Path
 from typing import Any
 
 from rovid_core.settings import Settings
+from rovid_ros.json_file import write_json
 
 VERSION = 1
 
@@ -28,20 +28,8 @@ def save(path: Path, settings: Settings, state: Mapping[str, Any]) -> None:
 
     """
     content = {'rovid_checkpoint': VERSION, **_fingerprint(settings), 'state': state}
-    text = json.dumps(content, indent=1, allow_nan=False)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(path.name + '.tmp')
-    with temporary.open('w', encoding='utf-8') as file:
-        file.write(text + '\n')
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
-    # the new name itself is only safe once its directory is
-    directory = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)
+    write_json(path, content, indent=1)
 
 
 def load(path: Path, settings: Settings) -> dict[str, Any]:

@@ -1,13 +1,11 @@
-"""The node as a process: command line, signals, a clean end."""
+"""The node as a process: command line, a clean end."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 import re
-import signal
 import sys
-from types import FrameType
 from typing import Any, Protocol
 
 import rclpy
@@ -22,7 +20,9 @@ from rclpy.logging import set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
+from rovid_ros.command import AT_FAULT, DONE, USAGE, UsageError
 from rovid_ros.node_parameters import NODE_NAME, read_files
+from rovid_ros.node_stop import Stop
 
 PATIENCE = 0.1
 """[s] A signal is noticed within this time."""
@@ -35,19 +35,8 @@ class Finishing(Protocol):
         """Send and write what is held."""
 
 
-class Stop:
-    """Turns SIGINT and SIGTERM into a flag."""
-
-    def __init__(self) -> None:
-        self.asked = False
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, self._ask)
-
-    def _ask(self, number: int, frame: FrameType | None) -> None:
-        self.asked = True
-
-
-def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str]) -> int:
+def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
+        stop: Stop) -> int:
     """
     Run a node until a signal.
 
@@ -57,19 +46,24 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str]) -> i
         Makes the node from the values of the parameter files.
     arguments : sequence of str
         Command line, the program's name first.
+    stop : Stop
+        Says when a signal came.
 
     Returns
     -------
     code : int
-        0 after SIGINT or SIGTERM, 1 for a wrong configuration, told in one line.
+        0 after SIGINT or SIGTERM, 1 for a wrong configuration, 2 for a command line that
+        cannot be read; both are told in one line.
 
     """
-    stop = Stop()
+    if stop.asked:
+        stop.ignore()
+        return DONE
     try:
         rest, values = read_files(arguments)
         # what rcl has to say against the command line is said once, below
         set_logger_level('rcl', LoggingSeverity.FATAL)
-        _parse(remove_ros_args(list(rest))[1:])
+        _parse(rest)
         # its own handlers would end the context before the last estimates are out
         rclpy.init(args=list(rest), signal_handler_options=SignalHandlerOptions.NO)
         set_logger_level('rcl', LoggingSeverity.UNSET)
@@ -78,20 +72,26 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str]) -> i
             NoTypeSupportImportedException) as error:
         print(f'{NODE_NAME}: {one_line(error)}', file=sys.stderr)
         rclpy.try_shutdown()
-        return 1
+        return USAGE if isinstance(error, UsageError) else AT_FAULT
     try:
         _spin(node, stop)
     finally:
         rclpy.try_shutdown()
-    return 0
+    return DONE
 
 
 def _parse(arguments: Sequence[str]) -> None:
-    """Take nothing but ``--help``; ends the process with code 2 for anything else."""
-    argparse.ArgumentParser(
+    """Refuse what rcl cannot read, and all that is not its own but ``--help``."""
+    try:
+        rest = remove_ros_args(list(arguments))[1:]
+    except RuntimeError as error:
+        raise UsageError(one_line(error)) from None
+    _, unknown = argparse.ArgumentParser(
         prog=NODE_NAME, usage='%(prog)s --ros-args --params-file FILE',
         description='Identifies the plant parameters of an underwater vehicle, live.',
-    ).parse_args(arguments)
+    ).parse_known_args(rest)
+    if unknown:
+        raise UsageError(f'unknown arguments {unknown}; takes --ros-args --params-file FILE')
 
 
 def one_line(error: Exception) -> str:
@@ -110,9 +110,7 @@ def _spin(node: Node, stop: Stop) -> None:
         while not stop.asked:
             executor.spin_once(timeout_sec=PATIENCE)
     finally:
-        # under a launch file SIGINT comes twice: the second must not break this off
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        stop.ignore()  # a second one must not break this off
         node.finish()  # type: ignore[attr-defined]
         executor.remove_node(node)
         node.destroy_node()

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rovid_ros.node_messages import fill, import_type
-from rovid_ros.outputs import DIAGNOSTIC_TYPE, Output, TOPICS
+from rovid_ros.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, TOPICS
 
 DEPTH = 1000
 """Messages that are kept for a slow peer, so that none of a burst is lost."""
@@ -49,7 +49,7 @@ class Publishers:
     def __init__(self, node: Node) -> None:
         self._publishers: dict[str, tuple[type[Any], Publisher[Any]]] = {}
         for topic, name in TOPICS.items():
-            profile = latched() if topic.startswith('rov/params') else reliable(DEPTH)
+            profile = latched() if topic in LATCHED else reliable(DEPTH)
             self._add(node, topic, name, profile)
         self._add(node, '/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
 

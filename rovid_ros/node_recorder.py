@@ -11,6 +11,7 @@ from typing import Any
 from rovid_core.values import Event
 from rovid_ros import __version__
 from rovid_ros.log_writer import LogWriter
+from rovid_ros.node_files import free, prepare
 
 CONTROL_TOPIC = '/rovid/control'
 
@@ -55,11 +56,17 @@ class Recorder:
     failed : callable
         Told in one line why the recording ended.
 
+    Raises
+    ------
+    SettingsError
+        If the file could not be written.
+
     """
 
     def __init__(self, path: Path, definition: Callable[[str], str],
                  failed: Callable[[str], object]) -> None:
-        self.path = _free(path)
+        prepare('record.path', path)
+        self.path = free(path)
         self._definition = definition
         self._failed = failed
         self._writer: LogWriter | None = None
@@ -75,13 +82,7 @@ class Recorder:
         restored : mapping or None
             The state that the stream goes on from; a replay needs it.
 
-        Raises
-        ------
-        OSError
-            If the file cannot be made.
-
         """
-        self.path.parent.mkdir(parents=True, exist_ok=True)
         self._writer = LogWriter(self.path)
         values = {'version': __version__}
         if restored is not None:
@@ -124,12 +125,3 @@ class Recorder:
         except OSError as error:
             self._writer = None
             self._failed(f'recording to {self.path} ended: {error}')
-
-
-def _free(path: Path) -> Path:
-    """Return ``path``, or with the first number behind its stem that is not taken."""
-    number, free = 0, path
-    while free.exists():
-        number += 1
-        free = path.with_name(f'{path.stem}-{number}{path.suffix}')
-    return free

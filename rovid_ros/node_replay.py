@@ -7,14 +7,17 @@ import time
 from typing import Any
 
 import rclpy
+from rclpy.clock import ROSClock
+from rclpy.clock_type import ClockType
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
-from rosgraph_msgs.msg import Clock
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock as ClockMessage
 from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
 from rovid_core.values import Estimate
 from rovid_ros.logs import LogMessage
-from rovid_ros.node import IdentifierNode
+from rovid_ros.node_identifier import IdentifierNode
 
 CLOCK_PERIOD = 10_000_000  # [ns] of log time between two messages on /clock
 PATIENCE = 0.01  # [s] of real time after which services and timers get their turn
@@ -46,13 +49,14 @@ class NodeFeeder:
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.scores = ScoreLog(settings)
         try:
-            self.node = IdentifierNode(values, live=False, scorer=self.scores)
+            self.node = IdentifierNode(
+                {**values, 'use_sim_time': True}, live=False, scorer=self.scores)
         except BaseException:
             rclpy.try_shutdown()
             raise
         self.stream = self.node.stream
         self.converter = self.node.converter
-        self._clock = self.node.create_publisher(Clock, '/clock', 10)
+        self._clock = self.node.create_publisher(ClockMessage, '/clock', 10)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self.node)
         self._rate = rate
@@ -88,13 +92,23 @@ class NodeFeeder:
         if self._rate is not None:
             due = self._began + (now - self._first) * 1e-9 / self._rate
             while (left := due - time.monotonic()) > 0.0:
-                self._executor.spin_once(timeout_sec=min(left, PATIENCE))
-        elif time.monotonic() - self._turn > PATIENCE:
-            self._executor.spin_once(timeout_sec=0.0)
-            self._turn = time.monotonic()
+                self._spin(min(left, PATIENCE))
         if now - self._told >= CLOCK_PERIOD:
-            self._told = now
-            sec, nanosec = divmod(now, 1_000_000_000)
-            clock = Clock()
-            clock.clock.sec, clock.clock.nanosec = sec, nanosec
-            self._clock.publish(clock)
+            self._tell(now)
+        if time.monotonic() - self._turn > PATIENCE:
+            self._spin(0.0)
+
+    def _spin(self, timeout: float) -> None:
+        """Give services and timers their turn."""
+        self._executor.spin_once(timeout_sec=timeout)
+        self._turn = time.monotonic()
+
+    def _tell(self, now: int) -> None:
+        """Publish the time [ns]; the node itself must not be behind, as if it heard it."""
+        self._told = now
+        clock = self.node.get_clock()
+        assert isinstance(clock, ROSClock)
+        clock.set_ros_time_override(Time(nanoseconds=now, clock_type=ClockType.ROS_TIME))
+        message = ClockMessage()
+        message.clock.sec, message.clock.nanosec = divmod(now, 1_000_000_000)
+        self._clock.publish(message)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -38,8 +39,8 @@ def test_a_failed_save_leaves_the_old_file(tmp_path: Path) -> None:
     save(path, settings(), STATE)
     with pytest.raises(ValueError):
         save(path, settings(), {'a': float('nan')})
-    (tmp_path / 'checkpoint.json.tmp').mkdir()  # nothing can be written there
-    with pytest.raises(OSError):
+    (tmp_path / f'.checkpoint.json.{os.getpid()}').mkdir()  # nothing can be written there
+    with pytest.raises(OSError, match=f"'{path}'"):
         save(path, settings(), {'a': 1.0})
     assert load(path, settings()) == STATE
 

@@ -1,9 +1,11 @@
 """The node object: conversion of its inputs, parameters, and what it does when fed by hand."""
 
 from collections.abc import Iterator
+import os
 from pathlib import Path
 import random
 import resource
+import time
 from typing import Any
 
 import pytest
@@ -32,11 +34,13 @@ from rovid_core.values import Event
 from rovid_ros.field_paths import FieldError
 from rovid_ros.keys import KEYS
 from rovid_ros.logs import Log
-from rovid_ros.node import IdentifierNode
+from rovid_ros.node_files import prepare
+from rovid_ros.node_identifier import IdentifierNode
 from rovid_ros.node_messages import definition, fill, import_type, MessageTypeError
 from rovid_ros.node_parameters import read_files
 from rovid_ros.node_publishers import best_effort, latched
 from rovid_ros.node_recorder import Received, Recorder
+from rovid_ros.node_replay import NodeFeeder
 from rovid_ros.outputs import DIAGNOSTIC_TYPE
 from rovid_ros.parameters import settings_from
 from std_msgs.msg import Float64MultiArray
@@ -138,6 +142,26 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
     assert not checkpoint.exists()
     assert not any(s.topic_name in TYPES for s in run.node.subscriptions)
     run.close()
+
+
+def test_a_replay_that_is_behind_tells_ages_in_its_own_time(log: Path) -> None:
+    """Services and timers get their turn, and the node's clock is the log's."""
+    feeder = NodeFeeder(VALUES, settings_from(VALUES), rate=1e6)  # never caught up with
+    peer = Peer()
+    health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
+    with Log([log]) as source:
+        messages = list(source.messages(list(TYPES)))
+    for message in messages:
+        feeder.feed(message)
+        time.sleep(2.0 / len(messages))
+    peer.until(lambda: health, 1.0)
+    for status in health[-1].status[:4]:
+        values = {entry.key: entry.value for entry in status.values}
+        assert int(values['count']) > 0
+        assert abs(float(values['age_s'])) < 1.0  # not the years since the log
+    assert messages[0].time // 10**9 <= health[-1].header.stamp.sec <= messages[-1].time // 10**9
+    peer.close()
+    feeder.close()
 
 
 def test_a_late_subscriber_gets_the_last_parameters(ros: None, messages: list[Raw]) -> None:
@@ -257,6 +281,16 @@ def test_a_full_disk_ends_the_record_alone(tmp_path: Path, messages: list[Raw]) 
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     (line,) = failures
     assert 'record.mcap ended' in line
+
+
+def test_only_a_regular_file_is_replaced(tmp_path: Path) -> None:
+    """A checkpoint is put in the place of what is there: never of a device."""
+    os.mkfifo(tmp_path / 'pipe')
+    for path in (tmp_path, tmp_path / 'pipe', tmp_path / 'pipe' / 'file', Path('/proc/x/y')):
+        with pytest.raises(SettingsError, match=rf'^checkpoint\.path: {path} '):
+            prepare('checkpoint.path', path)
+    prepare('checkpoint.path', tmp_path / 'new' / 'file')
+    assert [*(tmp_path / 'new').iterdir()] == []
 
 
 def test_whole_numbers_are_taken_where_numbers_are_meant(ros: None) -> None:

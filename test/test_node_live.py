@@ -40,7 +40,7 @@ from rovid_ros.cli import main
 from rovid_ros.keys import KEYS
 from rovid_ros.logs import Log
 from rovid_ros.node_publishers import latched
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
+from rovid_ros.outputs import DIAGNOSTIC_TYPE, summary
 from rovid_ros.parameters import settings_from
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64MultiArray
@@ -280,6 +280,8 @@ def test_the_record_replays_to_the_same_bits(peer: Peer, start: Start, tmp_path:
     texts = {text for statuses in got for _, _, text, _ in statuses}
     assert {'converging', 'frozen'} <= texts
     assert_same(got, replayed_record(record, changed(UNSTAMPED)))
+    with Log([record.with_suffix('.output.mcap')]) as log:  # a reset is shown without a step
+        assert log.topics['/rov/params'].count == len(got) + 1
 
 
 def test_a_killed_node_leaves_a_record(messages: list[Raw], peer: Peer, start: Start,
@@ -325,7 +327,70 @@ def test_save_and_go_on(messages: list[Raw], peer: Peer, start: Start, tmp_path:
     peer.until(lambda: 'not restored' in node.output)
     assert 'dofs' in node.output
     assert json.loads(path.read_text()) == saved
-    node.kill()
+    assert node.stop() == 0
+    assert json.loads(path.read_text())['dofs'] == ['surge', 'yaw']
+    assert json.loads((path.parent / 'checkpoint-1.json').read_text()) == saved
+    assert 'checkpoint-1.json' in node.output
+
+
+def test_a_damaged_checkpoint_is_kept(peer: Peer, start: Start, tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    path.write_text('{"rovid')
+    (tmp_path / 'checkpoint-1.json').write_text('of before')
+    node = start({'checkpoint.path': str(path)})
+    for _ in range(2):
+        assert peer.call(Trigger, '/identifier_node/save').success
+    assert node.stop() == 0
+    assert json.loads(path.read_text())['dofs'] == ['surge', 'heave', 'yaw']
+    assert (tmp_path / 'checkpoint-1.json').read_text() == 'of before'
+    assert (tmp_path / 'checkpoint-2.json').read_text() == '{"rovid'
+    assert not (tmp_path / 'checkpoint-3.json').exists()
+
+
+def test_a_frozen_state_says_so(peer: Peer, start: Start, tmp_path: Path) -> None:
+    changes = {'checkpoint.path': str(tmp_path / 'checkpoint.json')}
+    node = start(changes)
+    assert peer.call(SetBool, '/identifier_node/enable', SetBool.Request(data=False)).success
+    assert node.stop() == 0
+    node = start(changes)
+    peer.until(lambda: 'going on from' in node.output)
+    assert 'checkpoint.json, frozen' in node.output
+
+
+def test_a_failed_save_is_not_the_end(peer: Peer, start: Start, tmp_path: Path) -> None:
+    folder = tmp_path / 'state'
+    node = start({'checkpoint.path': str(folder / 'checkpoint.json'), 'checkpoint.period': 1.0})
+    assert peer.call(Trigger, '/identifier_node/save').success
+    (folder / 'checkpoint.json').unlink()
+    folder.rmdir()
+    folder.write_text('in the way')
+    answer = peer.call(Trigger, '/identifier_node/save')
+    assert not answer.success
+    assert 'state' in answer.message
+    peer.until(lambda: node.output.count('[ERROR]') >= 2)  # the periodic save, too
+    assert peer.call(Trigger, '/identifier_node/reset').success
+    assert node.stop() == 0
+    assert 'Traceback' not in node.output
+
+
+def test_a_reset_shows_at_once(messages: list[Raw], peer: Peer, start: Start) -> None:
+    array = 'std_msgs/msg/Float64MultiArray'
+    params = peer.listen('/rov/params', array)
+    node = start()
+    peer.advertise(TYPES)
+    peer.publish(messages[:300])
+    peer.settle(params, 100)
+    initial = [dof[name] for dof in summary(settings_from(VALUES), None).values()
+               for name in ('alpha', 'beta', 'gamma', 'delta')]
+    assert list(params[-1].data) != initial
+    assert peer.call(Trigger, '/identifier_node/reset').success
+    late = peer.listen('/rov/params', array, latched())
+    late_std = peer.listen('/rov/params_std', array, latched())
+    peer.until(lambda: late and late_std)
+    assert list(late[-1].data) == initial
+    assert all(map(math.isnan, late_std[-1].data))
+    assert node.stop() == 0
+    assert '~/reset: back at the initial values' in node.output
 
 
 def test_save_without_a_path(peer: Peer, start: Start) -> None:
@@ -342,7 +407,10 @@ WRONG = {
     'field': ({'position.field': 'pont'}, 'pont'),
     'topic': ({'position.topic': 'a b'}, 'position.topic'),
     'shape': ({'thrusters.gain': [1.0, 1.0]}, 'thrusters'),
-    'record': ({'record.path': '/dev/null/record.mcap'}, '/dev/null'),
+    'record': ({'record.path': '/dev/null/record.mcap'}, 'record.path: /dev/null/record.mcap'),
+    'folder': ({'record.path': '/proc/none/record.mcap'}, 'record.path: /proc/none/record.mcap'),
+    'directory': ({'record.path': '/proc'}, 'record.path: /proc is a directory'),
+    'checkpoint': ({'checkpoint.path': '/proc/none/c.json'}, 'checkpoint.path: /proc/none/c.json'),
 }
 
 
@@ -367,8 +435,11 @@ def test_a_wrong_file_is_one_line(text: str, expected: str, environment: dict[st
 
 @pytest.mark.parametrize('arguments, code, expected', [
     ([], 1, '--params-file'),
-    (['--ros-args', '-p', 'dofs:=[surge, 1]'], 1, 'dofs:=[surge, 1]'),
-    (['--ros-args', '--params-file'], 1, '--params-file'),
+    (['--ros-args', '-p', 'dofs:=[surge, 1]'], 2, 'dofs:=[surge, 1]'),
+    (['--ros-args', '--params-file'], 2, '--params-file'),
+    (['--ros-args', '-r', 'foo'], 2, 'foo'),
+    (['--ros-args', '--foo'], 2, '--foo'),
+    (['--foo'], 2, '--foo'),
     (['parameters.yaml'], 2, 'parameters.yaml'),
 ])
 def test_a_wrong_command_line(arguments: list[str], code: int, expected: str,
@@ -377,7 +448,20 @@ def test_a_wrong_command_line(arguments: list[str], code: int, expected: str,
     node = NodeProcess(arguments, environment, tmp_path, repository)
     assert node.wait() == code
     assert expected in node.output
-    assert 'Traceback' not in node.output
+    assert len(node.output.splitlines()) == 1
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_the_imports(number: int, start: Start) -> None:
+    node = start()
+    process = Path('/proc', str(node.process.pid))
+    caught = 0
+    while not caught >> (signal.SIGTERM - 1) & 1:  # until the node minds it
+        assert node.process.poll() is None
+        caught = int((process / 'status').read_text().partition('SigCgt:')[2].split()[0], 16)
+    assert 'numpy' not in (process / 'maps').read_text()
+    assert node.stop(number) == 0, node.output
+    assert not node.output
 
 
 def assert_refused(node: NodeProcess, expected: str) -> None:

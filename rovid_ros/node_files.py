@@ -1,0 +1,37 @@
+"""The files that the node writes: checked at the start, and no other file lost to them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+import tempfile
+
+from rovid_core.settings import SettingsError
+
+
+def prepare(key: str, path: Path) -> None:
+    """
+    Make the folder of a file that is going to be written, and see whether that will work.
+
+    Raises
+    ------
+    SettingsError
+        If it will not; it names the key.
+
+    """
+    try:
+        if path.exists() and not path.is_file():
+            what = 'is a directory' if path.is_dir() else 'is not a regular file'
+            raise SettingsError(key, f'{path} {what}, takes the name of a file')
+        path.parent.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path.parent).close()
+    except OSError as error:
+        raise SettingsError(key, f'{path} cannot be written: {error.strerror or error}') from None
+
+
+def free(path: Path) -> Path:
+    """Return ``path``, or with the first number behind its stem that is not taken."""
+    number, found = 0, path
+    while found.exists():
+        number += 1
+        found = path.with_name(f'{path.stem}-{number}{path.suffix}')
+    return found

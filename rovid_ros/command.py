@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 import os
 from pathlib import Path
 import sys
 from typing import Any
 
 from rovid_core.settings import Settings, SettingsError
+from rovid_ros.interrupt import Interrupted
 
 DONE, AT_FAULT, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 
@@ -28,8 +30,10 @@ def guarded(name: str, run: Callable[[], None]) -> int:
         if sys.stdout is not None:
             sys.stdout.flush()
         return DONE
-    except KeyboardInterrupt as stop:
-        return _fail(name, str(stop) or 'interrupted', INTERRUPTED)
+    except Interrupted as stop:
+        return _fail(name, str(stop), stop.code)
+    except KeyboardInterrupt:
+        return _fail(name, 'interrupted', INTERRUPTED)
     except BrokenPipeError:
         # The reader left: that is its right. Python would complain again when it flushes.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -56,12 +60,28 @@ def read_settings(path: Path, method: str = '') -> Settings:
 
     """
     from rovid_ros.parameters import settings_from
+    with naming(path):
+        try:
+            return settings_from(read_values(path, method))
+        except SettingsError as error:
+            if method and error.key == 'identifier.method':
+                raise UsageError(f'--method: {str(error).partition(": ")[2]}') from None
+            raise
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Begin an error about a key with the parameter file, and the line if the key is in it."""
+    from rovid_ros.parameter_file import read
     try:
-        return settings_from(read_values(path, method))
-    except SettingsError as error:
-        if method and error.key == 'identifier.method':
-            raise UsageError(f'--method: {str(error).partition(": ")[2]}') from None
-        raise CommandError(f'{path}: {error}') from None
+        yield
+    except ValueError as error:
+        key = getattr(error, 'key', '')  # of a SettingsError or FieldError
+        if not key:
+            raise
+        entry = read(path).get(key)
+        place = f'{path}:{entry.line}' if entry else f'{path}'
+        raise CommandError(f'{place}: {error}') from None
 
 
 def read_values(path: Path, method: str = '') -> dict[str, Any]:
@@ -74,12 +94,12 @@ def check_written(written: Sequence[Path | None], read: Sequence[Path]) -> None:
     """Refuse to write over what is read, twice to one file, or to where nothing can be."""
     seen: list[Path] = []
     for path in (p for p in written if p is not None):
-        place = path.resolve()
+        place = Path(os.path.realpath(path))  # which takes a link to itself too
         if not place.parent.is_dir():
             raise CommandError(f'{path}: the directory {path.parent} does not exist')
         if place.is_dir():
             raise CommandError(f'{path}: is a directory, takes the name of a file')
-        for source in (p.resolve() for p in read):
+        for source in (Path(os.path.realpath(p)) for p in read):
             if place == source or (place.exists() and place.parent == source):
                 raise CommandError(f'{path}: is read by this command; write to another file')
         if place in seen:

@@ -13,7 +13,14 @@ from typing import Any
 
 from rovid_core.settings import INPUTS, Settings, SettingsError
 from rovid_core.values import Event, Sample
-from rovid_ros.field_paths import describe, field_names, FieldError, MissingIndexError
+from rovid_ros.field_paths import (
+    describe,
+    field_names,
+    FieldError,
+    MissingIndexError,
+    nearest,
+)
+from rovid_ros.message_types import standard_types
 from rovid_ros.sample_readers import Reader, reader, RefusedError, Source
 
 __all__ = ['Converter', 'FieldError']
@@ -45,6 +52,8 @@ class Converter:
     ----------
     topics : dict of str to str
         The type of each topic to read; '' takes whatever it has.
+    details : dict
+        For some of what was counted, by (input, reason), what was wrong the first time.
 
     Raises
     ------
@@ -55,6 +64,7 @@ class Converter:
 
     def __init__(self, settings: Settings, count: Callable[[str, str], None]) -> None:
         self.topics: dict[str, str] = {}
+        self.details: dict[tuple[str, str], str] = {}
         self._settings = settings
         self._count = count
         self._sources: dict[str, list[Source]] = {}
@@ -63,9 +73,8 @@ class Converter:
             self._sources.setdefault(source.topic, []).append(source)
             known = self.topics.setdefault(source.topic, source.type)
             if source.type and known and source.type != known:
-                raise SettingsError(
-                    f'{source.key}.type', f'is {source.type}, but another input reads '
-                                          f'{source.topic} as {known}')
+                raise _conflict(source, next(
+                    other for other in self._sources[source.topic] if other.type == known))
             self.topics[source.topic] = known or source.type
 
     def events(
@@ -105,10 +114,10 @@ class Converter:
             try:
                 value = one.read(message)
             except RefusedError as refused:
-                self._count(source.input, refused.reason)
+                self._refuse(source, refused.reason, refused.detail)
                 continue
             except IndexError:
-                self._count(source.input, 'missing_index')
+                self._refuse(source, 'missing_index', f'{source.field!r} is beyond the end')
                 continue
             time = receive_time
             if one.stamp is not None:
@@ -153,11 +162,16 @@ class Converter:
             try:
                 compiled.append(
                     _Compiled(source, reader(source, message, self._settings), stamp))
-            except MissingIndexError:
-                self._count(source.input, 'missing_index')
+            except MissingIndexError as missing:
+                self._refuse(source, 'missing_index', str(missing))
         if len(compiled) == len(sources):
             self._compiled[topic, type(message)] = compiled
         return compiled
+
+    def _refuse(self, source: Source, reason: str, detail: str) -> None:
+        self._count(source.input, reason)
+        if detail and (source.input, reason) not in self.details:
+            self.details[source.input, reason] = f'{source.key}.field: {detail}'
 
 
 def _sources(settings: Settings) -> list[Source]:
@@ -177,6 +191,17 @@ def _sources(settings: Settings) -> list[Source]:
                 name, topic, given.type, given.field, given.stamp,
                 round(given.latency * 1e9), part))
     return sources
+
+
+def _conflict(one: Source, other: Source) -> SettingsError:
+    """Return the error for two types of one topic; one that ROS does not know is at fault."""
+    types = standard_types().fielddefs
+    if other.type not in types and one.type in types:
+        one, other = other, one
+    hint = '' if one.type in types else nearest(one.type, [other.type, *types])
+    return SettingsError(
+        f'{one.key}.type', f'is {one.type}, but {other.key}.type reads {one.topic} as '
+                           f'{other.type}{hint}')
 
 
 def _stamp(source: Source, message: Any) -> Callable[[Any], tuple[int, int]] | None:

@@ -84,7 +84,8 @@ def walk(message: Any, steps: Sequence[Step], path: str, key: str) -> Any:
             try:
                 value = value[step]
             except IndexError:
-                raise MissingIndexError(path) from None
+                raise MissingIndexError(
+                    f'{path!r} is beyond the end of {len(value)} entries') from None
             except TypeError:
                 raise FieldError(
                     key, f'{path!r}: {describe(value)} has no entries to index') from None

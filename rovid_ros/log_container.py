@@ -107,7 +107,9 @@ class Container(ABC):
         self.start = NEVER
         self.end = -1
         self.cut = False
-        self.warnings: list[str] = []
+        self.loaded = 0  # messages, since the reading began
+        self._warnings: list[str] = []
+        self._damaged = False
 
     @abstractmethod
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
@@ -116,19 +118,30 @@ class Container(ABC):
     def read(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
         """Load a block; one that makes no sense gives nothing but a warning."""
         try:
-            return self.load(block, wanted)
+            messages = self.load(block, wanted)
         except LogError:
             raise
         except MALFORMED:
             self.damaged()
             return []
+        self.loaded += len(messages)
+        return messages
+
+    @property
+    def warnings(self) -> list[str]:
+        """Return what is wrong with the file, one line each."""
+        if not self._damaged:
+            return self._warnings
+        read = f', {self.loaded:,} were read' if self.loaded else ''
+        return [*self._warnings,
+                f'{self.name}: damaged; some of its messages are left out{read}']
 
     def finish(self) -> None:
         """Say what is missing, after the file has been looked through."""
         if self.cut and not self.blocks:
-            self.warnings.append(f'{self.name}: cut off before its first message')
+            self._warnings.append(f'{self.name}: cut off before its first message')
         elif self.cut and self.counts is not None:
-            self.warnings.append(
+            self._warnings.append(
                 f'{self.name}: cut off after {(self.end - self.start) * 1e-9:.1f} s (no end of '
                 f'file); {sum(self.counts.values()):,} messages before the cut are used')
 
@@ -151,10 +164,8 @@ class Container(ABC):
         self.add_block(min(times), max(times), set(numbers), where)
 
     def damaged(self) -> None:
-        """Warn of a chunk that is there but cannot be read as a whole."""
-        line = f'{self.name}: damaged; some of its messages are left out'
-        if line not in self.warnings:
-            self.warnings.append(line)
+        """Take note of a chunk that is there but cannot be read as a whole."""
+        self._damaged = True
 
     def place(self, block: Block) -> int:
         """Return a number that grows from log to log and from block to block."""

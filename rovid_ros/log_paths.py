@@ -43,7 +43,7 @@ def open_all(paths: Sequence[Path], scratch: Path) -> tuple[list[Container], lis
     Raises
     ------
     LogError
-        If a path is not there or is no log.
+        If a path is not there, is no log or is given twice.
 
     """
     containers: list[Container] = []
@@ -58,6 +58,12 @@ def open_all(paths: Sequence[Path], scratch: Path) -> tuple[list[Container], lis
                 containers.append(_open_file(path, scratch))
         except OSError as error:
             raise LogError(f'{path}: {(error.strerror or str(error)).lower()}') from None
+    places: set[str] = set()
+    for container in containers:
+        place = os.path.realpath(container.name)
+        if place in places:
+            raise LogError(f'{container.name}: is given twice')
+        places.add(place)
     return containers, warnings
 
 
@@ -69,6 +75,8 @@ def _open_directory(path: Path, scratch: Path) -> tuple[list[Container], list[st
                 if file not in files]
     if not files:
         files = sorted(file for file in path.iterdir() if _is_log(file))
+    if not files and listed:
+        raise LogError(warnings[0])
     if not files:
         raise LogError(f'{path}: no log in this directory ({", ".join(_SUFFIXES)})')
     containers = []

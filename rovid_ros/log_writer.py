@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from io import BufferedWriter, FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -14,6 +15,34 @@ from rovid_ros.message_types import build, standard_types, TypeUnknownError
 _COMPRESSION = {
     'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4, 'none': CompressionType.NONE}
 _CHUNK = 768 * 1024  # [bytes], as rosbag2
+_FOREVER = 'sec: 9223372036\n    nsec: 854775807'
+_QOS = """\
+- history: 1
+  depth: {depth}
+  reliability: 1
+  durability: {durability}
+  deadline:
+    {forever}
+  lifespan:
+    {forever}
+  liveliness: 1
+  liveliness_lease_duration:
+    {forever}
+  avoid_ros_namespace_conventions: false"""
+# As rosbag2 of every ROS 2 reads it: keep last, reliable, and (2) volatile or (1) transient local
+_OFFERED = {
+    False: _QOS.format(depth=10, durability=2, forever=_FOREVER),
+    True: _QOS.format(depth=1, durability=1, forever=_FOREVER)}
+
+
+class _File(FileIO):
+    """A file whose errors say which file it is."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self.name)) from None
 
 
 class LogWriter:
@@ -33,15 +62,16 @@ class LogWriter:
     ------
     LogError
         If the file cannot be written.
+    OSError
+        By any method, with the name of the file: if it cannot be written any more.
 
     """
 
     def __init__(self, path: Path, *, compression: str = 'zstd') -> None:
         try:
-            self._file = open(path, 'wb')
+            self._file = BufferedWriter(_File(path, 'wb'))
         except OSError as error:
             raise LogError(f'{path}: cannot be written: {error.strerror}') from None
-        self._path = path
         self._writer = Writer(
             self._file, chunk_size=_CHUNK, compression=_COMPRESSION[compression])
         self._writer.start(profile='ros2', library='rovid')
@@ -49,7 +79,7 @@ class LogWriter:
         self._channels: dict[tuple[str, int], int] = {}
 
     def write(self, topic: str, type: str, fields: Mapping[str, Any], time: int,
-              publish_time: int | None = None) -> None:
+              publish_time: int | None = None, latched: bool = False) -> None:
         """
         Write a message of a type that comes with ROS 2.
 
@@ -61,6 +91,8 @@ class LogWriter:
             As in ``message_types.build``.
         time, publish_time : int
             Log time [ns] and publish time, the same unless given.
+        latched : bool
+            Whether ``ros2 bag play`` keeps the topic's last message for late subscribers.
 
         Raises
         ------
@@ -72,16 +104,18 @@ class LogWriter:
         if type not in store.fielddefs:
             raise TypeUnknownError(f'type {type}: ROS 2 comes with no such type')
         data = store.serialize_cdr(build(store, type, fields), type)
-        self.write_raw(topic, type, bytes(data), time, publish_time=publish_time)
+        self.write_raw(
+            topic, type, bytes(data), time, publish_time=publish_time, latched=latched)
 
     def write_raw(self, topic: str, type: str, cdr: bytes, time: int,
-                  definition: str | None = None, publish_time: int | None = None) -> None:
+                  definition: str | None = None, publish_time: int | None = None,
+                  latched: bool = False) -> None:
         """
         Write a message that is serialised already.
 
         Parameters
         ----------
-        topic, type, time, publish_time
+        topic, type, time, publish_time, latched
             As in ``write``.
         cdr : bytes
             The serialised message.
@@ -94,7 +128,8 @@ class LogWriter:
             schema = self._schemas[type, definition] = self._schema(type, definition)
         channel = self._channels.get((topic, schema))
         if channel is None:
-            channel = self._writer.register_channel(topic, 'cdr', schema)
+            channel = self._writer.register_channel(
+                topic, 'cdr', schema, {'offered_qos_profiles': _OFFERED[latched]})
             self._channels[topic, schema] = channel
         self._writer.add_message(
             channel, time, cdr, time if publish_time is None else publish_time)
@@ -110,8 +145,10 @@ class LogWriter:
     def close(self) -> None:
         """Write the index and close the file."""
         if not self._file.closed:
-            self._writer.finish()
-            self._file.close()
+            try:
+                self._writer.finish()
+            finally:
+                self._file.close()
 
     def __enter__(self) -> LogWriter:
         """Return the writer itself."""

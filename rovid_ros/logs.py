@@ -201,6 +201,8 @@ class Log:
             if block.end >= first and block.start <= last and wanted[container]
             and not (block.channels and block.channels.isdisjoint(wanted[container]))]
         span = max(last - first, 1)
+        for container in self._containers:
+            container.loaded = 0
         for batch in self._batches(blocks, wanted):
             for time, _, channel, data in batch:
                 if first <= time <= last:

@@ -30,6 +30,9 @@ TOPICS = {
 }
 """Output topics, relative to the namespace of the node, and their types."""
 
+LATCHED = ('rov/params', 'rov/params_std')
+"""Those of which a late subscriber gets the last message at once."""
+
 FRAME = 'base_link'
 
 OK, WARN, ERROR = 0, 1, 2
@@ -73,19 +76,17 @@ class Outputs:
     """
 
     def __init__(self, settings: Settings) -> None:
-        self._rows: dict[str, tuple[Four, Four]] = {
+        self._initial: dict[str, tuple[Four, Four]] = {
             name: (Scales.of(settings.dof[name]).initial, NAN4) for name in settings.dofs}
+        self._rows = dict(self._initial)
 
     def messages(self, estimate: Estimate) -> list[Output]:
         """Return the messages of ``estimate``, in the order in which they are published."""
         for dof in estimate.dofs:
             if dof.status != 'invalid':
                 self._rows[dof.dof] = (dof.parameters, dof.std)
-        rows = [self._rows[dof.dof] for dof in estimate.dofs]
-        names = [dof.dof for dof in estimate.dofs]
         fields = (
-            _array(names, [values for values, _ in rows]),
-            _array(names, [std for _, std in rows]),
+            *self._arrays(),
             _state(estimate),
             _twist(estimate),
             {'header': header(estimate.time),
@@ -94,6 +95,18 @@ class Outputs:
         )
         return [Output(topic, TOPICS[topic], values)
                 for topic, values in zip(TOPICS, fields)]
+
+    def reset(self) -> list[Output]:
+        """Go back to the initial values; return the messages that say so without a step."""
+        self._rows = dict(self._initial)
+        return [Output(topic, TOPICS[topic], values)
+                for topic, values in zip(TOPICS, self._arrays())]
+
+    def _arrays(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return the fields of ``rov/params`` and ``rov/params_std``."""
+        names = list(self._rows)
+        return (_array(names, [values for values, _ in self._rows.values()]),
+                _array(names, [std for _, std in self._rows.values()]))
 
 
 def header(time: int, frame: str = FRAME) -> dict[str, Any]:

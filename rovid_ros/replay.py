@@ -17,7 +17,7 @@ from rovid_ros.feeder import Feeder
 from rovid_ros.interrupt import Interrupt, Interrupted
 from rovid_ros.log_writer import LogWriter
 from rovid_ros.logs import Log, LogMessage, RECORD
-from rovid_ros.outputs import Outputs, summary
+from rovid_ros.outputs import LATCHED, Output, Outputs, summary
 from rovid_ros.progress import Progress
 
 CONTROL = '/rovid/control'
@@ -91,7 +91,7 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
     LogError, FieldError, ReplayError
         If a log cannot be read, lacks what the settings name, or gives no step.
     Interrupted
-        On Ctrl-C, after the output has been closed properly.
+        On Ctrl-C and SIGTERM, after the output has been closed properly.
 
     """
     with ExitStack() as stack:
@@ -100,12 +100,12 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
         run = _Run(feeder, settings, _topics(log, feeder.converter, settings, warn))
         if log.recorded:
             _restore(log, feeder.stream)
+        interrupt = stack.enter_context(Interrupt(output))
         if output is not None:
             run.writer = stack.enter_context(LogWriter(output))
         begin = log.start + round(start * 1e9)
         span = min((log.end - begin) * 1e-9, duration or float('inf')) or 1.0
         progress = stack.enter_context(Progress('replay', lambda: run.until(begin) / span))
-        interrupt = stack.enter_context(Interrupt())
         wanted = [*run.topics, CONTROL] if log.recorded else [*run.topics]
         for message in log.messages(wanted, start, duration):
             if interrupt.asked:
@@ -116,7 +116,8 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
             run.write(feeder.finish())
     if interrupt.asked:
         kept = f'; {output} holds what came of it' if output else ''
-        raise Interrupted(f'interrupted after {run.duration:.1f} s of the log{kept}')
+        raise Interrupted(
+            f'interrupted after {run.duration:.1f} s of the log{kept}', interrupt.code)
     for line in (*log.warnings, *feeder.stream.take_warnings()):
         warn(line)
     return run.result(tuple(logs))
@@ -153,6 +154,8 @@ class _Run:
         if message.topic == CONTROL:
             control = json.loads(message.data.data)
             self.write(self._feeder.control(control['control'], control['value']))
+            if control['control'] == 'reset':
+                self._put(self._outputs.reset(), self._last)  # as the node does
         else:
             topic = self.topics[message.topic]
             self.write(self._feeder.feed(
@@ -164,9 +167,13 @@ class _Run:
         if self.writer is None:
             return
         for estimate in estimates:
-            for out in self._outputs.messages(estimate):
-                self.writer.write(
-                    f'/{out.topic}', out.type, out.fields, self._last, estimate.time)
+            self._put(self._outputs.messages(estimate), estimate.time)
+
+    def _put(self, outputs: Sequence[Output], time: int) -> None:
+        if self.writer is not None:
+            for out in outputs:
+                self.writer.write(f'/{out.topic}', out.type, out.fields, self._last, time,
+                                  latched=out.topic in LATCHED)
 
     def result(self, logs: tuple[Path, ...]) -> Result:
         """Return the result, or refuse a log that gave none."""
@@ -181,7 +188,7 @@ class _Run:
 
     def _why(self) -> str:
         stream = self._feeder.stream
-        parts = []
+        parts = [*self._feeder.converter.details.values()]
         for name in self._settings.used_inputs():
             refused = ', '.join(f'{count:,} {reason}' for (which, reason), count
                                 in sorted(stream.rejected.items()) if which == name)

@@ -48,7 +48,9 @@ def quantity(dof: str, name: str, values: Mapping[str, Any]) -> str:
 
 def percent(fit: float | None) -> str:
     """Return a fit, 1 for perfect, in percent."""
-    return NONE if fit is None or not math.isfinite(fit) else f'{100.0 * fit:.1f} %'
+    if fit is None or not math.isfinite(fit):
+        return NONE
+    return f'{round(100.0 * fit, 1) + 0.0:.1f} %'  # + 0.0: no -0.0
 
 
 def table(rows: Sequence[Sequence[str]], left: int = 1) -> str:
@@ -67,9 +69,10 @@ def report(result: Result) -> str:
     method = result.settings.identifier.method
     if method == 'aid':
         method += f' ({result.settings.identifier.integrator})'
+    spanning = 'spanning ' if len(result.logs) > 1 else ''  # the gaps between them count
     parts = [
-        f'{_names(result.logs)}: {result.duration:,.1f} s, {result.messages:,} messages, '
-        f'{result.steps:,} steps of {method}',
+        f'{_names(result.logs)}: {spanning}{result.duration:,.1f} s, '
+        f'{result.messages:,} messages, {result.steps:,} steps of {method}',
         table(_outcome(dofs), left=2),
         _legend(dofs),
         table(_physical(dofs)),

@@ -23,11 +23,12 @@ _ROOT_HALF = math.sqrt(0.5)
 
 
 class RefusedError(Exception):
-    """A message that gives no sample."""
+    """A message that gives no sample; ``detail`` says what it got and what it takes."""
 
-    def __init__(self, reason: str) -> None:
+    def __init__(self, reason: str, detail: str = '') -> None:
         super().__init__(reason)
         self.reason = reason
+        self.detail = detail
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +172,7 @@ def _commands(source: Source, shape: str, get: Callable[[Any], Any],
 def _numbers(value: Any, count: int) -> Floats:
     try:
         if len(value) != count:
-            raise RefusedError('wrong_length')
+            raise RefusedError('wrong_length', f'got {len(value)} values, takes {count}')
         return tuple(map(float, value))
     except (TypeError, ValueError):
         raise RefusedError('not_numeric') from None

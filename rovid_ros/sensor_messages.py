@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rovid_core.settings import InputSettings, Settings, ThrusterSettings
+from rovid_core.settings import InputSettings, Settings, SettingsError, ThrusterSettings
 from rovid_ros import sensor_values
 from rovid_ros.convert import Converter
 from rovid_ros.field_paths import parse, Step
@@ -16,7 +16,7 @@ from rovid_ros.message_types import build, standard_types
 from rovid_ros.sensor_values import Values
 
 
-class SimulationError(ValueError):
+class SimulationError(SettingsError):
     """A simulation that cannot be written; the text names the key and says why."""
 
 
@@ -106,7 +106,7 @@ class SensorMessages:
         type_name = self._converter.topics[topic]
         if type_name not in standard_types().fielddefs:
             raise SimulationError(
-                f'{_key(inputs[0][0])}.type: got {type_name or "none"}, takes a message type '
+                f'{_key(inputs[0][0])}.type', f'got {type_name or "none"}, takes a message type '
                 'that comes with ROS 2: rovid simulate knows no others')
         skeleton: dict[str, Any] = {}
         for name, _, given in inputs:
@@ -120,7 +120,7 @@ class SensorMessages:
         for name, part, given in inputs:
             if given.latency != inputs[0][2].latency:
                 raise SimulationError(
-                    f'{_key(name)}.latency: differs from that of {inputs[0][0]}, which comes '
+                    f'{_key(name)}.latency', f'differs from that of {inputs[0][0]}, which comes '
                     f'in the same message on {topic}; rovid simulate sends them at one time')
             steps, like, shape = resolve(name, given.field, blank, f'{_key(name)}.field')
             whole = isinstance(like, int) or (

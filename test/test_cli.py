@@ -2,9 +2,11 @@
 
 from collections.abc import Sequence
 import io
+import os
 from pathlib import Path
 import subprocess
 import sys
+from threading import Thread
 
 import pytest
 from rovid_ros import __version__
@@ -13,7 +15,7 @@ from rovid_ros.command import check_written, CommandError, guarded
 from rovid_ros.interrupt import Interrupted
 from rovid_ros.json_file import write_json
 from rovid_ros.progress import Progress
-from rovid_ros.report import number, table, unit
+from rovid_ros.report import number, percent, table, unit
 
 
 @pytest.fixture
@@ -51,12 +53,26 @@ def test_no_command_at_all_shows_the_help(capsys: pytest.CaptureFixture[str]) ->
 
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['repaly'], "'repaly'"),
+    (['repaly'], "did you mean 'replay'?"),
+    (['export', 'x', '--format', 'ymal'], "did you mean 'yaml'?"),
+    (['replay', 'log.mcap', '--params-file', 'x', '--outptu', 'y'],
+     'rovid replay: unrecognized arguments: --outptu y (see rovid replay --help)'),
+    (['replay', 'log.mcap', '--params-file', 'x', '--out', 'y'], '--out y'),
+    (['--foo'], 'rovid: unrecognized arguments: --foo'),
+    (['replay', 'log.mcap', '--params-file', 'x', '--start', '1e300'], 'from 0 up to 1e+09'),
+    (['replay', 'log.mcap', '--params-file', 'x', '--duration', '1e300'], 'up to 1e+09'),
+    (['replay', 'log.mcap', '--params-file', 'x', '--duration', '1e-12'], 'from 0.001'),
+    (['replay', 'log.mcap', '--params-file', 'x', '--output', 'x.db3'], 'ends in .mcap'),
+    (['simulate', '--params-file', 'x', '--output', 'x.db3'], 'ends in .mcap'),
+    (['simulate', '--params-file', 'x', '--output', 'y', '--duration', '1e300'], "got '1e300'"),
+    (['simulate', '--params-file', 'x', '--output', 'y', '--duration', '1e-12'], "got '1e-12'"),
     (['replay', '--params-file', 'x'], 'LOG'),
     (['replay', 'log.mcap'], '--params-file'),
     (['replay', 'log.mcap', '--params-file', 'x', '--start', '-1'], "got '-1'"),
     (['replay', 'log.mcap', '--params-file', 'x', '--start', 'nan'], "got 'nan'"),
-    (['replay', 'log.mcap', '--params-file', 'x', '--duration', '0'], 'above 0'),
+    (['replay', 'log.mcap', '--params-file', 'x', '--duration', '0'], 'from 0.001'),
     (['replay', 'log.mcap', '--params-file', 'x', '--rate', '2'], '--rate goes with --ros'),
+    (['replay', 'log.mcap', '--params-file', 'x', '--rate', '0'], 'above 0'),
     (['replay', 'log.mcap', '--params-file', 'x', '--rates'], '--rates'),
     (['simulate', '--params-file', 'x'], '--output'),
     (['simulate', '--params-file', 'x', '--output', 'y', '--seed', '-1'], "got '-1'"),
@@ -85,8 +101,6 @@ def test_an_unknown_method_is_wrong_usage(
     (['replay', 'no.mcap', '--params-file', '{config}', '--json', '/'], 'is a directory'),
     (['replay', 'a.mcap', '--params-file', '{config}', '--output', 'a.mcap'],
      'is read by this command'),
-    (['simulate', '--params-file', '{config}', '--output', '{config}'],
-     'is read by this command'),
     (['simulate', '--params-file', '{config}', '--output', 'x', '--profile', 'sway=1@1'],
      'simulation.sway.mass'),
 ])
@@ -104,8 +118,9 @@ def test_an_error_in_the_parameters_names_file_and_key(
     path = tmp_path / 'wrong.yaml'
     path.write_text(Path(config).read_text().replace('max_gap: 1.0', 'max_gap: -1.0'))
     assert main(['replay', 'no.mcap', '--params-file', str(path)]) == 1
-    line = one_line(capsys)
-    assert line.startswith(f'rovid replay: {path}: max_gap: got -1.0, takes')
+    number = path.read_text()[:path.read_text().index('max_gap')].count('\n') + 1
+    assert one_line(capsys).startswith(
+        f'rovid replay: {path}:{number}: max_gap: got -1.0, takes')
 
 
 def test_a_defect_keeps_its_traceback() -> None:
@@ -119,6 +134,7 @@ def test_a_defect_keeps_its_traceback() -> None:
 @pytest.mark.parametrize(('error', 'code', 'line'), [
     (CommandError('two\nlines'), 1, 'rovid: two lines\n'),
     (Interrupted('interrupted; kept'), 130, 'rovid: interrupted; kept\n'),
+    (Interrupted('interrupted', 143), 143, 'rovid: interrupted\n'),
     (KeyboardInterrupt(), 130, 'rovid: interrupted\n'),
     (OSError(28, 'No space left on device', 'out.mcap'), 1,
      'rovid: out.mcap: No space left on device\n'),
@@ -145,6 +161,19 @@ def test_a_file_that_is_read_is_never_written(tmp_path: Path) -> None:
     with pytest.raises(CommandError, match='written twice'):
         check_written([tmp_path / 'x', None, tmp_path / 'bag' / '..' / 'x'], [])
     check_written([tmp_path / 'x', tmp_path / 'y', None], [bag])
+
+
+def test_a_link_to_itself_is_no_traceback(tmp_path: Path) -> None:
+    loop = tmp_path / 'loop.mcap'
+    loop.symlink_to(loop)
+    check_written([loop], [loop.parent / 'x'])
+
+
+def test_the_module_is_the_command(repository: Path, environment: dict[str, str]) -> None:
+    out = subprocess.run(
+        [sys.executable, '-m', 'rovid_ros.cli', '--version'], cwd=repository, env=environment,
+        check=True, capture_output=True, text=True).stdout
+    assert out == f'rovid {__version__}\n'
 
 
 def test_only_the_command_that_runs_is_imported(
@@ -192,6 +221,11 @@ def test_numbers_have_four_digits(value: float | None, text: str) -> None:
     assert number(value) == text
 
 
+def test_a_fit_is_never_minus_zero() -> None:
+    assert [percent(fit) for fit in (-0.0004, -0.0, 0.98765, -0.5)] == [
+        '0.0 %', '0.0 %', '98.8 %', '-50.0 %']
+
+
 def test_units_follow_the_degree_of_freedom() -> None:
     assert (unit('surge', 'mass'), unit('yaw', 'mass')) == ('kg', 'kg m²')
 
@@ -207,3 +241,43 @@ def test_json_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
         write_json(path, {'a': float('nan')})
     assert path.read_text() == '{\n  "a": 1\n}\n'
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_json_goes_through_a_link(tmp_path: Path) -> None:
+    path, link = tmp_path / 'folder' / 'out.json', tmp_path / 'link.json'
+    path.parent.mkdir()
+    link.symlink_to(path)
+    for value in (1, 2):  # at first there is nothing behind the link
+        write_json(link, value)
+        assert link.is_symlink()
+        assert path.read_text() == f'{value}\n'
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_json_goes_into_a_pipe(tmp_path: Path) -> None:
+    path = tmp_path / 'pipe'
+    os.mkfifo(path)
+    read: list[str] = []
+    reader = Thread(target=lambda: read.append(path.read_text()), daemon=True)
+    reader.start()
+    write_json(path, [1])
+    reader.join(10.0)
+    assert read == ['[\n  1\n]\n']
+    assert path.is_fifo()
+
+
+def test_json_goes_to_stdout_after_what_was_printed(
+        tmp_path: Path, repository: Path, environment: dict[str, str]) -> None:
+    code = ('from pathlib import Path; from rovid_ros.json_file import write_json; '
+            'print("before"); write_json(Path("/dev/stdout"), 1); print("after")')
+    with (tmp_path / 'out').open('w') as file:
+        subprocess.run([sys.executable, '-c', code], cwd=repository, env=environment,
+                       check=True, stdout=file)
+    assert (tmp_path / 'out').read_text() == 'before\n1\nafter\n'
+
+
+def test_json_that_cannot_be_written_names_the_given_path(tmp_path: Path) -> None:
+    path = tmp_path / 'absent' / 'out.json'
+    with pytest.raises(FileNotFoundError) as error:
+        write_json(path, 1)
+    assert error.value.filename == str(path)

@@ -200,14 +200,22 @@ def test_an_array_of_messages_is_checked_when_there_is_one(make: Any) -> None:
         'position': (1.0, 2.0, 3.0)}
     assert case.values('/p', make('nav_msgs/msg/Path', {'poses': [{}]})) == {}
     assert case.refused == {('position', 'missing_index'): 2}
+    assert case.converter.details == {
+        ('position', 'missing_index'):
+            "position.field: 'poses[1].pose' is beyond the end of 0 entries"}
 
 
 def test_types_that_contradict_each_other_are_refused() -> None:
     both = {'position': InputSettings('/odom', 'nav_msgs/msg/Odometry'),
             'attitude': InputSettings('/odom', 'sensor_msgs/msg/Imu')}
-    with pytest.raises(SettingsError, match='attitude.type: is sensor_msgs/msg/Imu, but another '
-                                            'input reads /odom as nav_msgs/msg/Odometry'):
+    with pytest.raises(SettingsError, match='attitude.type: is sensor_msgs/msg/Imu, but position'
+                                            '.type reads /odom as nav_msgs/msg/Odometry$'):
         Converter(settings(**both), lambda *_: None)
+    for name in both:
+        wrong = {**both, name: InputSettings('/odom', 'nav_msgs/msg/Odometri')}
+        with pytest.raises(SettingsError, match=f'^{name}.type: is nav_msgs/msg/Odometri, .*; '
+                                                "did you mean 'nav_msgs/msg/Odometry'"):
+            Converter(settings(**wrong), lambda *_: None)
     both['attitude'] = replace(both['attitude'], type='')
     topics = Converter(settings(**both), lambda *_: None).topics
     assert topics == {'/odom': 'nav_msgs/msg/Odometry', '/depth': '', '/thrust': ''}
@@ -413,6 +421,8 @@ def test_too_many_or_too_few_values(make: Any) -> None:
     assert case.values('/thrust', make('std_msgs/msg/Float64MultiArray', {
         'data': [1.0, 2.0, 3.0]})) == {}
     assert case.counts == {('thrusters', 'wrong_length'): 1}
+    assert case.converter.details == {
+        ('thrusters', 'wrong_length'): 'thrusters.field: got 3 values, takes 2'}
     with pytest.raises(FieldError, match="'data' gives 1 values for 2 thrusters"):
         case.events('/thrust', make('std_msgs/msg/Float64', {}))
     case = Case(settings({'gain': (1.0, 1.0), 'field': 'orientation_covariance'}))
@@ -429,4 +439,4 @@ def test_the_sign_of_the_thrust(make: Any) -> None:
         'name': ['b', 'a'], 'effort': [2.0, 1.0], 'velocity': [-1.0, 1.0]})
     event, = case.events('/thrust', state)
     assert [(sample.input, sample.value) for sample in event.samples] == [
-        ('thrusters', (1.0, 2.0)), ('sign', (1.0, -1.0))]
+        ('sign', (1.0, -1.0)), ('thrusters', (1.0, 2.0))]

@@ -24,6 +24,7 @@ from rosbags.typesys import get_typestore, Stores
 from rovid_ros.log_writer import LogWriter
 from rovid_ros.logs import Log, LogError
 from rovid_ros.message_types import build, standard_types, TypeUnknownError
+import yaml
 
 Recorded = list[recorded_logs.Message]
 Make = Callable[[Path, Recorded], None]
@@ -164,6 +165,24 @@ def test_a_split_directory_with_a_missing_and_an_empty_file(tmp_path: Path) -> N
         assert log.warnings == [
             f'{tmp_path}/bag/{listed[1]}: is in metadata.yaml, but not there',
             f'{tmp_path}/bag/{listed[2]}: is empty']
+
+
+def test_a_directory_that_has_lost_its_only_file(tmp_path: Path) -> None:
+    (tmp_path / 'bag').mkdir()
+    (tmp_path / 'bag' / 'metadata.yaml').write_text(
+        'rosbag2_bagfile_information:\n  relative_file_paths: [bag_0.mcap]\n')
+    with pytest.raises(LogError, match=r'bag/bag_0\.mcap: is in metadata\.yaml, but not there'):
+        Log([tmp_path / 'bag'])
+
+
+def test_the_same_file_twice_is_refused(tmp_path: Path) -> None:
+    (tmp_path / 'bag').mkdir()
+    path, link = tmp_path / 'bag' / 'a.mcap', tmp_path / 'link.mcap'
+    recorded_logs.write_mcap(path, list(messages(20)))
+    link.symlink_to(path)
+    for other in (path, link, path.parent, tmp_path / 'bag' / '..' / 'bag' / 'a.mcap'):
+        with pytest.raises(LogError, match=r'\.mcap: is given twice'):
+            Log([path, other])
 
 
 def split_directory(folder: Path, storage: str, recorded: Recorded, parts: int) -> list[str]:
@@ -396,7 +415,8 @@ def test_a_damaged_chunk_is_left_out_and_reported(tmp_path: Path) -> None:
         path.write_bytes(data)
         with Log([path]) as log:
             got = read(log)
-            assert log.warnings == [f'{path}: damaged; some of its messages are left out']
+            assert log.warnings == [f'{path}: damaged; some of its messages are left out, '
+                                    f'{len(got)} were read']
         assert 150 < len(got) < 200
         assert all(message in everything for message in got)
 
@@ -555,6 +575,53 @@ def test_what_is_written_opens_everywhere(compression: str, tmp_path: Path) -> N
         assert first.data.name == ['surge', 'yaw']
         assert first.data.effort.tolist() == [1.0, 2.0]
         assert log.blank('/own').pair.b == 0
+
+
+def test_rosbag2_knows_what_to_latch(tmp_path: Path) -> None:
+    path = tmp_path / 'out.mcap'
+    with LogWriter(path) as writer:
+        for topic in ('/rov/params', '/rov/velocity'):
+            writer.write(topic, 'std_msgs/msg/Empty', {}, 1, latched=topic == '/rov/params')
+    with AnyReader([path]) as reader:
+        offered = {connection.topic: connection.ext.offered_qos_profiles
+                   for connection in reader.connections}
+    for topic, durability in (('/rov/params', 'TRANSIENT_LOCAL'), ('/rov/velocity', 'VOLATILE')):
+        profile, = offered[topic]
+        assert (profile.reliability.name, profile.durability.name, profile.history.name) == (
+            'RELIABLE', durability, 'KEEP_LAST')
+    with path.open('rb') as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    for channel in summary.channels.values():  # numbers: what every version of rosbag2 reads
+        profile, = yaml.safe_load(channel.metadata['offered_qos_profiles'])
+        assert list(profile) == [
+            'history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan',
+            'liveliness', 'liveliness_lease_duration', 'avoid_ros_namespace_conventions']
+        assert profile['reliability'] == 1
+        assert profile['lifespan'] == {'sec': 9223372036, 'nsec': 854775807}
+
+
+FULL = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
+from pathlib import Path
+from rovid_ros.log_writer import LogWriter
+try:
+    with LogWriter(Path({file!r}), compression='none') as writer:
+        for time in range(100_000):
+            writer.write('/a', 'std_msgs/msg/Empty', {{}}, time)
+except OSError as error:
+    print(error.filename)
+"""
+
+
+def test_a_full_disk_is_told_with_the_file(
+        tmp_path: Path, repository: Path, environment: dict[str, str]) -> None:
+    path = str(tmp_path / 'out.mcap')
+    run = subprocess.run(
+        [sys.executable, '-c', FULL.format(file=path)], cwd=repository, env=environment,
+        capture_output=True, text=True)
+    assert (run.stdout, run.stderr) == (f'{path}\n', '')
 
 
 WRITER = """

@@ -15,6 +15,7 @@ import pytest
 from rovid_core.dofs import PARAMETERS, PHYSICAL
 from rovid_ros.cli import main
 from rovid_ros.demo import demo
+from rovid_ros.interrupt import Interrupt, Interrupted
 from rovid_ros.log_writer import LogWriter
 from rovid_ros.logs import Log
 from rovid_ros.message_types import standard_types
@@ -137,8 +138,8 @@ def test_a_part_of_the_log(config: Path, log: Path, tmp_path: Path) -> None:
 
 
 def test_a_log_in_two_pieces_is_one_log(
-        config: Path, log: Path, tmp_path: Path,
-        written: tuple[Path, dict[str, Any]]) -> None:
+        config: Path, log: Path, tmp_path: Path, written: tuple[Path, dict[str, Any]],
+        capsys: pytest.CaptureFixture[str]) -> None:
     pieces = [tmp_path / 'b.mcap', tmp_path / 'a.mcap']
     writers = [LogWriter(piece) for piece in pieces]
     with log.open('rb') as file:
@@ -152,6 +153,7 @@ def test_a_log_in_two_pieces_is_one_log(
     assert main(['replay', *map(str, reversed(pieces)), '--params-file', str(config), '--json',
                  str(path)]) == 0
     assert json.loads(path.read_text()) == written[1]
+    assert 'a.mcap: spanning 30.0 s' in capsys.readouterr().out.replace('b.mcap:', 'a.mcap:')
 
 
 def test_controls_of_a_recording_are_done_again(
@@ -237,6 +239,51 @@ def test_a_log_that_gives_no_step_says_why(
     assert 'thrusters 0 taken, refused 601 missing_name' in err
 
 
+def test_errors_about_keys_name_file_and_line(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for (old, new), key in (
+            (('field: point ', 'field: pint '), 'position.field'),
+            (('field: effort', 'field: header.frame_id'), 'thrusters.field'),
+            (('topic: /imu/data', 'topic: /sharps/position'), 'attitude.type')):
+        path = edited(config, tmp_path, (old, new))
+        assert main(['replay', str(log), '--params-file', str(path)]) == 1
+        err = capsys.readouterr().err
+        assert err.count('\n') == 1
+        place, found, _ = err.removeprefix('rovid replay: ').partition(f': {key}: ')
+        file, _, number = place.rpartition(':')
+        assert (file, found) == (str(path), f': {key}: '), err
+        line = path.read_text().splitlines()[int(number) - 1]
+        assert line.strip().startswith(f'{key.partition(".")[2]}: ')
+
+
+def test_too_few_values_for_the_thrusters_are_told(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for field, says in (('[0:2]', 'got 2 values, takes 3'),
+                        ('[9]', "'effort[9]' is beyond the end of 3 entries")):
+        path = edited(config, tmp_path, ('field: effort', f'field: effort{field}'),
+                      ('names: [starboard, port, vertical]', ''))
+        assert main(['replay', str(log), '--params-file', str(path)]) == 1
+        err = capsys.readouterr().err
+        assert err.count('\n') == 1
+        assert f'no step: thrusters.field: {says}; position ' in err
+
+
+def test_the_same_log_twice_is_refused(
+        config: Path, log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['replay', str(log), str(log), '--params-file', str(config)]) == 1
+    assert capsys.readouterr().err == f'rovid replay: {log}: is given twice\n'
+
+
+def test_the_table_is_there_when_the_json_cannot_be_written(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / 'out.json'
+    (tmp_path / f'.out.json.{os.getpid()}').mkdir()  # nothing can be written there
+    assert main(['replay', str(log), '--params-file', str(config), '--json', str(path)]) == 1
+    out, err = capsys.readouterr()
+    assert 'effective mass' in out
+    assert err == f'rovid replay: {path}: Is a directory\n'
+
+
 def test_a_log_without_a_leading_slash_in_the_settings(
         config: Path, log: Path, tmp_path: Path, written: tuple[Path, dict[str, Any]]) -> None:
     path = edited(config, tmp_path, ('topic: /imu/data', 'topic: imu/data'))
@@ -245,8 +292,9 @@ def test_a_log_without_a_leading_slash_in_the_settings(
     assert json.loads(out.read_text()) == written[1]
 
 
-def test_ctrl_c_leaves_a_whole_file(
-        config: Path, log: Path, tmp_path: Path, child: dict[str, str]) -> None:
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_a_whole_file(
+        number: int, config: Path, log: Path, tmp_path: Path, child: dict[str, str]) -> None:
     output = tmp_path / 'out.mcap'
     process = subprocess.Popen(
         command('replay', log, '--params-file', config, '--output', output),
@@ -254,17 +302,18 @@ def test_ctrl_c_leaves_a_whole_file(
     deadline = time.monotonic() + 60.0
     while not output.exists() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=60)
-    assert (process.returncode, out) == (130, '')
+    assert (process.returncode, out) == (128 + number, '')
     assert err.count('\n') == 1
     assert 'interrupted' in err
     with output.open('rb') as file:
         assert make_reader(file).get_summary() is not None
 
 
-def test_ctrl_c_in_a_simulation_keeps_what_there_is(
-        config: Path, tmp_path: Path, child: dict[str, str]) -> None:
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_in_a_simulation_keeps_what_there_is(
+        number: int, config: Path, tmp_path: Path, child: dict[str, str]) -> None:
     output = tmp_path / 'out.mcap'
     process = subprocess.Popen(
         command('simulate', '--params-file', config, '--output', output, '--duration', 1e6),
@@ -273,12 +322,23 @@ def test_ctrl_c_in_a_simulation_keeps_what_there_is(
     while not output.exists() and time.monotonic() < deadline:
         time.sleep(0.01)
     time.sleep(0.5)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=60)
-    assert (process.returncode, out, err.count('\n')) == (130, '', 1)
+    assert (process.returncode, out, err.count('\n')) == (128 + number, '', 1)
     with Log([output]) as log:
         assert log.warnings == []
         assert len(list(log.messages(['/imu/data']))) > 10
+
+
+def test_a_second_signal_names_the_file() -> None:
+    with Interrupt(Path('out.mcap')) as interrupt:
+        signal.raise_signal(signal.SIGINT)
+        assert (interrupt.asked, interrupt.code) == (True, 130)
+        with pytest.raises(Interrupted, match='interrupted twice; out.mcap is incomplete') as stop:
+            signal.raise_signal(signal.SIGTERM)
+    assert stop.value.code == 143
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 def test_a_reader_that_leaves_is_no_error(

@@ -1,0 +1,77 @@
+"""What the arguments of the command line take, each said in one line."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import math
+from pathlib import Path
+import re
+import sys
+from typing import Any, NoReturn
+
+from rovid_ros.command import USAGE
+
+SHORTEST, LONGEST = 1e-3, 1e9
+"""[s] A shorter part holds no message; a longer one does not fit the time stamps of ROS."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, with the nearest of the choices."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, **options)
+
+    def error(self, message: str) -> NoReturn:
+        found = re.fullmatch(r".*invalid choice: '(.*)' \(choose from (.*)\)", message)
+        near = found and difflib.get_close_matches(found[1], re.findall(r'[\w-]+', found[2]), 1)
+        hint = f'; did you mean {near[0]!r}?' if near else ''
+        wrong_usage(self.prog, message + hint)
+
+
+def wrong_usage(prog: str, message: str) -> NoReturn:
+    """End with a line about the command line."""
+    print(f'{prog}: {message} (see {prog} --help)', file=sys.stderr)
+    raise SystemExit(USAGE)
+
+
+def not_negative(text: str) -> float:
+    """Return a number from 0."""
+    return _number(text, 0.0)
+
+
+def positive(text: str) -> float:
+    """Return a number above 0."""
+    return _number(text, 0.0, strict=True)
+
+
+def duration(text: str) -> float:
+    """Return a length of time [s] that can hold a message."""
+    return _number(text, SHORTEST)
+
+
+def seed(text: str) -> int:
+    """Return a whole number from 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes a whole number from 0')
+    return int(text)
+
+
+def mcap(text: str) -> Path:
+    """Return the path of an MCAP file to write; one without a suffix can be a device."""
+    path = Path(text)
+    if path.suffix not in ('', '.mcap'):
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes a name that ends in .mcap')
+    return path
+
+
+def _number(text: str, low: float, strict: bool = False) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= LONGEST or (strict and value == low):
+        raise argparse.ArgumentTypeError(
+            f'got {text!r}, takes a number {"above" if strict else "from"} {low:g} '
+            f'up to {LONGEST:g}')
+    return value

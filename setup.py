@@ -41,17 +41,18 @@ setup(
     maintainer=manifest('maintainer'),
     maintainer_email=PACKAGE.find('maintainer').attrib['email'],
     packages=find_packages(include=['rovid_*']),
+    package_data={name: ['page/*']},  # style and scripts of the HTML report
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (share, ['package.xml']),
         (f'{share}/environment', ['resource/path.dsv']),  # colcon.pkg: puts rovid on PATH
-        (f'{share}/config', sorted(glob('config/*.yaml'))),
+        (f'{share}/config', sorted(glob('config/*.yaml') + glob('config/*_layout.*'))),
         (f'{share}/launch', sorted(glob('launch/*.launch.py'))),
     ],
     python_requires='>=3.10',
     install_requires=[
         'lz4>=4.0', 'mcap>=1.5', 'numpy>=1.21', 'PyYAML>=6.0', 'rosbags>=0.10.9',
-        'zstandard>=0.20',
+        'scipy>=1.8', 'zstandard>=0.20',
     ],
     extras_require={
         'ros': ros_wheels('kilted'),
@@ -61,7 +62,7 @@ setup(
             'colcon-common-extensions', 'colcon-ros', 'hypothesis', 'mypy==2.4.*', 'pytest',
             'ruff==0.17.*',
             'setuptools<80',  # the last with the commands that colcon calls
-            'types-PyYAML',
+            'scipy-stubs', 'types-PyYAML',
         ],
     },
     entry_points={

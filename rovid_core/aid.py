@@ -162,11 +162,14 @@ class AdaptiveIdentifier:
         self._note_excitation(step)
         return ''
 
-    def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
-        """Return W of eq. 9 against the true parameters (terms with gain 0 left out)."""
-        dv = self.v_hat - velocity
+    def energy(self, dv: float, parameters: Sequence[float], truth: Sequence[float]) -> float:
+        """Return W of eq. 9 (terms with gain 0 left out)."""
         return 0.5 * (dv * dv + math.fsum(
-            (p - t) ** 2 / g for p, t, g in zip(self.parameters, truth, self._gamma) if g))
+            (p - t) ** 2 / g for p, t, g in zip(parameters, truth, self._gamma) if g))
+
+    def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
+        """Return W as it is now, against the true parameters."""
+        return self.energy(self.v_hat - velocity, self.parameters, truth)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

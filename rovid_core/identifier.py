@@ -68,8 +68,11 @@ class Identifier(Protocol):
     def reset(self) -> None:
         """Go back to the initial values."""
 
+    def energy(self, dv: float, parameters: Four, truth: Four) -> float:
+        """Return W of eq. 9 for a velocity error and parameters, NaN for a method without."""
+
     def lyapunov(self, velocity: float, truth: Four) -> float:
-        """Return W of eq. 9 against the true parameters, NaN for a method without one."""
+        """Return W as it is now, against the true parameters."""
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

@@ -16,6 +16,7 @@ from rovid_core.dofs import DOFS
 from rovid_core.lowpass import LowPass
 from rovid_core.plant import advance
 from rovid_core.settings import Settings
+from rovid_core.trial import Record, record
 
 NS = 1e-9
 
@@ -121,6 +122,34 @@ class ScoreLog:
         self._reference_times.append(time)
         for column, x in zip(self._references, value):
             column.append(x)
+
+    def records(self, dof: str) -> list[Record]:
+        """Return what was measured of a DOF, for the offline methods."""
+        runs = self._runs[dof]
+        made = [record(runs[0].start, run.middles, run.ends, run.first_forces,
+                       run.last_forces, run.means) for run in runs]
+        return [one for one in made if one is not None]
+
+    def series(self, dof: str) -> tuple[list[int], list[float], list[float]]:
+        """Return the time [ns], filtered velocity and mean force of every step of a DOF."""
+        times: list[int] = []
+        velocities: list[float] = []
+        forces: list[float] = []
+        for run in self._runs[dof]:
+            before = run.start
+            for middle, end, first, last in zip(
+                    run.middles, run.ends, run.first_forces, run.last_forces):
+                share = (middle - before) / (end - before)
+                forces.append(first * share + last * (1.0 - share))
+                before = end
+            times += run.ends
+            velocities += run.velocities
+        return times, velocities, forces
+
+    def predicted(self, dof: str, parameters: Sequence[float]) -> list[float]:
+        """Return the velocity of a model at every step, filtered like the measured one."""
+        return [v for run in self._runs[dof]
+                for v in self._as_measured(run, simulate_run(run, parameters)[1])]
 
     def score(self, dof: str, parameters: Sequence[float]) -> Score:
         """

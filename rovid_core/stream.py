@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
+from rovid_core.identifier import Identifier
 from rovid_core.ordering import EventOrder
 from rovid_core.pipe import Pipe, Scorer
 from rovid_core.settings import Settings
@@ -31,11 +32,14 @@ class InputHealth:
     count: int = 0
     last_time: int | None = None  # [ns]
     rate: float = 0.0  # [Hz], by event time, over about 20 samples
+    longest_gap: float = 0.0  # [s]
 
     def note(self, time: int) -> None:
         """Take the event time [ns] of a sample."""
         if self.last_time is not None and time > self.last_time:
-            now = 1e9 / (time - self.last_time)
+            gap = time - self.last_time
+            self.longest_gap = max(self.longest_gap, gap * 1e-9)
+            now = 1e9 / gap
             self.rate += (now - self.rate) * (0.05 if self.rate else 1.0)
         self.last_time = time
         self.count += 1
@@ -106,6 +110,10 @@ class Stream:
     def adapting(self) -> bool:
         """Tell whether the parameters are being adapted."""
         return self._pipe.adapt
+
+    def identifier(self, dof: str) -> Identifier:
+        """Return the identifier of a DOF."""
+        return self._pipe.identifiers[self.settings.dofs.index(dof)]
 
     def control(self, name: str, value: str) -> list[Estimate]:
         """

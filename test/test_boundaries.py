@@ -10,6 +10,7 @@ import pytest
 # The core gets time and randomness as values, so that the same input gives the same bits.
 NOT_IN_CORE = {'calendar', 'datetime', 'random', 'secrets', 'sched', 'time', 'uuid'}
 SEEDED = 'simulator.py'  # the one file with a random generator, seeded by its caller
+OFFLINE = {'least_squares.py', 'output_error.py', 'response.py'}  # evaluate whole trials
 
 WITHOUT_ROS = """
 import importlib.abc
@@ -57,8 +58,17 @@ def test_core_imports_only_numpy_and_the_standard_library(repository: Path) -> N
     allowed = (sys.stdlib_module_names | {'numpy', 'rovid_core'}) - NOT_IN_CORE
     for path in module_files(repository, 'rovid_core'):
         extra = {'random'} if path.name == SEEDED else set()
+        if path.name in OFFLINE:
+            extra = {'scipy'}
         for name in imports(path):
             assert name.partition('.')[0] in allowed | extra, f'{path} imports {name}'
+
+
+def test_the_online_path_does_without_scipy(
+        repository: Path, environment: dict[str, str]) -> None:
+    code = ('import sys, rovid_core.stream, rovid_core.score, rovid_core.simulator; '
+            'assert not any(name.startswith("scipy") for name in sys.modules)')
+    subprocess.run([sys.executable, '-c', code], cwd=repository, env=environment, check=True)
 
 
 def test_core_draws_no_random_numbers(repository: Path) -> None:

@@ -1,0 +1,65 @@
+"""The adaptive identifier offline: the same trial in repeated passes with falling gain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import cast
+
+from rovid_core.aid import AdaptiveIdentifier, Gains
+from rovid_core.dofs import Four
+from rovid_core.identifier import Scales
+from rovid_core.trial import Fit, Record
+
+SLOWER = (1.0, 1.0, 1.0, 2.0, 4.0)
+"""Adaptation time of each pass, in those of the first."""
+
+
+def repeated_passes(records: Sequence[Record], scales: Scales, adaptation_time: float,
+                    integrator: str = 'rk4') -> Fit:
+    """
+    Identify in five passes, the last ones slower (``SLOWER``).
+
+    The first passes come near from any guess, also in directions that are excited poorly;
+    the result is the mean over the second half of the last, which leaves the noise out. The
+    velocity is not filtered, for a filter would bias the drag. With Runge-Kutta that is free
+    of bias; Euler and Heun take the noise of a velocity and its echo in v_hat for drag.
+
+    Parameters
+    ----------
+    records : sequence of Record
+        The trial.
+    scales : Scales
+        Initial values, typical sizes and terms.
+    adaptation_time : float
+        Of the first pass [s].
+    integrator : str
+        ``rk4`` as in the paper, ``heun`` or ``euler``.
+
+    Returns
+    -------
+    Fit
+        Without std.
+
+    """
+    steps = [record.steps() for record in records]
+    half = 0.5 * sum(step.dt for sequence in steps for step in sequence)
+    if not half:
+        return Fit.none('the trial is too short')
+    parameters = scales.initial
+    refused = 0
+    for slower in SLOWER:
+        identifier = AdaptiveIdentifier(
+            replace(scales, initial=parameters),
+            Gains.from_time(adaptation_time * slower, scales), integrator)
+        time, means = 0.0, [0.0] * 4
+        for sequence in steps:
+            identifier.restart(sequence[0].velocity[0] if sequence else 0.0)
+            for step in sequence:
+                refused += bool(identifier.step(step))
+                time += step.dt
+                if time > half:
+                    means = [m + step.dt * p for m, p in zip(means, identifier.parameters)]
+        parameters = identifier.parameters
+    average = cast(Four, tuple([m / (time - half) for m in means]))
+    return Fit(average, note=f'{refused} steps refused as unstable' if refused else '')

@@ -1,0 +1,205 @@
+"""``rovid compare``: every method on each log, each model scored on every log (Section V)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+import math
+from typing import Any
+
+import numpy as np
+from rovid_core.dofs import Four, PARAMETERS, PHYSICAL
+from rovid_core.identifier import Scales
+from rovid_core.offline import METHODS, subsets
+from rovid_core.plant import physical
+from rovid_core.score import Score
+from rovid_core.settings import DofSettings, Settings
+from rovid_core.trial import Fit
+from rovid_ros.progress import Progress
+from rovid_ros.trials import Trial
+
+AS_GOOD = 1.02
+"""Errors within this factor are the same."""
+
+WORTH = 0.01
+"""A term has to lower the error by this share to be kept: without it the model is simpler."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """
+    A model of one DOF.
+
+    Attributes
+    ----------
+    method, trained_on, dof : str
+        Where it comes from.
+    terms : tuple of str
+        What it has.
+    selected : bool
+        Whether these are the method's best terms; else they are the configured ones.
+    fit : Fit
+        Parameters and covariance.
+    scores : mapping of str to Score
+        By the name of the log.
+
+    """
+
+    method: str
+    trained_on: str
+    dof: str
+    terms: tuple[str, ...]
+    selected: bool
+    fit: Fit
+    scores: Mapping[str, Score]
+
+    def error(self, logs: Sequence[str]) -> float:
+        """Return the mean mae over some logs; infinite where it has none."""
+        values = [self.scores[log].mae for log in logs]
+        return math.inf if any(map(math.isnan, values)) else sum(values) / len(values)
+
+    def document(self) -> dict[str, Any]:
+        """Return the model's part of the JSON."""
+        parameters = self.fit.parameters
+        return {
+            **_named(PARAMETERS, parameters), **_named(PHYSICAL, physical(parameters)),
+            'std': None if self.fit.covariance is None else _named(PARAMETERS, self.fit.std),
+            'terms': list(self.terms), 'note': self.fit.note,
+            'scores': {log: {'mae': _finite(score.mae), 'fit': _finite(score.fit)}
+                       for log, score in self.scores.items()}}
+
+
+def compare(trials: Sequence[Trial], settings: Settings) -> list[Model]:
+    """
+    Identify by each method from each training log and score the models on all logs.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Those that train are used to identify; all to score.
+    settings : Settings
+        The run.
+
+    Returns
+    -------
+    list of Model
+        Per training log, DOF and method: with the configured terms, then, for the offline
+        methods, with the best choice of terms by the error on the other logs (on the log
+        itself where there is only one).
+
+    """
+    jobs = [(trial, dof) for trial in trials if trial.trains for dof in settings.dofs]
+    models: list[Model] = []
+    done = 0
+    with Progress('compare', lambda: done / len(jobs)) as progress:
+        for trial, dof in jobs:
+            for model in _identify(trial, dof, trials, settings):
+                models.append(model)
+                progress.tick()
+            done += 1
+    return models
+
+
+def _identify(trial: Trial, dof: str, trials: Sequence[Trial],
+              settings: Settings) -> Iterator[Model]:
+    index = settings.dofs.index(dof)
+    online = trial.final.dofs[index]
+    known = settings.dof[dof]
+    yield _model(settings.identifier.method, trial, dof, known, Fit(online.parameters), trials)
+    records = trial.scores.records(dof)
+    # chosen with the quick method's models; every method then fits the chosen terms
+    chosen = _best_terms(trial, dof, settings, [t for t in trials if t is not trial] or [trial])
+    for name, method in METHODS.items():
+        full = _model(name, trial, dof, known, method(records, Scales.of(known), settings),
+                      trials)
+        yield full
+        if chosen == known:
+            yield replace(full, selected=True)
+        else:
+            yield _model(name, trial, dof, chosen,
+                         method(records, Scales.of(chosen), settings), trials, True)
+
+
+def _best_terms(trial: Trial, dof: str, settings: Settings,
+                judges: Sequence[Trial]) -> DofSettings:
+    known = settings.dof[dof]
+    records = trial.scores.records(dof)
+
+    def error(candidate: DofSettings) -> float:
+        fit = METHODS['least_squares'](records, Scales.of(candidate), settings)
+        if not all(map(math.isfinite, fit.parameters)):
+            return math.inf
+        return sum(judge.scores.score(dof, fit.parameters).mae for judge in judges)
+
+    best, least = known, error(known)
+    for candidate in subsets(known):
+        worth = WORTH * (len(known.terms) - len(candidate.terms))
+        found = error(candidate)
+        if found < least * (1.0 + (worth if best == known else 0.0)):
+            best, least = candidate, found
+    return best
+
+
+def _model(method: str, trial: Trial, dof: str, known: DofSettings, fit: Fit,
+           trials: Sequence[Trial], selected: bool = False) -> Model:
+    sound = all(map(math.isfinite, fit.parameters))
+    scores = {t.name: t.scores.score(dof, fit.parameters) if sound else Score() for t in trials}
+    return Model(method, trial.name, dof, known.terms, selected, fit, scores)
+
+
+def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model:
+    """
+    Return the model of a DOF that predicts best, on logs that it was not trained on.
+
+    Among models that are as good, one that comes with its uncertainty.
+    """
+    names = [trial.name for trial in trials]
+
+    def error(model: Model) -> float:
+        others = [name for name in names if name != model.trained_on]
+        return model.error(others or names)
+
+    own = [model for model in models if model.dof == dof]
+    least = min(map(error, own))
+    good = [model for model in own if error(model) <= AS_GOOD * least]
+    return min(good or own, key=lambda model: (model.fit.covariance is None, error(model)))
+
+
+def document(models: Sequence[Model]) -> dict[str, Any]:
+    """Return what ``--json`` writes: a model per method, log and choice of terms."""
+    grouped: dict[tuple[str, str, bool], dict[str, Any]] = {}
+    for model in models:
+        key = (model.method, model.trained_on, model.selected)
+        grouped.setdefault(key, {})[model.dof] = model.document()
+    return {'models': [
+        {'method': method, 'trained_on': log, 'selected_terms': selected, 'dofs': dofs}
+        for (method, log, selected), dofs in grouped.items()]}
+
+
+def interval(model: Model, name: str) -> tuple[float, float] | None:
+    """Return the 95 % interval of a lumped or physical parameter, None where there is none."""
+    covariance = model.fit.covariance
+    if covariance is None:
+        return None
+    parameters = np.array(model.fit.parameters)
+    if name in PARAMETERS:
+        slope = np.eye(4)[PARAMETERS.index(name)]
+        value = float(parameters[PARAMETERS.index(name)])
+    else:
+        i = PHYSICAL.index(name)
+        value = physical(model.fit.parameters)[i]
+        alpha = parameters[0]
+        slope = np.zeros(4)
+        slope[0] = -value / alpha
+        if i:
+            slope[i] = -1.0 / alpha
+    half = 1.96 * math.sqrt(float(slope @ covariance @ slope))
+    return None if not half > 0.0 else (value - half, value + half)
+
+
+def _named(names: tuple[str, ...], values: Four) -> dict[str, float | None]:
+    return {name: _finite(value) for name, value in zip(names, values)}
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,129 @@
+"""
+What the subcommands of ``rovid`` do with their arguments.
+
+What they need is imported when they run.
+"""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+import sys
+from typing import TYPE_CHECKING
+
+from rovid_ros.command import (
+    check_written,
+    CommandError,
+    naming,
+    read_settings,
+    read_values,
+    UsageError,
+)
+
+if TYPE_CHECKING:
+    from rovid_core.settings import Settings
+    from rovid_ros.feeder import Feeder
+
+
+def compare(args: argparse.Namespace) -> None:
+    """Run ``rovid compare``."""
+    from rovid_ros.compare import compare as compare_methods, document
+    from rovid_ros.comparison_data import report_data
+    from rovid_ros.comparison_text import comparison_text
+    from rovid_ros.html_report import write_report
+    from rovid_ros.json_file import write_json
+    from rovid_ros.trials import read_trials
+    validate = args.validate or []
+    check_written([args.report, args.json], [*args.logs, *validate, args.params_file])
+    settings = read_settings(args.params_file)
+
+    with naming(args.params_file):
+        trials = read_trials(
+            args.logs, validate, settings, partial(_warn, args.prog))
+    models = compare_methods(trials, settings)
+    print(comparison_text(models, trials, settings))
+    if args.json:
+        write_json(args.json, document(models))
+    if args.report:
+        write_report(args.report, report_data(models, trials, settings))
+    for path in filter(None, (args.report, args.json)):
+        print(f'written   {path}')
+
+
+def replay(args: argparse.Namespace) -> None:
+    """Run ``rovid replay``."""
+    from rovid_ros.feeder import PipeFeeder
+    from rovid_ros.json_file import write_json
+    from rovid_ros.replay import replay as run_replay
+    from rovid_ros.report import report
+    if args.rate is not None and not args.ros:
+        raise UsageError('--rate goes with --ros')
+    check_written([args.output, args.json], [*args.logs, args.params_file])
+    settings = read_settings(args.params_file, args.method)
+
+    with naming(args.params_file):
+        feeder = _node(args, settings) if args.ros else PipeFeeder(settings)
+        result = run_replay(
+            args.logs, settings, feeder, output=args.output, start=args.start,
+            duration=args.duration, warn=partial(_warn, args.prog))
+    print(report(result))  # first: it is not lost where the JSON cannot be written
+    if args.json:
+        write_json(args.json, result.document())
+    for path in filter(None, (args.output, args.json)):
+        print(f'written   {path}')
+
+
+def simulate(args: argparse.Namespace) -> None:
+    """Run ``rovid simulate``."""
+    from rovid_ros.simulate import plan_trials, profile_warnings, simulate_log
+    trials = plan_trials(args.output, args.duration, args.seed, args.profile or [{}])
+    paths = [trial.path for trial in trials]
+    check_written(paths, [args.params_file])
+    settings = read_settings(args.params_file)
+    with naming(args.params_file):
+        warnings = [f'{trial.path}: {line}' for trial in trials
+                    for line in profile_warnings(settings, args.duration, trial.profile)]
+        for line in warnings:
+            _warn(args.prog, line)
+        for trial in trials:
+            count = simulate_log(
+                settings, trial.path, args.duration, trial.seed, trial.profile, trial.start)
+            print(f'{trial.path}: {args.duration:,.1f} s, {count:,} messages, seed {trial.seed}')
+    does = 'identify it with: rovid replay' if len(paths) == 1 else 'compare them: rovid compare'
+    print(f'{does} {" ".join(map(str, paths))} --params-file {args.params_file}')
+
+
+def export(args: argparse.Namespace) -> None:
+    """Run ``rovid export``."""
+    from rovid_ros.estimates import read_estimates
+    from rovid_ros.export import export as made_from
+    if args.link and args.format != 'sdf':
+        raise UsageError('--link goes with --format sdf')
+    check_written([args.output], list(filter(None, (args.estimates, args.params_file))))
+    settings = read_settings(args.params_file) if args.params_file else None
+    models = read_estimates(args.estimates, args.method, args.trained_on)
+    made = made_from(models, args.format, args.estimates, settings=settings,
+                     link=args.link or 'base_link')
+    for line in made.notes:
+        print(f'{args.prog}: {line}', file=sys.stderr)
+    if args.output:
+        args.output.write_text(made.text, encoding='utf-8')
+        print(f'written   {args.output}')
+    else:
+        print(made.text, end='')
+
+
+def _node(args: argparse.Namespace, settings: Settings) -> Feeder:
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as error:
+        raise CommandError(f'--ros needs ROS 2, which is not installed here: {error}') from None
+    from rovid_ros.node_replay import NodeFeeder
+    try:
+        return NodeFeeder(read_values(args.params_file, args.method), settings, args.rate)
+    except RuntimeError as error:  # of rcl, such as for an impossible ROS_DOMAIN_ID
+        raise CommandError(f'--ros: {error}') from None
+
+
+def _warn(prog: str, line: str) -> None:
+    print(f'{prog}: warning: {line}', file=sys.stderr)

@@ -78,7 +78,8 @@ def test_files_are_where_ros2_looks(installed: tuple[Path, dict[str, str]]) -> N
     assert os.access(prefix / 'lib/rovid_ros/identifier_node', os.X_OK)
     assert os.access(prefix / 'lib/rovid_ros/rovid', os.X_OK)
     assert (prefix / 'share/ament_index/resource_index/packages/rovid_ros').exists()
-    for name in ('package.xml', 'config/jhurov.yaml', 'launch/identifier.launch.py'):
+    for name in ('package.xml', 'config/jhurov.yaml', 'config/plotjuggler_layout.xml',
+                 'config/foxglove_layout.json', 'launch/identifier.launch.py'):
         assert (prefix / 'share/rovid_ros' / name).is_file()
 
 

@@ -22,6 +22,9 @@ from scipy.optimize import least_squares
 MODEL_ERROR = 3.0
 """Residuals this much larger than the noise are the model's fault, and then not white."""
 
+CORRELATED = 200
+"""Steps over which residuals may be correlated."""
+
 
 @dataclass(frozen=True)
 class Information:
@@ -57,7 +60,9 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     Returns
     -------
     Fit
-        With standard deviations from the curvature and the residuals.
+        With the covariance from the curvature and the residuals. Where these are not white
+        (the model's own error, a heading that turns the path) it is larger by what their
+        correlation over ``CORRELATED`` steps makes of it.
 
     """
     problem = _Problem(records, scales, all(len(r.position) for r in records))
@@ -68,7 +73,8 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
         # the model's own error drifts away in the position: compare velocities instead
         problem = _Problem(records, scales, False)
         solution, rms = problem.solve(solution)
-    return Fit(solution, problem.information(solution, rms).covariance)
+    white = problem.information(solution, rms).covariance
+    return Fit(solution, white * problem.inflation(solution))
 
 
 def information(records: Sequence[Record], scales: Scales, parameters: Four) -> Information:
@@ -136,12 +142,7 @@ class _Problem:
     def information(self, parameters: Four, sigma: float) -> Information:
         """Return the bound for white noise of ``sigma`` on what is fitted."""
         count = int(self._active.sum())
-        each = 2 if self.of_position else 1
-        unknowns = np.zeros(count + each * len(self._records))
-        unknowns[:count] = (np.array(parameters) / self._scale)[self._active]
-        for k, record in enumerate(self._records):
-            unknowns[count + each * k] = np.mean(record.velocity[:5]) / self._velocity
-        jacobian = self._evaluate(unknowns)[1]
+        jacobian = self._evaluate(self._unknowns(parameters))[1]
         values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
         values = np.maximum(values, 1e-300)
         covariance = (vectors / values) @ vectors.T
@@ -151,6 +152,34 @@ class _Problem:
         full[np.ix_(self._active, self._active)] = sigma**2 * scale[:, None] * own * scale
         spread = np.linalg.eigvalsh(own)
         return Information(full, float(spread[-1] / max(spread[0], 1e-300)))
+
+    def inflation(self, parameters: Four) -> float:
+        """Return by how much correlated residuals raise the variance, at least 1."""
+        unknowns = self._unknowns(parameters)
+        # the starts are not at hand: one linear step brings them and leaves the residuals
+        errors, jacobian = self._evaluate(unknowns)
+        errors = errors - jacobian @ np.linalg.lstsq(jacobian, errors, rcond=None)[0]
+        limit = 3.0 * float(np.median(np.abs(errors))) / 0.6745
+        scores = jacobian * np.clip(errors, -limit, limit)[:, None]
+        white = scores.T @ scores
+        total = white.copy()
+        for lag in range(1, min(CORRELATED, len(scores) // 4)):
+            cross = scores[lag:].T @ scores[:-lag]
+            total += (1.0 - lag / CORRELATED) * (cross + cross.T)
+        inverse = np.linalg.pinv(jacobian.T @ jacobian)
+        count = int(self._active.sum())
+        ratio = (np.diag(inverse @ total @ inverse)[:count]
+                 / np.diag(inverse @ white @ inverse)[:count])
+        return max(1.0, float(ratio.max()))
+
+    def _unknowns(self, parameters: Four) -> Array:
+        count = int(self._active.sum())
+        each = 2 if self.of_position else 1
+        unknowns = np.zeros(count + each * len(self._records))
+        unknowns[:count] = (np.array(parameters) / self._scale)[self._active]
+        for k, record in enumerate(self._records):
+            unknowns[count + each * k] = np.mean(record.velocity[:5]) / self._velocity
+        return unknowns
 
     def _loss_scale(self, errors: Array) -> float:
         white = noise(self._records)

@@ -87,8 +87,9 @@ def _sections(data: Data, figures: Figures) -> list[tuple[str, str, Html]]:
         ('parameters', 'Parameters', tag(
             'div', *(parameters(dof, values) for dof, values in dofs.items()), class_='cards')),
         ('prediction', 'Cross-validation', join(
-            tag('p', 'Every model simulates every log from its thrust alone. The error is that '
-                     'of the velocity; a fit of 100 % would be perfect.'), heat_legend(),
+            tag('p', 'Every model simulates every log from its thrust alone. The error is the '
+                     'mean absolute error of the velocity (mae); a fit of 100 % would be '
+                     'perfect.'), heat_legend(),
             *(matrix(dof, values, logs) for dof, values in dofs.items()))),
         ('terms', 'Methods and terms', join(
             tag('p', 'For each method the model with the lowest mean error over all logs; σ is '

@@ -87,7 +87,7 @@ def test_a_mistake_would_be_seen(shown: Browser) -> None:
 
 def test_axes_have_units_and_round_ticks(shown: Browser) -> None:
     texts = labels(shown, 'figure0')
-    assert {'velocity [m/s]', 'simulated − measured [m/s]', 'thrust [N]', 'time [s]',
+    assert {'velocity [m/s]', 'simulated − measured [10⁻³ m/s]', 'thrust [N]', 'time [s]',
             '−0.4', '0.0', '0.4', '−50', '0', '50', '100'} <= set(texts)
     assert not [text for text in texts if len(text.lstrip('−')) > 6 and '[' not in text]
     assert 'alpha α [10⁻³ 1/kg]' in labels(shown, 'figure1')

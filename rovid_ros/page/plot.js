@@ -69,7 +69,7 @@ class Panel {
     this.svg.setAttribute('viewBox', `0 0 ${width} ${height}`);
     this.xScale = makeAxis(range[0], range[1], left, right, width / 64, this.x_log);
     const [low, high] = this.span(range);
-    this.yScale = makeAxis(low, high, bottom, top, (bottom - top) / 28, this.y_log);
+    this.yScale = makeAxis(low, high, bottom, top, (bottom - top) / 22, this.y_log);
     this.drawAxes();
     const frame = element('svg', {
       x: left, y: top, width: right - left, height: bottom - top,

@@ -22,6 +22,9 @@ MOST_POINTS = 3000
 """Of a curve: more than a screen shows."""
 
 BINS = 30
+GAP = 5.0
+"""Steps without a measurement at which a curve breaks."""
+
 DETERMINED, VAGUE = 0.1, 0.5
 """Relative bounds up to which a parameter is determined, and from which it is not."""
 
@@ -139,11 +142,16 @@ def _series(dof: str, trial: Trial, models: Sequence[Model]) -> dict[str, Any]:
     times, velocities, forces = trial.scores.series(dof)
     seconds = _seconds(times)
     kept = _thinned(len(times))
+    # lines break at a gap
+    step = float(np.median(np.diff(seconds))) if len(seconds) > 1 else 0.0
+    for k in range(1, len(seconds)):
+        if seconds[k] - seconds[k - 1] > GAP * step:
+            velocities[k] = math.nan
+    predicted = {m.method: trial.scores.predicted(dof, m.fit.parameters) for m in chosen}
     return {
         't': _picked(seconds, kept), 'velocity': _picked(velocities, kept),
         'force': _picked(forces, kept),
-        'simulated': {m.method: _picked(trial.scores.predicted(dof, m.fit.parameters), kept)
-                      for m in chosen}}
+        'simulated': {name: _picked(values, kept) for name, values in predicted.items()}}
 
 
 def _adaptation(dof: str, trial: Trial, models: Sequence[Model]) -> dict[str, Any]:

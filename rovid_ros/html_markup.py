@@ -17,6 +17,7 @@ SYMBOLS = {
     'mass': 'm', 'quadratic_drag': 'd_Q', 'linear_drag': 'd_L', 'bias': 'b',
 }
 NAMES = {'mass': 'effective mass', 'aid': 'adaptive identifier',
+         'aid_offline': 'adaptive identifier, repeated passes',
          'rls': 'recursive least squares', 'ekf': 'extended Kalman filter'}
 
 

@@ -18,9 +18,16 @@ from rovid_core.identifier import Scales
 from rovid_core.response import path, response, sensitivities
 from rovid_core.trial import Array, Fit, Record
 from scipy.optimize import least_squares
+from scipy.signal import lfilter
 
 MODEL_ERROR = 3.0
 """Residuals this much larger than the noise are the model's fault, and then not white."""
+
+DRIFTS = (0.0, 0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2, 0.4)
+"""Gains of the filter for a random walk beside the white noise, from none to much."""
+
+CLEARLY = 0.975
+"""Residuals have to shrink by this for a random walk to be believed."""
 
 CORRELATED = 200
 """Steps over which residuals may be correlated."""
@@ -60,9 +67,9 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     Returns
     -------
     Fit
-        With the covariance from the curvature and the residuals. Where these are not white
-        (the model's own error, a heading that turns the path) it is larger by what their
-        correlation over ``CORRELATED`` steps makes of it.
+        With the covariance from the curvature and the residuals. The path of a vehicle that
+        turns drifts by the noise that the turns leave in it: that is told from the residuals
+        and whitened. What correlation is left over ``CORRELATED`` steps makes it larger.
 
     """
     problem = _Problem(records, scales, all(len(r.position) for r in records))
@@ -72,6 +79,8 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     if problem.of_position and rms > MODEL_ERROR * noise(records):
         # the model's own error drifts away in the position: compare velocities instead
         problem = _Problem(records, scales, False)
+        solution, rms = problem.solve(solution)
+    elif problem.of_position and problem.find_drift(solution):
         solution, rms = problem.solve(solution)
     white = problem.information(solution, rms).covariance
     return Fit(solution, white * problem.inflation(solution))
@@ -108,6 +117,23 @@ class _Problem:
         self._low = (np.array(low) / self._scale)[self._active]
         self._high = (np.array(high) / self._scale)[self._active]
         self.size = sum(len(r.velocity) for r in self._records)
+        self._drift = 0.0
+
+    def find_drift(self, parameters: Four) -> bool:
+        """Tell whether the residuals hold a random walk; whiten it from now on."""
+        plain = self._best_linear(parameters)
+
+        def size(gain: float) -> float:
+            self._drift = gain
+            parts = np.split(plain, np.cumsum([len(r.position) for r in self._records])[:-1])
+            white = np.concatenate([self._whitened(part) for part in parts])
+            return float(np.median(np.abs(white)))
+
+        sizes = [size(gain) for gain in DRIFTS]
+        best = sizes.index(min(sizes))
+        # white noise alone gives some gain a slight lead by chance
+        self._drift = DRIFTS[best] if sizes[best] < CLEARLY * sizes[0] else 0.0
+        return self._drift > 0.0
 
     def solve(self, start: Four) -> tuple[Four, float]:
         """Return the best parameters and the robust rms of the residuals."""
@@ -155,10 +181,8 @@ class _Problem:
 
     def inflation(self, parameters: Four) -> float:
         """Return by how much correlated residuals raise the variance, at least 1."""
-        unknowns = self._unknowns(parameters)
-        # the starts are not at hand: one linear step brings them and leaves the residuals
-        errors, jacobian = self._evaluate(unknowns)
-        errors = errors - jacobian @ np.linalg.lstsq(jacobian, errors, rcond=None)[0]
+        errors = self._best_linear(parameters)
+        jacobian = self._evaluate(self._unknowns(parameters))[1]
         limit = 3.0 * float(np.median(np.abs(errors))) / 0.6745
         scores = jacobian * np.clip(errors, -limit, limit)[:, None]
         white = scores.T @ scores
@@ -171,6 +195,18 @@ class _Problem:
         ratio = (np.diag(inverse @ total @ inverse)[:count]
                  / np.diag(inverse @ white @ inverse)[:count])
         return max(1.0, float(ratio.max()))
+
+    def _best_linear(self, parameters: Four) -> Array:
+        # the starts are not at hand: one linear step brings them and leaves the residuals
+        errors, jacobian = self._evaluate(self._unknowns(parameters))
+        return np.asarray(errors - jacobian @ np.linalg.lstsq(jacobian, errors, rcond=None)[0])
+
+    def _whitened(self, values: Array) -> Array:
+        """Return the innovations of a random walk in white noise, of columns over time."""
+        if not self._drift:
+            return values
+        keep = 1.0 - self._drift
+        return np.asarray(lfilter([1.0, -1.0], [1.0, -keep], values, axis=0))
 
     def _unknowns(self, parameters: Four) -> Array:
         count = int(self._active.sum())
@@ -214,8 +250,8 @@ class _Problem:
             if self.of_position:
                 values = values + unknowns[own + 1] * self._velocity
                 block[:, own + 1] = self._velocity
-            errors.append(values - measured)
-            blocks.append(block)
+            errors.append(self._whitened(values - measured))
+            blocks.append(self._whitened(block))
         return np.concatenate(errors), np.concatenate(blocks)
 
     def _output(self, record: Record, v: Array, slopes: Array) -> tuple[Array, Array, Array]:

@@ -11,14 +11,14 @@ from rovid_core.dofs import Four
 from rovid_core.identifier import Scales
 from rovid_core.trial import Fit, Record
 
-SLOWER = (1.0, 1.0, 1.0, 2.0, 4.0)
+SLOWER = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 2.0, 4.0)
 """Adaptation time of each pass, in those of the first."""
 
 
 def repeated_passes(records: Sequence[Record], scales: Scales, adaptation_time: float,
                     integrator: str = 'rk4') -> Fit:
     """
-    Identify in five passes, the last ones slower (``SLOWER``).
+    Identify in eight passes, the last ones slower (``SLOWER``).
 
     The first passes come near from any guess, also in directions that are excited poorly;
     the result is the mean over the second half of the last, which leaves the noise out. The

@@ -183,8 +183,7 @@ class _Problem:
         """Return by how much correlated residuals raise the variance, at least 1."""
         errors = self._best_linear(parameters)
         jacobian = self._evaluate(self._unknowns(parameters))[1]
-        limit = 3.0 * float(np.median(np.abs(errors))) / 0.6745
-        scores = jacobian * np.clip(errors, -limit, limit)[:, None]
+        scores = jacobian * errors[:, None]
         white = scores.T @ scores
         total = white.copy()
         for lag in range(1, min(CORRELATED, len(scores) // 4)):
@@ -197,9 +196,15 @@ class _Problem:
         return max(1.0, float(ratio.max()))
 
     def _best_linear(self, parameters: Four) -> Array:
-        # the starts are not at hand: one linear step brings them and leaves the residuals
+        # the starts are not at hand: linear steps bring them, with outliers drawn in
         errors, jacobian = self._evaluate(self._unknowns(parameters))
-        return np.asarray(errors - jacobian @ np.linalg.lstsq(jacobian, errors, rcond=None)[0])
+        inverse = np.linalg.pinv(jacobian)
+        fit = jacobian @ (inverse @ errors)
+        for _ in range(5):
+            rest = errors - fit
+            limit = 3.0 * float(np.median(np.abs(rest))) / 0.6745
+            fit = jacobian @ (inverse @ (fit + np.clip(rest, -limit, limit)))
+        return np.asarray(np.clip(errors - fit, -limit, limit))
 
     def _whitened(self, values: Array) -> Array:
         """Return the innovations of a random walk in white noise, of columns over time."""

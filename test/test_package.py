@@ -21,6 +21,7 @@ ROSDEP_KEYS = {
     'numpy': 'python3-numpy',
     'pytest': 'python3-pytest',
     'rosbags': 'python3-rosbags-pip',
+    'scipy': 'python3-scipy',
     'yaml': 'python3-yaml',
     'zstandard': 'python3-mcap-pip',
 }

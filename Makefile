@@ -18,13 +18,14 @@ unexport RMW_IMPLEMENTATION
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint clean
+.PHONY: help demo test lint browser clean
 
 help:
 	@echo 'make demo   simulate a vehicle and identify it; needs no ROS'
 	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
 	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest'
 	@echo 'make lint   linters and types only'
+	@echo 'make browser  Debian Chromium, for the tests that open the report (needs root)'
 	@echo 'make clean  remove what the other targets made'
 	@echo 'All take PYTHON=..., the interpreter to use (3.10 or newer; now: $(PYTHON))'
 
@@ -40,6 +41,11 @@ lint: $(TEST_READY)
 ifeq ($(ROS_DISTRO),kilted)
 	$(TEST)/bin/mypy
 endif
+
+browser:
+	@if command -v chromium || command -v chromium-browser || command -v google-chrome; then :; \
+	elif [ "$$(id -u)" = 0 ] && apt-get -qq update && apt-get -qq install -y chromium; then :; \
+	else echo 'no Chromium: the tests that open the report in a browser are skipped'; fi
 
 clean:
 	rm -rf .venv .venv-* build *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -21,6 +21,7 @@ from rovid_core.offline import METHODS
 from rovid_core.output_error import information, output_error
 from rovid_core.passes import repeated_passes
 from rovid_core.plant import lumped
+from rovid_core.residuals import noise
 from rovid_core.response import path, response
 from rovid_core.score import ScoreLog
 from rovid_core.settings import DofSettings, Settings
@@ -127,7 +128,6 @@ def bound_ratio(seeds: int) -> tuple[Array, Array]:
 
 def noise_of(record: Record) -> float:
     """Return the noise that the methods see."""
-    from rovid_core.output_error import noise
     return noise([record])
 
 

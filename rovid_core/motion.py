@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
 
-from rovid_core.dofs import ANGULAR_DOFS, DOFS, Quaternion, Vector
-from rovid_core.rotation import between, rotate, rotate_back, rotation_between
+from rovid_core.dofs import ANGULAR_DOFS, DOFS, Vector
+from rovid_core.rotation import rotate, rotate_back, rotation_between
 from rovid_core.settings import Settings
+from rovid_core.world import World
 
 NS = 1e-9
 
@@ -35,92 +35,6 @@ class Motion:
     def time(self) -> int:
         """Return the time at which the velocity stands: the middle of its interval [ns]."""
         return (self.start + self.end) // 2
-
-
-class AttitudeHistory:
-    """The attitudes of the last moments, interpolated."""
-
-    def __init__(self, max_gap: int) -> None:
-        self._max_gap = max_gap
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget all attitudes."""
-        self._times: list[int] = []
-        self._values: list[Quaternion] = []
-
-    def add(self, time: int, q: Quaternion) -> None:
-        """Take an attitude at ``time`` [ns], after the last one."""
-        if len(self._times) > 1024:
-            cut = bisect_left(self._times, time - 2 * self._max_gap)
-            del self._times[:cut], self._values[:cut]
-        self._times.append(time)
-        self._values.append(q)
-
-    def missing(self, time: int) -> str:
-        """Return '' if the attitude at ``time`` is known, 'later' if it may become so."""
-        i = bisect_left(self._times, time)
-        if i == len(self._times):
-            return 'later'
-        if self._times[i] == time:
-            return ''
-        if i == 0 or self._times[i] - self._times[i - 1] > self._max_gap:
-            return 'no_attitude'
-        return ''
-
-    def at(self, time: int) -> Quaternion:
-        """Return the attitude at a ``time`` for which ``missing`` is ''."""
-        i = bisect_left(self._times, time)
-        if self._times[i] == time:
-            return self._values[i]
-        before, after = self._times[i - 1], self._times[i]
-        return between(
-            self._values[i - 1], self._values[i], (time - before) / (after - before))
-
-
-class World:
-    """What the sources know of each other: the attitude and the world velocity."""
-
-    def __init__(self, settings: Settings) -> None:
-        self._max_gap = round(settings.max_gap / NS)
-        self.attitude = AttitudeHistory(self._max_gap)
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget everything."""
-        self.attitude.restart()
-        self._depths: deque[tuple[int, float]] = deque()
-        self._horizontal: tuple[int, float, float] | None = None
-
-    def note_depth(self, time: int, z: float) -> None:
-        """Take a depth [m, up] that is good."""
-        self._depths.append((time, z))
-        while self._depths[0][0] < time - 2 * self._max_gap:
-            self._depths.popleft()
-
-    def note_horizontal(self, time: int, velocity: Vector) -> None:
-        """Take the rate of the position [m/s] where it is good."""
-        self._horizontal = (time, velocity[0], velocity[1])
-
-    def vertical(self, time: int, span: int) -> float | None:
-        """
-        Return the mean rate of the depth [m/s] over ``span`` [ns] up to its newest value.
-
-        As long a span as that of the position with which it is turned into the body, so that
-        one is no noisier than the other; None where the depth is too old.
-        """
-        if len(self._depths) < 2 or time - self._depths[-1][0] > self._max_gap:
-            return None
-        end, z = self._depths[-1]
-        first = next(((t, x) for t, x in reversed(self._depths) if t <= end - span),
-                     self._depths[0])
-        return (z - first[1]) / ((end - first[0]) * NS)
-
-    def horizontal(self, time: int) -> tuple[float, float]:
-        """Return the newest rate of the position [m/s]; 0 where it is too old."""
-        if self._horizontal is None or time - self._horizontal[0] > self._max_gap:
-            return (0.0, 0.0)
-        return self._horizontal[1:]
 
 
 Fix = tuple[int, tuple[float, ...]]

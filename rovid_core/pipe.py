@@ -9,7 +9,7 @@ from typing import cast, Protocol
 from rovid_core.dofs import Four, Quaternion
 from rovid_core.identifier import Identifier, Step
 from rovid_core.methods import make
-from rovid_core.motion import Motion, World
+from rovid_core.motion import Motion
 from rovid_core.plant import lumped
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
@@ -17,6 +17,7 @@ from rovid_core.thrust import Thrust
 from rovid_core.track import Track
 from rovid_core.values import DofEstimate, Estimate, Sample
 from rovid_core.watch import OneSided, TypicalSizes
+from rovid_core.world import World
 
 NS = 1e-9
 LEAST_EXCITATION = 1e-3

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rovid_core.lowpass import LowPass
-from rovid_core.motion import Motion, MotionSource, World
+from rovid_core.motion import Motion, MotionSource
 from rovid_core.settings import Settings
+from rovid_core.world import World
 
 
 class Track:

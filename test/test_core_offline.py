@@ -10,8 +10,9 @@ import pytest
 from rovid_core.identifier import Scales
 from rovid_core.least_squares import with_acceleration
 from rovid_core.offline import METHODS, subsets
-from rovid_core.output_error import information, noise, output_error
+from rovid_core.output_error import information, output_error
 from rovid_core.plant import advance
+from rovid_core.residuals import noise
 from rovid_core.response import path, response, sensitivities
 from rovid_core.score import ScoreLog
 from rovid_core.simulator import simulate

@@ -5,7 +5,13 @@ import os
 from pathlib import Path
 import socket
 
+from hypothesis import settings
 import pytest
+
+# New examples are for people to find; a build that others wait for repeats its own.
+settings.register_profile('repeatable', derandomize=True)
+if os.environ.get('CI'):
+    settings.load_profile('repeatable')
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

@@ -1,5 +1,6 @@
 """The figures that the method stands on; ``python -m benchmarks.foundation`` prints them."""
 
+from math import isfinite
 from statistics import median
 
 import pytest
@@ -19,6 +20,7 @@ from benchmarks.cases import (
     SURGE_TRUTH,
     TRAINING,
 )
+from benchmarks.foundation import tank_scores
 
 
 def test_rk4_at_100_hz_finds_the_eq_13_vehicle_and_w_never_grows():
@@ -76,3 +78,14 @@ def test_the_score_of_the_truth_is_noise_and_that_of_the_guess_is_not():
     guess = Stream(surge_settings()).state()['dofs']['surge']['parameters']
     assert prediction(guess, TRAINING).mae > 0.05
     assert len(guess) == len(PARAMETERS)
+
+
+def test_a_model_from_one_tank_recording_predicts_the_other(data):
+    trained, scores = tank_scores(data / 'bluerov2_tank')
+    assert scores['surge'].fit > 0.28
+    assert scores['sway'].fit > 0.58
+    assert scores['heave'].fit > 0.50
+    for dof in trained.dofs:
+        assert all(map(isfinite, dof.parameters))
+        assert dof.parameters[0] > 0.0
+        assert max(dof.parameters[1:3]) <= 0.0

@@ -28,12 +28,29 @@ class Step:
     force : tuple of 3 floats
         Force at the same points, filtered alike [N or N m]. The pipe gives the exact mean
         over the step three times.
+    mean : float
+        What was measured, not filtered: the mean velocity over ``interval``, in whose middle
+        the step ends, or the velocity at the step's end [m/s or rad/s].
+    interval : float
+        From the fix before the step's end to the fix after it [s]; 0 for a velocity sensor.
+    parts : tuple of 2 floats
+        Lengths of the step before and after the first of those fixes [s]; (dt, 0) for a
+        velocity sensor.
+    forces : tuple of 2 floats
+        Exact mean of the force over each part, not filtered [N or N m].
+    turn : float
+        Angle by which the body turned since the interval before [rad].
 
     """
 
     dt: float
     velocity: Three
     force: Three
+    mean: float = math.nan
+    interval: float = 0.0
+    parts: tuple[float, float] = (0.0, 0.0)
+    forces: tuple[float, float] = (0.0, 0.0)
+    turn: float = 0.0
 
 
 class Identifier(Protocol):

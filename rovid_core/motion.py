@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
+import math
 
-from rovid_core.dofs import ANGULAR_DOFS, DOFS, Vector
+from rovid_core.dofs import ANGULAR_DOFS, DOFS, Quaternion, Vector
 from rovid_core.rotation import rotate, rotate_back, rotation_between
 from rovid_core.settings import Settings
 from rovid_core.world import World
@@ -24,12 +25,15 @@ class Motion:
         The interval over which it is the mean [ns]; the same for a point measurement.
     velocity : tuple of float
         One value per DOF of the source [m/s or rad/s], in the body frame.
+    turn : float
+        Angle by which the body turned since the interval before [rad].
 
     """
 
     start: int
     end: int
     velocity: tuple[float, ...]
+    turn: float = 0.0
 
     @property
     def time(self) -> int:
@@ -83,6 +87,7 @@ class MotionSource:
         self._waiting: deque[Fix] = deque()
         self._last: Fix | None = None
         self._refused: Fix | None = None
+        self._attitude: Quaternion | None = None  # of the last interval
 
     def add(self, time: int, value: tuple[float, ...]) -> None:
         """Take a measurement at ``time`` [ns]."""
@@ -146,12 +151,16 @@ class MotionSource:
         velocity = self._world_velocity(last, new, dt)
         if velocity is None or self._missing(start, end):
             return None
-        body = velocity
+        body, turned = velocity, 0.0
         if self._turned:
-            body = rotate_back(self._shared.attitude.at((start + end) // 2), velocity)
-        motion = self._body(Motion(start, end, body))
+            attitude = self._shared.attitude.at((start + end) // 2)
+            body = rotate_back(attitude, velocity)
+            turned = math.hypot(*rotation_between(self._attitude or attitude, attitude))
+        motion = self._body(Motion(start, end, body, turned))
         if isinstance(motion, str):
             return None
+        if self._turned:
+            self._attitude = attitude
         # only now: what is refused must not reach the other sources either
         if self.input == 'depth':
             if not self._shared.vertical(end, 1):
@@ -184,7 +193,7 @@ class MotionSource:
         velocity = tuple([motion.velocity[i] for i in self._axes])
         if not self._is_slow(velocity):
             return 'too_fast'
-        return Motion(motion.start, motion.end, velocity)
+        return Motion(motion.start, motion.end, velocity, motion.turn)
 
     def _is_slow(self, velocity: tuple[float, ...]) -> bool:
         # written so that a NaN (positions of 1e300 give some) is too fast as well

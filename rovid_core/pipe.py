@@ -219,15 +219,18 @@ class Pipe:
         after = track.velocity.step(dt, motion.velocity)
         forces = track.force.step(dt, tuple(
             [(impulses[2][i] - impulses[0][i]) / dt for i in track.indices]))
+        parts = ((span[1] - span[0]) * NS, (span[2] - span[1]) * NS)
+        interval = (motion.end - motion.start) * NS
         for j, i in enumerate(track.indices):
-            step = Step(dt, (before[j], 0.5 * (before[j] + after[j]), after[j]),
-                        (forces[j],) * 3)
+            step = Step(
+                dt, (before[j], 0.5 * (before[j] + after[j]), after[j]), (forces[j],) * 3,
+                motion.velocity[j], interval, parts,
+                (_mean(impulses[0][i], impulses[1][i], parts[0]),
+                 _mean(impulses[1][i], impulses[2][i], parts[1])), motion.turn)
             self._identify(i, motion.time, step)
             if self._scorer is not None:
-                self._scorer.stepped(self._settings.dofs[i], span, (
-                    _mean(impulses[0][i], impulses[1][i], span[0], span[1]),
-                    _mean(impulses[1][i], impulses[2][i], span[1], span[2])),
-                    after[j], motion.velocity[j])
+                self._scorer.stepped(
+                    self._settings.dofs[i], span, step.forces, after[j], step.mean)
         track.last = motion
         track.warn_if_clamped()
         estimates.append(self.estimate(motion.time, tuple(track.indices)))
@@ -272,5 +275,5 @@ class Pipe:
                            self.identifiers[i].std, reasons=('no step yet',))
 
 
-def _mean(start_impulse: float, end_impulse: float, start: int, end: int) -> float:
-    return (end_impulse - start_impulse) / ((end - start) * NS) if end > start else 0.0
+def _mean(start_impulse: float, end_impulse: float, span: float) -> float:
+    return (end_impulse - start_impulse) / span if span > 0.0 else 0.0

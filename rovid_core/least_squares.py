@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 from rovid_core.dofs import Four, PARAMETERS
 from rovid_core.identifier import Scales
-from rovid_core.lowpass import LowPass
+from rovid_core.lowpass import filtered
 from rovid_core.trial import Array, Fit, Record
 from scipy.signal import butter, sosfiltfilt
 
@@ -77,23 +77,17 @@ def without_acceleration(records: Sequence[Record], scales: Scales, cutoff: floa
     targets: list[Array] = []
     for record in records:
         steps = record.steps()
-        velocity = np.array([step.velocity[2] for step in steps])
-        dt = np.array([step.dt for step in steps])
         if len(steps) < 16:
             continue
-        once = LowPass(cutoff)
-        twice = LowPass(cutoff)
-        forces = LowPass(cutoff)
-        smooth = np.array([once.step(h, (v,))[0] for h, v in zip(dt, velocity)])
-        out: list[tuple[float, ...]] = []
-        for h, step, before, now in zip(dt[1:], steps[1:], smooth, smooth[1:]):
-            middle = 0.5 * (before + now)
-            force = forces.step(h, (step.force[1],))[0]
-            out.append(twice.step(h, (
-                force, middle * abs(middle), middle, 1.0, (now - before) / h)))
-        table = np.array(out[len(out) // 50:])
-        rows.append(table[:, :4])
-        targets.append(table[:, 4])
+        dt = np.array([step.dt for step in steps])
+        velocity = filtered(cutoff, dt, np.array([step.velocity[2] for step in steps]))
+        dt = dt[1:]
+        force = filtered(cutoff, dt, np.array([step.force[1] for step in steps[1:]]))
+        middle = 0.5 * (velocity[:-1] + velocity[1:])
+        regressor = filtered(cutoff, dt, _regressor(force, middle).T).T
+        start = len(dt) // 50
+        rows.append(regressor[start:])
+        targets.append(filtered(cutoff, dt, np.diff(velocity) / dt)[start:])
     return _solve(rows, targets, scales)
 
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from rovid_core.recurrence import Array, recurrence
+
 MOST_TURN = 2.0 * math.pi * 0.4
 """A cutoff above 0.4 of the sample rate means nothing any more."""
 
@@ -47,3 +50,28 @@ class LowPass:
     def restart(self) -> None:
         """Forget; the next signals are the start."""
         self.value = None
+
+
+def filtered(cutoff: float, dt: Array, signals: Array) -> Array:
+    """
+    Return what ``LowPass`` gives for a whole trial.
+
+    Parameters
+    ----------
+    cutoff : float
+        [Hz]; 0 passes everything.
+    dt : ndarray, shape (n,)
+        Length of the step before each sample [s]; the first is not used.
+    signals : ndarray, shape (..., n)
+        One or more signals; the first samples are the start.
+
+    Returns
+    -------
+    ndarray, shape (..., n)
+
+    """
+    if cutoff == 0.0:
+        return signals
+    weight = -np.expm1(-np.minimum(2.0 * math.pi * cutoff * dt, MOST_TURN))
+    weight[:1] = 1.0
+    return recurrence(1.0 - weight, weight * signals)

@@ -2,17 +2,14 @@
 The velocity response of a model and its derivatives, for a whole trial at once.
 
 Implicit midpoint rule, ``v1 - v0 = h f((v0 + v1) / 2, tau)``: second order, and stable for
-any drag. All steps are solved together by Newton's method on a bidiagonal system, so that
-hours of log take milliseconds.
+any drag. All steps are solved together by Newton's method, whose changes follow a linear
+recurrence, so that hours of log take milliseconds.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import solve_banded
-
-Array = NDArray[np.float64]
+from rovid_core.recurrence import Array, recurrence
 
 TOLERANCE = 1e-12  # of the largest velocity change in the last Newton step
 MOST_ITERATIONS = 50
@@ -45,7 +42,7 @@ def response(parameters: Array, start: float, dt: Array, force: Array) -> Array:
         middle = 0.5 * (v[:-1] + v[1:])
         residual = v[1:] - v[:-1] - dt * (
             drive + beta * middle * np.abs(middle) + gamma * middle)
-        change = solve_banded((1, 0), _bands(parameters, middle, dt), -residual)
+        change = _solve(parameters, middle, dt, -residual)
         # far from the solution a full step can go round in a circle over v|v|'s kink
         v[1:] += change
         size = max(size, float(np.abs(v).max()))
@@ -72,14 +69,12 @@ def sensitivities(parameters: Array, velocity: Array, dt: Array, force: Array) -
 
     """
     middle = 0.5 * (velocity[:-1] + velocity[1:])
-    bands = _bands(parameters, middle, dt)
-    slope = 0.5 * dt * (2.0 * parameters[1] * np.abs(middle) + parameters[2])
     right = np.stack([dt * force, dt * middle * np.abs(middle), dt * middle, dt,
-                      np.zeros_like(dt)], axis=1)
-    right[0, 4] = 1.0 + slope[0]
+                      np.zeros_like(dt)])
+    right[4, 0] = 1.0 + _half_slope(parameters, middle, dt)[0]
     derivatives = np.zeros((len(dt) + 1, 5))
     derivatives[0, 4] = 1.0
-    derivatives[1:] = solve_banded((1, 0), bands, right)
+    derivatives[1:] = _solve(parameters, middle, dt, right).T
     return derivatives
 
 
@@ -89,10 +84,11 @@ def path(values: Array, dt: Array) -> Array:
     return np.concatenate([np.zeros_like(values[:1]), np.cumsum(steps, axis=0)])
 
 
-def _bands(parameters: Array, middle: Array, dt: Array) -> Array:
-    slope = 0.5 * dt * (2.0 * parameters[1] * np.abs(middle) + parameters[2])
-    bands = np.empty((2, len(dt)))
-    bands[0] = 1.0 - slope
-    bands[1, :-1] = -1.0 - slope[1:]
-    bands[1, -1] = 0.0
-    return bands
+def _solve(parameters: Array, middle: Array, dt: Array, right: Array) -> Array:
+    """Return x of ``(1 - s[k]) x[k] - (1 + s[k]) x[k - 1] = right[k]``."""
+    slope = _half_slope(parameters, middle, dt)
+    return recurrence((1.0 + slope) / (1.0 - slope), right / (1.0 - slope))
+
+
+def _half_slope(parameters: Array, middle: Array, dt: Array) -> Array:
+    return np.asarray(0.5 * dt * (2.0 * parameters[1] * np.abs(middle) + parameters[2]))

@@ -7,14 +7,16 @@ The paper's score: simulate the model with the logged thrust and compare the vel
 from __future__ import annotations
 
 from array import array
-from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 import math
 
+import numpy as np
+from numpy.typing import NDArray
 from rovid_core.dofs import DOFS
-from rovid_core.lowpass import LowPass
-from rovid_core.plant import advance
+from rovid_core.lowpass import filtered
+from rovid_core.prediction import predict
+from rovid_core.recurrence import Array
 from rovid_core.settings import Settings
 from rovid_core.trial import Record, record
 
@@ -33,24 +35,25 @@ class Score:
     fit : float
         1 - rms(error) / std(measured); NaN where the velocity never changes.
 
+    A model that runs away has an infinite mae and a fit of minus infinity.
+
     """
 
     mae: float = math.nan
     fit: float = math.nan
 
     @staticmethod
-    def of(simulated: Sequence[float], measured: Sequence[float]) -> Score:
+    def of(simulated: Sequence[float] | Array, measured: Sequence[float] | Array) -> Score:
         """Return the score of a simulated against a measured velocity."""
-        n = len(measured)
-        if n == 0:
+        errors, values = np.asarray(simulated) - np.asarray(measured), np.asarray(measured)
+        if not len(values):
             return Score()
-        errors = [a - b for a, b in zip(simulated, measured)]
-        mean = math.fsum(measured) / n
-        spread = math.fsum((x - mean) ** 2 for x in measured)
-        mae = math.fsum(map(abs, errors)) / n
-        if spread == 0.0:
+        if not np.isfinite(errors).all():
+            return Score(math.inf, -math.inf)
+        mae = float(np.abs(errors).mean())
+        if values.min() == values.max():
             return Score(mae)
-        return Score(mae, 1.0 - math.sqrt(math.fsum(e * e for e in errors) / spread))
+        return Score(mae, 1.0 - float(np.sqrt((errors**2).mean()) / values.std()))
 
 
 @dataclass
@@ -65,6 +68,34 @@ class _Run:
     last_forces: array[float] = field(default_factory=lambda: array('d'))
     velocities: array[float] = field(default_factory=lambda: array('d'))
     means: array[float] = field(default_factory=lambda: array('d'))
+
+    def times(self) -> NDArray[np.int64]:
+        """Return the start, and middle and end of every step [ns]."""
+        pairs = np.stack([self.middles, self.ends], axis=1)
+        return np.concatenate([[self.start], pairs.ravel()])
+
+    def forces(self) -> Array:
+        """Return the mean force before and after the middle of every step [N or N m]."""
+        return np.stack([self.first_forces, self.last_forces], axis=1)
+
+    def mean_forces(self) -> Array:
+        """Return the mean force of every step [N or N m]."""
+        dt = np.diff(self.times()).reshape(-1, 2)
+        return np.asarray((dt * self.forces()).sum(axis=1) / dt.sum(axis=1))
+
+    def predicted(self, parameters: Sequence[float]) -> Array:
+        """Return the velocity of a model at ``times`` [m/s or rad/s]."""
+        return predict(parameters, self.velocity, np.diff(self.times()) * NS,
+                       self.forces().ravel())
+
+    def at(self, times: NDArray[np.int64], values: Array,
+           parameters: Sequence[float]) -> tuple[Array, Array]:
+        """Return the prediction at those of some times that are in the run, and the values."""
+        own = self.times()
+        inside = (own[0] <= times) & (times <= own[-1])
+        # from the start: times since 1970 have too many digits for a float
+        return np.interp(times[inside] - own[0], own - own[0], self.predicted(parameters)), \
+            values[inside]
 
 
 class ScoreLog:
@@ -132,24 +163,15 @@ class ScoreLog:
 
     def series(self, dof: str) -> tuple[list[int], list[float], list[float]]:
         """Return the time [ns], filtered velocity and mean force of every step of a DOF."""
-        times: list[int] = []
-        velocities: list[float] = []
-        forces: list[float] = []
-        for run in self._runs[dof]:
-            before = run.start
-            for middle, end, first, last in zip(
-                    run.middles, run.ends, run.first_forces, run.last_forces):
-                share = (middle - before) / (end - before)
-                forces.append(first * share + last * (1.0 - share))
-                before = end
-            times += run.ends
-            velocities += run.velocities
+        runs = self._runs[dof]
+        times = [time for run in runs for time in run.ends]
+        velocities = [v for run in runs for v in run.velocities]
+        forces = [f for run in runs for f in run.mean_forces().tolist()]
         return times, velocities, forces
 
     def predicted(self, dof: str, parameters: Sequence[float]) -> list[float]:
         """Return the velocity of a model at every step, filtered like the measured one."""
-        return [v for run in self._runs[dof]
-                for v in self._as_measured(run, simulate_run(run, parameters)[1])]
+        return [v for run in self._runs[dof] for v in self._as_measured(run, parameters).tolist()]
 
     def score(self, dof: str, parameters: Sequence[float]) -> Score:
         """
@@ -163,60 +185,27 @@ class ScoreLog:
             alpha, beta, gamma, delta.
 
         """
-        simulated: list[float] = []
-        measured: list[float] = []
-        column = self._references[DOFS.index(dof)]
-        has_reference = any(not math.isnan(x) for x in column)
-        for run in self._runs[dof]:
-            times, velocities = simulate_run(run, parameters)
-            if has_reference:
-                self._at_references(times, velocities, column, simulated, measured)
-            else:
-                simulated += self._as_measured(run, velocities)
-                measured += run.velocities
-        return Score.of(simulated, measured)
+        column = np.array(self._references[DOFS.index(dof)])
+        known = ~np.isnan(column)
+        if known.any():
+            times = np.array(self._reference_times)[known]
+            pairs = [run.at(times, column[known], parameters) for run in self._runs[dof]]
+        else:
+            pairs = [(self._as_measured(run, parameters), np.array(run.velocities))
+                     for run in self._runs[dof]]
+        simulated, measured = zip(*pairs) if pairs else ((), ())
+        nothing = np.empty(0)
+        return Score.of(np.concatenate([nothing, *simulated]),
+                        np.concatenate([nothing, *measured]))
 
-    def _as_measured(self, run: _Run, v: Sequence[float]) -> list[float]:
-        lowpass = LowPass(self._cutoff)
-        lowpass.step(0.0, (run.velocity,))
-        out, before, n = [], run.start, len(run.ends)
-        for k, end in enumerate(run.ends):
-            now = v[2 * k + 2]
-            if run.middles[k] < end and k + 1 < n:  # the mean from this fix to the next
-                now = (v[2 * k + 1] + 4.0 * now + v[2 * k + 3]) / 6.0
-            out.append(lowpass.step((end - before) * NS, (now,))[0])
-            before = end
-        return out
-
-    def _at_references(self, times: Sequence[int], velocities: Sequence[float],
-                       column: Sequence[float], simulated: list[float],
-                       measured: list[float]) -> None:
-        first = bisect_left(self._reference_times, times[0])
-        for k in range(first, len(self._reference_times)):
-            time = self._reference_times[k]
-            if time > times[-1]:
-                break
-            if math.isnan(column[k]):
-                continue
-            i = max(bisect_left(times, time), 1)
-            if i == len(times):
-                break
-            span = times[i] - times[i - 1]
-            share = (time - times[i - 1]) / span if span else 1.0
-            simulated.append(velocities[i - 1] + share * (velocities[i] - velocities[i - 1]))
-            measured.append(column[k])
-
-
-def simulate_run(run: _Run, parameters: Sequence[float]) -> tuple[list[int], list[float]]:
-    """Return times [ns] and velocities at the start, middle and end of every step."""
-    times, velocities = [run.start], [run.velocity]
-    time, v = run.start, run.velocity
-    for middle, end, first, last in zip(
-            run.middles, run.ends, run.first_forces, run.last_forces):
-        for until, force in ((middle, first), (end, last)):
-            if until > time:
-                v = advance(parameters, v, force, (until - time) * NS)
-                time = until
-            times.append(time)
-            velocities.append(v)
-    return times, velocities
+    def _as_measured(self, run: _Run, parameters: Sequence[float]) -> Array:
+        """Return the prediction at every step, averaged and filtered like the measurement."""
+        v = run.predicted(parameters)
+        middle, end = v[1::2], v[2::2]
+        means = end.copy()
+        # of position, the mean from this fix to the next
+        averaged = (np.array(run.middles) < np.array(run.ends))[:-1]
+        means[:-1][averaged] = ((middle[:-1] + 4.0 * end[:-1] + middle[1:]) / 6.0)[averaged]
+        dt = np.diff([run.start, run.start, *run.ends]) * NS
+        with np.errstate(invalid='ignore'):  # of a model that runs away
+            return filtered(self._cutoff, dt, np.concatenate([[run.velocity], means]))[1:]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
+import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 def compare(args: argparse.Namespace) -> None:
     """Run ``rovid compare``."""
+    # the cores go to the fits: numpy's threads cost small matrices more than they give
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
     from rovid_ros.compare import compare as compare_methods, document
     from rovid_ros.comparison_data import report_data
     from rovid_ros.comparison_text import comparison_text

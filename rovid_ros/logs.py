@@ -130,8 +130,8 @@ class Log:
         there = sorted(name for name, info in self.topics.items() if info.count != 0)
         for topic, type in topics.items():
             if topic not in there:
-                raise LogError(f'{self._name()}: no messages on {topic}{nearest(topic, there)}; '
-                               f'it has {", ".join(there)}')
+                raise LogError(f'{self._name()}: no messages on {topic}; '
+                               f'it has {", ".join(there)}{nearest(topic, there)}')
             found = {channel.type for channel in self._channels(topic)}
             if type and found != {normalised(type)}:
                 raise LogError(f'{self._name()}: {topic} is {", ".join(sorted(found))}, '

@@ -10,7 +10,7 @@ import pytest
 # The core gets time and randomness as values, so that the same input gives the same bits.
 NOT_IN_CORE = {'calendar', 'datetime', 'random', 'secrets', 'sched', 'time', 'uuid'}
 SEEDED = 'simulator.py'  # the one file with a random generator, seeded by its caller
-OFFLINE = {'least_squares.py', 'residuals.py', 'response.py'}  # evaluate whole trials
+OFFLINE = {'least_squares.py', 'residuals.py'}  # evaluate whole trials
 
 WITHOUT_ROS = """
 import importlib.abc

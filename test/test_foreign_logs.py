@@ -57,8 +57,8 @@ def test_a_log_without_the_topic_says_what_it_has(data: Path) -> None:
         with pytest.raises(LogError) as refused:
             log.require({'/mocap/poses': ''})
     assert str(refused.value).endswith(
-        "no messages on /mocap/poses; did you mean '/mocap/pose'?; "
-        'it has /mocap/pose, /mocap/velocity, /rc/command')
+        'no messages on /mocap/poses; it has /mocap/pose, /mocap/velocity, /rc/command; '
+        "did you mean '/mocap/pose'?")
 
 
 def test_ros1_messages_have_the_fields_that_ros2_ones_have(data: Path) -> None:

@@ -310,8 +310,8 @@ def test_missing_topics_and_other_types_are_named(tmp_path: Path) -> None:
         with pytest.raises(LogError) as refused:
             log.require({'/array': '', '/points': ''})
         assert str(refused.value) == (
-            f"{tmp_path}/log.mcap: no messages on /points; did you mean '/point'?; "
-            'it has /array, /point')
+            f'{tmp_path}/log.mcap: no messages on /points; it has /array, /point; '
+            "did you mean '/point'?")
         with pytest.raises(LogError) as refused:
             log.require({'/array': 'std_msgs/msg/Float32MultiArray'})
         assert str(refused.value) == (

@@ -7,24 +7,22 @@ LOGS is a folder with the two tank recordings; without it, they are left out.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import pi
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 import sys
 
 import numpy as np
-from numpy.typing import NDArray
-from rovid_core.dofs import Four
+from rovid_core.dofs import Four, PARAMETERS
 from rovid_core.identifier import Scales
 from rovid_core.least_squares import with_acceleration
 from rovid_core.offline import METHODS
 from rovid_core.output_error import information, output_error
 from rovid_core.passes import repeated_passes
-from rovid_core.plant import lumped
 from rovid_core.residuals import noise
-from rovid_core.response import path, response
 from rovid_core.score import ScoreLog
-from rovid_core.settings import DofSettings, Settings
+from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.trial import Record
 from rovid_ros.convert import Converter
@@ -32,60 +30,21 @@ from rovid_ros.logs import Log
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 
-CONFIG = Path(__file__).parents[1] / 'config'
+from benchmarks.trials import (
+    Array,
+    CONFIG,
+    CUTOFF,
+    error,
+    measured_error,
+    NOISE,
+    NOISES,
+    trial,
+    TRIALS,
+    vehicle,
+    Waves,
+)
+
 SEEDS = 20
-RATE, NOISE, DURATION = 10.0, 0.005, 300.0  # [Hz], [m or rad], [s]
-FINE = 4  # segments of the true response between two fixes
-
-# magnitudes [N or N m] of each DOF's trials, from high to low
-MAGNITUDES = {'surge': (150.0, 75.0, 30.0), 'heave': (400.0, 200.0, 80.0),
-              'yaw': (30.0, 15.0, 6.0)}
-NOISES = {'surge': NOISE, 'heave': 0.002, 'yaw': 0.002}
-FREQUENCIES = (0.025, 0.05, 0.25)
-Array = NDArray[np.float64]
-Waves = Sequence[tuple[float, float]]
-
-
-def force_of(waves: Waves, dt: float, count: int) -> Array:
-    """Return the mean force of ``count`` steps of ``dt`` [s]."""
-    t = np.arange(count + 1) * dt
-    return sum(
-        (-f / (2 * pi * hz) * np.diff(np.cos(2 * pi * hz * t)) / dt for f, hz in waves),
-        np.zeros(count))
-
-
-def trial(truth: Four, waves: Waves, seed: int, noise: float = NOISE,
-          duration: float = DURATION) -> Record:
-    """Return what a transponder measures of a vehicle that starts at rest."""
-    step = 1.0 / RATE
-    count = round(duration * RATE)
-    fine = np.full(FINE * count, step / FINE)
-    true = path(response(np.array(truth), 0.0, fine, force_of(waves, step / FINE, len(fine))),
-                fine)[::FINE]
-    fixes = true + np.random.default_rng(seed).normal(0.0, noise, count + 1)
-    return Record(
-        np.arange(count + 1) * step, fixes - fixes[0], np.diff(fixes) / step,
-        np.full(2 * count, step / 2), force_of(waves, step / 2, 2 * count))
-
-
-def error(truth: Four, parameters: Four, waves: Waves) -> float:
-    """Return the mean absolute velocity error [m/s or rad/s] of a model on a profile."""
-    dt = np.full(round(DURATION * 20), 0.05)
-    force = force_of(waves, 0.05, len(dt))
-    model = np.array(parameters)
-    if not np.isfinite(model).all():
-        return float('nan')
-    model[1:3] = np.minimum(model[1:3], 0.0)  # least squares may find a drag that pushes
-    return float(np.abs(response(model, 0.0, dt, force)
-                        - response(np.array(truth), 0.0, dt, force)).mean())
-
-
-def vehicle(dof: str) -> tuple[Four, DofSettings]:
-    """Return truth and guess of the paper's vehicle."""
-    settings = settings_from(load(CONFIG / 'jhurov.yaml'))
-    true = settings.simulation.dofs[dof]
-    return (lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias),
-            settings.dof[dof])
 
 
 Identify = Callable[[Record, Scales], Four]
@@ -98,7 +57,7 @@ def aid(integrator: str) -> Identify:
 
 def squares(record: Record, scales: Scales) -> Four:
     """Return the paper's least squares."""
-    return with_acceleration([record], scales, 0.6).parameters
+    return with_acceleration([record], scales, CUTOFF).parameters
 
 
 def errors_on(dof: str, waves: Waves, identify: Identify, judges: Sequence[Waves],
@@ -108,6 +67,49 @@ def errors_on(dof: str, waves: Waves, identify: Identify, judges: Sequence[Waves
     models = [identify(trial(truth, waves, seed, NOISES[dof]), Scales.of(guess))
               for seed in range(seeds)]
     return [median(error(truth, model, judge) for model in models) for judge in judges]
+
+
+COMPARED = (squares, aid('rk4'), aid('euler'))
+
+
+def scores(dof: str, waves: Waves, seed: int,
+           methods: Sequence[Identify] = COMPARED) -> list[list[float]]:
+    """
+    Return what each method reaches with a trial.
+
+    Returns
+    -------
+    list
+        Per method the paper's score on the trial itself, then the error on each trial of
+        the DOF.
+
+    """
+    truth, guess = vehicle(dof)
+    record = trial(truth, waves, seed, NOISES[dof])
+    models = [method(record, Scales.of(guess)) for method in methods]
+    return [[measured_error(record, model), *(error(truth, model, j) for j in TRIALS[dof])]
+            for model in models]
+
+
+def bias(dof: str, seed: int) -> list[float]:
+    """
+    Return what the identifier finds of a bias that only heave has, as the paper's vehicle.
+
+    Returns
+    -------
+    list
+        True and identified delta, then the error with and without the bias term, and the
+        paper's score with and without it.
+
+    """
+    truth, guess = vehicle(dof)
+    truth = (*truth[:3], truth[3] if dof == 'heave' else 0.0)
+    waves = TRIALS[dof][1]
+    record = trial(truth, waves, seed, NOISES[dof])
+    models = [aid('rk4')(record, Scales.of(replace(guess, terms=terms)))
+              for terms in (PARAMETERS, PARAMETERS[:3])]
+    return [truth[3], models[0][3], *(error(truth, model, waves) for model in models),
+            *(measured_error(record, model) for model in models)]
 
 
 def bound_ratio(seeds: int) -> tuple[Array, Array]:
@@ -163,24 +165,40 @@ def tank_fits(logs: Path) -> dict[str, tuple[float, float]]:
     return fits
 
 
-def _print_orderings() -> None:
-    for dof, magnitudes in MAGNITUDES.items():
-        judges = [((f, hz),) for f in magnitudes for hz in FREQUENCIES]
-        print(f'\n{dof}: median error over {SEEDS} seeds, all four terms [mm/s or mrad/s]')
-        print(f'{"thrust":<18}{"least squares":>15}{"aid, RK4":>12}{"aid, Euler":>12}'
-              f'{"aid on all trials":>20}')
-        for k, judge in enumerate(judges):
-            (force, hz), = judge
-            paper = errors_on(dof, judge, squares, [judge])[0]
-            rk4 = errors_on(dof, judge, aid('rk4'), judges)
-            euler = errors_on(dof, judge, aid('euler'), [judge])[0]
-            print(f'{f"{force:g} at {hz:g} Hz":<18}{1e3 * paper:>15.2f}{1e3 * rk4[k]:>12.2f}'
-                  f'{1e3 * euler:>12.2f}{1e3 * max(rk4):>20.2f}', flush=True)
+def _print_orderings(pool: Executor) -> None:
+    seeds = range(SEEDS)
+    for dof, trials in TRIALS.items():
+        print(f'\n{dof}: medians of {SEEDS} seeds, all four terms [mm/s or mrad/s]\n'
+              f'{"":<18}{"error against the truth":>36}{"RK4 on all":>12}'
+              f'{"score of the paper":>36}\n{"thrust":<18}'
+              + f'{"least sq.":>12}{"aid, RK4":>12}{"aid, Euler":>12}{"trials":>12}'
+              + f'{"least sq.":>12}{"aid, RK4":>12}{"aid, Euler":>12}')
+        cases = [(dof, waves, seed) for waves in trials for seed in seeds]
+        found = 1e3 * np.array(list(pool.map(scores, *zip(*cases), chunksize=4)))
+        table = np.median(found.reshape(len(trials), SEEDS, len(COMPARED), -1), axis=1)
+        for k, ((force, hz),) in enumerate(trials):
+            columns = [*table[k, :, 1 + k], table[k, 1, 1:].max(), *table[k, :, 0]]
+            print(f'{f"{force:g} at {hz:g} Hz":<18}'
+                  + ''.join(f'{x:>12.2f}' for x in columns), flush=True)
+
+
+def _print_bias(pool: Executor) -> None:
+    print('\nbias only in heave, aid with RK4: delta [mm/s^2 or mrad/s^2], error against the '
+          'truth and score of the paper [mm/s or mrad/s]\n'
+          f'{"":<8}{"truth":>8}{"median":>9}{"std":>9}{"over std":>10}{"error":>9}'
+          f'{"without":>9}{"score":>9}{"without":>9}')
+    for dof in TRIALS:
+        found = 1e3 * np.array(list(pool.map(bias, [dof] * SEEDS, range(SEEDS))))
+        middle, std = np.median(found, axis=0), found[:, 1].std(ddof=1)
+        print(f'{dof:<8}{middle[0]:>8.3f}{middle[1]:>9.3f}{std:>9.3f}'
+              f'{abs(middle[1]) / std:>10.1f}' + ''.join(f'{x:>9.2f}' for x in middle[2:]))
 
 
 def main() -> None:
     """Print all tables."""
-    _print_orderings()
+    with ProcessPoolExecutor() as pool:
+        _print_orderings(pool)
+        _print_bias(pool)
     ratio, bound = bound_ratio(200)
     print('output error, 200 seeds: rms over the Cramer-Rao bound of alpha, beta, gamma, delta: '
           + ', '.join(f'{x:.2f}' for x in ratio)

@@ -14,6 +14,7 @@ import math
 from typing import Any, cast
 
 from rovid_core.dofs import Four, PARAMETERS
+from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
 from rovid_core.identifier import finite, Scales, Step, Three
 from rovid_core.integrators import Five, INTEGRATORS
 from rovid_core.settings import SettingsError
@@ -97,6 +98,10 @@ class AdaptiveIdentifier:
     refused and v_hat taken from the measurement. The parameters are projected on a box
     (``Scales.bounds``) that holds the true ones, so W does not grow by it.
 
+    At rest the velocity is noise, and its echo in v_hat would be taken for drag: 0.2 1/s of
+    gamma in an hour. With neither thrust nor motion beta and gamma therefore stay. What then
+    is missing in W' is |dv (dbeta v|v| + dgamma v)|, with v next to 0.
+
     """
 
     def __init__(self, scales: Scales, gains: Gains, integrator: str = 'euler') -> None:
@@ -109,12 +114,15 @@ class AdaptiveIdentifier:
         self._a = gains.feedback
         self._gamma = cast(Four, tuple(
             [g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)]))
-        # of the best excited direction [1/s], 1 / adaptation_time
-        self._rate = max(
+        rate = max(
             g / (s * s) for g, s in zip(self._gamma, self._regressor_scale)) / -self._a
+        # of the best excited direction [s]
+        self.adaptation_time = 1.0 / rate if rate > 0.0 else math.inf
         self._advance = INTEGRATORS[integrator]
         self.bounds = scales.bounds()
         self.std: Four = NAN4
+        self.covariance: tuple[float, ...] = ()
+        self.delay = self.delay_std = math.nan
         self.reset()
 
     def reset(self) -> None:
@@ -147,6 +155,8 @@ class AdaptiveIdentifier:
         if math.isnan(self.v_hat):
             self.v_hat = step.velocity[0]
         gamma = self._gamma if adapt else (0.0, 0.0, 0.0, 0.0)
+        if self._at_rest(step):
+            gamma = (gamma[0], 0.0, 0.0, gamma[3])
         pieces = self._pieces(step, gamma)
         state: Five = (self.v_hat, *self.parameters)
         if pieces == 1:
@@ -193,6 +203,12 @@ class AdaptiveIdentifier:
         self.parameters = cast(Four, tuple(parameters))
         self.v_hat, self.excitation = v_hat, excitation
 
+    def _at_rest(self, step: Step) -> bool:
+        force = step.force[1] * self._regressor_scale[0]
+        speed = self.v_hat * self._regressor_scale[2]
+        return (self.excitation < LEAST_EXCITATION and force * force < LEAST_EXCITATION
+                and speed * speed < LEAST_MOTION)
+
     def _pieces(self, step: Step, gamma: Four) -> int:
         force = max(abs(step.force[0]), abs(step.force[2]))
         gain = abs(self.parameters[0] * force) + abs(self.parameters[3])
@@ -216,7 +232,7 @@ class AdaptiveIdentifier:
         # the mean square of the normalised thrust over about one adaptation time
         x = step.force[1] * self._regressor_scale[0]
         square = min(x * x, MOST_EXCITATION)
-        self.excitation -= math.expm1(-step.dt * self._rate) * (square - self.excitation)
+        self.excitation -= math.expm1(-step.dt / self.adaptation_time) * (square - self.excitation)
 
 
 def _part(step: Step, k: int, pieces: int) -> Step:

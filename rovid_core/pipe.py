@@ -7,12 +7,13 @@ import math
 from typing import cast, Protocol
 
 from rovid_core.dofs import Four, Quaternion
-from rovid_core.identifier import Identifier, Step
+from rovid_core.identifier import Identifier, Scales, Step
 from rovid_core.methods import make
 from rovid_core.motion import Motion
 from rovid_core.plant import lumped
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
+from rovid_core.status import DofStatus
 from rovid_core.thrust import Thrust
 from rovid_core.track import Track
 from rovid_core.values import DofEstimate, Estimate, Sample
@@ -20,8 +21,6 @@ from rovid_core.watch import OneSided, TypicalSizes
 from rovid_core.world import World
 
 NS = 1e-9
-LEAST_EXCITATION = 1e-3
-"""Mean square of the thrust, in typical forces, below which nothing can be learned."""
 
 SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
 
@@ -80,6 +79,7 @@ class Pipe:
         self._sign: tuple[float, ...] | None = None
         self._one_sided = OneSided(settings, warn)
         self._sizes = [TypicalSizes(d, settings.dof[d], warn) for d in settings.dofs]
+        self._statuses = [self._status(i) for i in range(len(settings.dofs))]
         self.refresh()
 
     def _identifier(self, i: int) -> Identifier:
@@ -88,8 +88,20 @@ class Pipe:
         raw = gains[4 * i:4 * i + 4] if len(gains) > 4 else gains
         return make(settings, self._settings.dof[name], cast(Four, raw) if raw else None)
 
+    def _status(self, i: int) -> DofStatus:
+        # raw gains have their own adaptation time
+        time = self._settings.identifier.adaptation_time
+        return DofStatus(Scales.of(self._settings.dof[self._settings.dofs[i]]),
+                         getattr(self.identifiers[i], 'adaptation_time', time))
+
+    def verdict(self, i: int) -> str:
+        """Return what all data leave open of DOF number ``i``, '' if nothing."""
+        return self._statuses[i].verdict()
+
     def refresh(self) -> None:
         """Let the estimates say what the identifiers hold by now; no step has been made."""
+        for status in self._statuses:
+            status.reset()
         self._estimates = [self._waiting(i) for i in range(len(self.identifiers))]
 
     def restart(self) -> None:
@@ -253,26 +265,22 @@ class Pipe:
         self._one_sided.velocity(i, step.velocity[2])
         self._sizes[i].step(step)
         truth = self._truth.get(before.dof)
-        status, reason = self._status(identifier, refused)
+        status, reasons = self._statuses[i].after(identifier, step, refused, self.adapt)
         self._estimates[i] = DofEstimate(
             dof=before.dof, parameters=identifier.parameters, std=identifier.std,
-            status=status, reasons=(reason,) if reason else (), time=time,
+            status=status, reasons=reasons, time=time,
             steps=before.steps + (not refused), velocity=step.velocity[2],
             v_hat=identifier.v_hat, force=step.force[1], excitation=identifier.excitation,
-            W=math.nan if truth is None else identifier.lyapunov(step.velocity[2], truth))
-
-    def _status(self, identifier: Identifier, refused: str) -> tuple[str, str]:
-        if refused:
-            return 'invalid', refused
-        if not self.adapt:
-            return 'frozen', ''
-        if identifier.excitation < LEAST_EXCITATION:
-            return 'unexcited', 'no thrust'
-        return 'converging', ''
+            W=math.nan if truth is None else identifier.lyapunov(step.velocity[2], truth),
+            covariance=identifier.covariance, delay=identifier.delay,
+            delay_std=identifier.delay_std)
 
     def _waiting(self, i: int) -> DofEstimate:
-        return DofEstimate(self._settings.dofs[i], self.identifiers[i].parameters,
-                           self.identifiers[i].std, reasons=('no step yet',))
+        identifier = self.identifiers[i]
+        return DofEstimate(
+            self._settings.dofs[i], identifier.parameters, identifier.std,
+            reasons=('no step yet',), covariance=identifier.covariance,
+            delay=identifier.delay, delay_std=identifier.delay_std)
 
 
 def _mean(start_impulse: float, end_impulse: float, span: float) -> float:

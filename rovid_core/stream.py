@@ -115,6 +115,10 @@ class Stream:
         """Return the identifier of a DOF."""
         return self._pipe.identifiers[self.settings.dofs.index(dof)]
 
+    def verdict(self, dof: str) -> str:
+        """Return what the data since the start or a reset leave open of a DOF, '' if nothing."""
+        return self._pipe.verdict(self.settings.dofs.index(dof))
+
     def control(self, name: str, value: str) -> list[Estimate]:
         """
         Replay a recorded control; what was recorded before it is released first.

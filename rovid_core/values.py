@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 from rovid_core.dofs import Four
+from rovid_core.intervals import Interval, intervals
 
 NAN4: Four = (math.nan, math.nan, math.nan, math.nan)
 
@@ -67,7 +68,7 @@ class DofEstimate:
     dof: str
     parameters: Four  # alpha, beta, gamma, delta
     std: Four = NAN4
-    status: str = 'waiting'  # waiting | unexcited | converging | frozen | invalid
+    status: str = 'waiting'  # one of status.STATUSES
     reasons: tuple[str, ...] = ()
     time: int = 0  # [ns] to which velocity and v_hat belong
     steps: int = 0
@@ -76,11 +77,19 @@ class DofEstimate:
     force: float = math.nan  # mean over the step, filtered like the velocity
     excitation: float = 0.0  # mean square of the thrust, in typical forces
     W: float = math.nan  # Lyapunov function, where the truth is known
+    covariance: tuple[float, ...] = ()  # of the parameters, 16 by rows; () without
+    delay: float = math.nan  # of the thrust [s], where it is estimated
+    delay_std: float = math.nan  # [s]
 
     @property
     def dv(self) -> float:
         """Return v_hat - v (paper eq. 8)."""
         return self.v_hat - self.velocity
+
+    @property
+    def intervals(self) -> dict[str, Interval]:
+        """Return the 95 % intervals of the parameters in both forms; none without covariance."""
+        return intervals(self.parameters, self.covariance)
 
 
 @dataclass(frozen=True, slots=True)

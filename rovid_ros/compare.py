@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
-from typing import Any
+from typing import Any, TypeVar
 
-import numpy as np
 from rovid_core.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.identifier import Scales
 from rovid_core.offline import METHODS, subsets
@@ -15,8 +14,12 @@ from rovid_core.plant import physical
 from rovid_core.score import Score
 from rovid_core.settings import DofSettings, Settings
 from rovid_core.trial import Fit
+from rovid_ros.parallel import in_parallel
 from rovid_ros.progress import Progress
 from rovid_ros.trials import Trial
+
+Given = TypeVar('Given')
+Made = TypeVar('Made')
 
 AS_GOOD = 1.02
 """Errors within this factor are the same."""
@@ -88,42 +91,71 @@ def compare(trials: Sequence[Trial], settings: Settings) -> list[Model]:
         itself where there is only one).
 
     """
-    jobs = [(trial, dof) for trial in trials if trial.trains for dof in settings.dofs]
+    pairs = [(trial, dof) for trial in trials if trial.trains for dof in settings.dofs]
+    chosen = _on_all_cores(
+        'terms', lambda pair: _best_terms(*pair, settings, trials), pairs)
+    jobs = [job for (trial, dof), best in zip(pairs, chosen)
+            for job in _jobs(trial, dof, settings, best)]
     models: list[Model] = []
-    done = 0
-    with Progress('compare', lambda: done / len(jobs)) as progress:
-        for trial, dof in jobs:
-            for model in _identify(trial, dof, trials, settings):
-                models.append(model)
-                progress.tick()
-            done += 1
+    for job, model in zip(jobs, _on_all_cores(
+            'compare', lambda job: _model(job, settings, trials), jobs)):
+        models.append(model)
+        if job.configured and job.best:
+            models.append(replace(model, selected=True))
     return models
 
 
-def _identify(trial: Trial, dof: str, trials: Sequence[Trial],
-              settings: Settings) -> Iterator[Model]:
-    index = settings.dofs.index(dof)
-    online = trial.final.dofs[index]
+@dataclass(frozen=True)
+class _Job:
+    """
+    A model to be found.
+
+    Attributes
+    ----------
+    trial, method, dof
+        From what, and how.
+    known : DofSettings
+        The terms that it is to have.
+    configured, best : bool
+        Whether these are the configured terms, and the method's best ones.
+
+    """
+
+    trial: Trial
+    dof: str
+    method: str
+    known: DofSettings
+    configured: bool
+    best: bool
+
+
+def _jobs(trial: Trial, dof: str, settings: Settings, best: DofSettings) -> Iterator[_Job]:
     known = settings.dof[dof]
-    yield _model(settings.identifier.method, trial, dof, known, Fit(online.parameters), trials)
-    records = trial.scores.records(dof)
-    # chosen with the quick method's models; every method then fits the chosen terms
-    chosen = _best_terms(trial, dof, settings, [t for t in trials if t is not trial] or [trial])
-    for name, method in METHODS.items():
-        full = _model(name, trial, dof, known, method(records, Scales.of(known), settings),
-                      trials)
-        yield full
-        if chosen == known:
-            yield replace(full, selected=True)
-        else:
-            yield _model(name, trial, dof, chosen,
-                         method(records, Scales.of(chosen), settings), trials, True)
+    yield _Job(trial, dof, settings.identifier.method, known, True, False)
+    for name in METHODS:
+        yield _Job(trial, dof, name, known, True, best == known)
+        if best != known:
+            yield _Job(trial, dof, name, best, False, True)
+
+
+def _on_all_cores(label: str, work: Callable[[Given], Made],
+                  given: Sequence[Given]) -> list[Made]:
+    done = 0
+    with Progress(label, lambda: done / len(given)) as progress:
+        def tick(count: int) -> None:
+            nonlocal done
+            done = count
+            progress.tick()
+
+        return in_parallel(work, given, tick)
 
 
 def _best_terms(trial: Trial, dof: str, settings: Settings,
-                judges: Sequence[Trial]) -> DofSettings:
+                trials: Sequence[Trial]) -> DofSettings:
+    """Choose with the quick method's models; every method then fits the chosen terms."""
     known = settings.dof[dof]
     records = trial.scores.records(dof)
+    judges = [t for t in trials if t is not trial] or [trial]
 
     def error(candidate: DofSettings) -> float:
         fit = METHODS['least_squares'](records, Scales.of(candidate), settings)
@@ -140,11 +172,15 @@ def _best_terms(trial: Trial, dof: str, settings: Settings,
     return best
 
 
-def _model(method: str, trial: Trial, dof: str, known: DofSettings, fit: Fit,
-           trials: Sequence[Trial], selected: bool = False) -> Model:
+def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
+    trial, dof = job.trial, job.dof
+    if job.method in METHODS:
+        fit = METHODS[job.method](trial.scores.records(dof), Scales.of(job.known), settings)
+    else:
+        fit = Fit(trial.final.dofs[settings.dofs.index(dof)].parameters)
     sound = all(map(math.isfinite, fit.parameters))
     scores = {t.name: t.scores.score(dof, fit.parameters) if sound else Score() for t in trials}
-    return Model(method, trial.name, dof, known.terms, selected, fit, scores)
+    return Model(job.method, trial.name, dof, job.known.terms, not job.configured, fit, scores)
 
 
 def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model:
@@ -174,27 +210,6 @@ def document(models: Sequence[Model]) -> dict[str, Any]:
     return {'models': [
         {'method': method, 'trained_on': log, 'selected_terms': selected, 'dofs': dofs}
         for (method, log, selected), dofs in grouped.items()]}
-
-
-def interval(model: Model, name: str) -> tuple[float, float] | None:
-    """Return the 95 % interval of a lumped or physical parameter, None where there is none."""
-    covariance = model.fit.covariance
-    if covariance is None:
-        return None
-    parameters = np.array(model.fit.parameters)
-    if name in PARAMETERS:
-        slope = np.eye(4)[PARAMETERS.index(name)]
-        value = float(parameters[PARAMETERS.index(name)])
-    else:
-        i = PHYSICAL.index(name)
-        value = physical(model.fit.parameters)[i]
-        alpha = parameters[0]
-        slope = np.zeros(4)
-        slope[0] = -value / alpha
-        if i:
-            slope[i] = -1.0 / alpha
-    half = 1.96 * math.sqrt(float(slope @ covariance @ slope))
-    return None if not half > 0.0 else (value - half, value + half)
 
 
 def _named(names: tuple[str, ...], values: Four) -> dict[str, float | None]:

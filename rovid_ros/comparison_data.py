@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.identifier import Scales
+from rovid_core.intervals import intervals
 from rovid_core.output_error import information
 from rovid_core.plant import physical
 from rovid_core.settings import Settings
 from rovid_ros import __version__
-from rovid_ros.compare import best_of, interval, Model
+from rovid_ros.compare import best_of, Model
 from rovid_ros.report import number, percent, unit
 from rovid_ros.trials import Trial
 
@@ -116,10 +117,13 @@ def _dof(dof: str, models: Sequence[Model], trials: Sequence[Trial],
 
 
 def _values(model: Model, names: tuple[str, ...], values: Four) -> dict[str, Any]:
+    covariance = model.fit.covariance
+    found = {} if covariance is None else intervals(
+        model.fit.parameters, covariance.ravel().tolist())
     out = {}
     for name, value in zip(names, values):
-        low, high = interval(model, name) or (None, None)
-        out[name] = {'value': _finite(value), 'low': low, 'high': high,
+        low, high = found.get(name, (math.nan, math.nan))
+        out[name] = {'value': _finite(value), 'low': _finite(low), 'high': _finite(high),
                      'unit': unit(model.dof, name)}
     return out
 

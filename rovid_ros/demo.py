@@ -17,10 +17,10 @@ from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
 from rovid_ros.command import CommandError, DONE, guarded, read_settings
 from rovid_ros.feeder import PipeFeeder
-from rovid_ros.outputs import summary
 from rovid_ros.replay import replay
 from rovid_ros.report import NONE, percent, quantity, table
 from rovid_ros.simulate import simulate_log, truth
+from rovid_ros.summary import summary
 
 CONFIG = 'jhurov.yaml'
 DURATION = 600.0  # [s]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 import math
-from typing import Any, Protocol
+from typing import Any
 
 from rovid_core.dofs import DOFS, Four, PARAMETERS, PHYSICAL
 from rovid_core.identifier import Scales
@@ -36,7 +36,8 @@ LATCHED = ('rov/params', 'rov/params_std')
 FRAME = 'base_link'
 
 OK, WARN, ERROR = 0, 1, 2
-LEVELS = {'waiting': WARN, 'unexcited': WARN, 'converging': OK, 'frozen': OK, 'invalid': ERROR}
+LEVELS = {'waiting': WARN, 'unexcited': WARN, 'converging': OK, 'converged': OK, 'frozen': OK,
+          'invalid': ERROR}
 """Status of a DOF to level of a ``DiagnosticStatus``."""
 
 
@@ -47,18 +48,6 @@ class Output:
     topic: str
     type: str
     fields: dict[str, Any]
-
-
-class Scored(Protocol):
-    """What :func:`summary` reads of a DOF's score."""
-
-    @property
-    def mae(self) -> float:
-        """Return mean |v_sim - v| [m/s or rad/s]."""
-
-    @property
-    def fit(self) -> float:
-        """Return 1 - rms(v_sim - v) / std(v), NaN where std(v) is 0."""
 
 
 class Outputs:
@@ -125,46 +114,6 @@ def dof_message(dof: DofEstimate) -> str:
     return f'{dof.status}: {", ".join(dof.reasons)}' if dof.reasons else dof.status
 
 
-def summary(settings: Settings, estimate: Estimate | None,
-            scores: Mapping[str, Scored] | None = None) -> dict[str, dict[str, Any]]:
-    """
-    Return the ``dofs`` part of the JSON of ``rovid replay``.
-
-    Parameters
-    ----------
-    settings : Settings
-        What DOFs there are.
-    estimate : Estimate or None
-        The last one; None where there was no step: the initial values, no steps, waiting.
-    scores : mapping of str to Scored, optional
-        The score of each DOF.
-
-    Returns
-    -------
-    dofs : dict
-        Per DOF the parameters in both forms, ``std`` (None where there is none), ``mae``,
-        ``fit``, ``steps`` and ``status``; a number that is not finite is None.
-
-    """
-    dofs = estimate.dofs if estimate else tuple([
-        DofEstimate(name, Scales.of(settings.dof[name]).initial) for name in settings.dofs])
-    result: dict[str, dict[str, Any]] = {}
-    for dof in dofs:
-        score = (scores or {}).get(dof.dof)
-        known = any(math.isfinite(x) for x in dof.std)
-        result[dof.dof] = {
-            **_named(PARAMETERS, dof.parameters),
-            'std': _named(PARAMETERS, dof.std) if known else None,
-            **_named(PHYSICAL, physical(dof.parameters)),
-            'mae': _finite(score.mae if score else math.nan),
-            'fit': _finite(score.fit if score else math.nan),
-            'steps': dof.steps,
-            'status': dof.status,
-            'reasons': list(dof.reasons),
-        }
-    return result
-
-
 def _array(names: list[str], rows: list[Four]) -> dict[str, Any]:
     size, columns = len(rows), len(PARAMETERS)
     return {
@@ -207,6 +156,8 @@ def _status(dof: DofEstimate, stepped: bool) -> dict[str, Any]:
         **dict(zip(PARAMETERS, dof.parameters)),
         **dict(zip([f'{name}_std' for name in PARAMETERS], dof.std)),
         **dict(zip(PHYSICAL, physical(dof.parameters))),
+        **{f'{name}_{end}': value for name, interval in dof.intervals.items()
+           for end, value in zip(('low', 'high'), interval)},
         'velocity': dof.velocity,
         'v_hat': dof.v_hat,
         'dv': dof.dv,
@@ -218,8 +169,9 @@ def _status(dof: DofEstimate, stepped: bool) -> dict[str, Any]:
         'time': dof.time,
         'updated': stepped,
     }
-    if not math.isnan(dof.W):
-        values['W'] = dof.W
+    for name in ('delay', 'delay_std', 'W'):
+        if not math.isnan(getattr(dof, name)):
+            values[name] = getattr(dof, name)
     return {
         'level': LEVELS[dof.status],
         'name': dof.dof,
@@ -234,11 +186,3 @@ def _text(value: Any) -> str:
         return 'true' if value else 'false'
     # numpy's floats are floats, with another repr
     return float.__repr__(value) if isinstance(value, float) else str(value)
-
-
-def _named(names: tuple[str, ...], values: Four) -> dict[str, float | None]:
-    return {name: _finite(value) for name, value in zip(names, values)}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

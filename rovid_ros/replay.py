@@ -17,8 +17,9 @@ from rovid_ros.feeder import Feeder
 from rovid_ros.interrupt import Interrupt, Interrupted
 from rovid_ros.log_writer import LogWriter
 from rovid_ros.logs import Log, LogMessage, RECORD
-from rovid_ros.outputs import LATCHED, Output, Outputs, summary
+from rovid_ros.outputs import LATCHED, Output, Outputs
 from rovid_ros.progress import Progress
+from rovid_ros.summary import summary
 
 CONTROL = '/rovid/control'
 
@@ -41,7 +42,7 @@ class Result:
     duration : float
         Time [s] from the first of them to the last.
     dofs : dict
-        Per DOF, as in the JSON: parameters, std, scores, steps and status.
+        Per DOF, as in the JSON: see ``summary``.
     rejected : dict
         (input, reason) -> how many.
 
@@ -182,9 +183,11 @@ class _Run:
             raise ReplayError(f'{", ".join(map(str, logs))}: no step: {self._why()}')
         scores = {dof.dof: self._feeder.scores.score(dof.dof, dof.parameters)
                   for dof in estimate.dofs}
+        verdicts = {dof.dof: self._feeder.stream.verdict(dof.dof) for dof in estimate.dofs}
         return Result(
             logs, self._settings, self._steps, self._messages, self.duration,
-            summary(self._settings, estimate, scores), dict(self._feeder.stream.rejected))
+            summary(self._settings, estimate, scores, verdicts),
+            dict(self._feeder.stream.rejected))
 
     def _why(self) -> str:
         stream = self._feeder.stream

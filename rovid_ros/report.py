@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 import math
 from pathlib import Path
+import textwrap
 from typing import Any
 
 from rovid_core.dofs import ANGULAR_DOFS, PARAMETERS, PHYSICAL
@@ -97,20 +98,42 @@ def _outcome(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
 
 
 def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
-    lines = [
-        f'{dof} is {values["status"]}: {", ".join(values["reasons"])}'
-        for dof, values in dofs.items() if values.get('reasons')]
+    lines = []
+    for dof, values in dofs.items():
+        verdict = values['verdict']
+        reasons = [reason for reason in values['reasons'] if reason not in verdict]
+        if reasons:
+            lines.append(_filled(f'{dof} is {values["status"]}: {"; ".join(reasons)}'))
+        if verdict:
+            lines.append(_filled(f'{dof}, from all of the data: {verdict}'))
+        if values['delay_s']:
+            delay, std = (number(values['delay_s'][name]) for name in ('value', 'std'))
+            lines.append(f'{dof}: the thrust is delayed by {delay} ± {std} s')
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
         'model\npredicts from the logged thrust alone.')
     return '\n'.join(lines)
 
 
+def _filled(line: str) -> str:
+    return textwrap.fill(line, 99, subsequent_indent='  ', break_long_words=False)
+
+
 def _physical(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
     rows = [['', 'effective mass', 'quadratic drag', 'linear drag', 'bias']]
     for dof, values in dofs.items():
         rows.append([dof, *(quantity(dof, name, values) for name in PHYSICAL)])
+        if values['intervals']:
+            rows.append(['95 %', *(_interval(values['intervals'][name]) for name in PHYSICAL)])
     return rows
+
+
+def _interval(interval: Sequence[float | None] | None) -> str:
+    """Return an interval; an end that the data leave open is infinite."""
+    if interval is None:
+        return NONE
+    low, high = interval
+    return f'{"-inf" if low is None else number(low)} .. {"inf" if high is None else number(high)}'
 
 
 def _lumped(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:

@@ -6,10 +6,13 @@ import math
 from typing import Any
 
 import pytest
+from rovid_core.dofs import PARAMETERS, PHYSICAL
 from rovid_core.score import Score
 from rovid_core.settings import DofSettings, InputSettings, Settings, ThrusterSettings
+from rovid_core.status import STATUSES
 from rovid_core.values import DofEstimate, Estimate
-from rovid_ros.outputs import OK, Output, Outputs, summary, TOPICS, WARN
+from rovid_ros.outputs import LEVELS, OK, Output, Outputs, TOPICS, WARN
+from rovid_ros.summary import summary
 
 TIME = 1_700_000_000_123_456_789
 AWKWARD = (1.0 / 3.0, -0.1 - 0.2, -1e-17, 5e-324)
@@ -103,6 +106,44 @@ def test_the_estimate_text_gives_the_exact_bits_back() -> None:
     assert 'W' not in values
     known = by_topic(Outputs(settings()).messages(estimate(W=0.1 + 0.2)))['rov/estimate']
     assert float(values_of(known, 0)['W']) == 0.1 + 0.2
+
+
+def test_intervals_and_delay_are_there_where_they_are_known() -> None:
+    plain = values_of(by_topic(Outputs(settings()).messages(estimate()))['rov/estimate'], 0)
+    assert not [name for name in plain if name.endswith(('_low', '_high')) or 'delay' in name]
+    found = values_of(by_topic(Outputs(settings()).messages(known()))['rov/estimate'], 0)
+    assert float(found['alpha_low']) == pytest.approx(0.005 - 1.96 * 0.001, rel=1e-4)
+    assert float(found['mass_high']) == pytest.approx(1.0 / float(found['alpha_low']))
+    assert float(found['bias_high']) > float(found['bias_low'])
+    assert 'linear_drag_low' not in found  # left out
+    assert (float(found['delay']), float(found['delay_std'])) == (0.25, 0.01)
+
+
+def known() -> Estimate:
+    covariance = [0.0] * 16
+    covariance[0], covariance[5], covariance[15] = 0.001**2, 0.1**2, 0.01**2
+    return estimate(parameters=(0.005, -0.5, 0.0, 0.02), covariance=tuple(covariance),
+                    delay=0.25, delay_std=0.01)
+
+
+def test_the_summary_has_intervals_delay_and_verdict() -> None:
+    dofs = summary(settings(), known(), verdicts={'surge': 'no thrust'})
+    json.dumps(dofs, allow_nan=False)
+    surge, yaw = dofs['surge'], dofs['yaw']
+    assert list(surge['intervals']) == [*PARAMETERS, *PHYSICAL]
+    low, high = surge['intervals']['mass']
+    assert low < 200.0 < high
+    assert surge['intervals']['gamma'] is None
+    assert surge['delay_s'] == {'value': 0.25, 'std': 0.01}
+    assert (surge['verdict'], yaw['verdict']) == ('no thrust', '')
+    assert (yaw['intervals'], yaw['delay_s']) == (None, None)
+    wide = replace(known().dofs[0], covariance=(1.0, *[0.0] * 15))
+    opened = summary(settings(), Estimate(TIME, (wide,), (0,)))['surge']['intervals']
+    assert opened['mass'][1] is None  # as far as the data go it is anything above
+
+
+def test_every_status_has_a_level() -> None:
+    assert set(LEVELS) == set(STATUSES)
 
 
 def test_numpy_floats_are_written_as_numbers() -> None:

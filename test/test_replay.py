@@ -13,6 +13,7 @@ from typing import Any
 from mcap.reader import make_reader
 import pytest
 from rovid_core.dofs import PARAMETERS, PHYSICAL
+from rovid_core.status import STATUSES
 from rovid_ros.cli import main
 from rovid_ros.demo import demo
 from rovid_ros.interrupt import Interrupt, Interrupted
@@ -90,7 +91,9 @@ def test_the_json_is_as_specified(written: tuple[Path, dict[str, Any]]) -> None:
     assert list(document['dofs']) == ['surge', 'heave', 'yaw']
     for dof in document['dofs'].values():
         assert set(dof) >= {*PARAMETERS, *PHYSICAL, 'std', 'mae', 'fit', 'steps', 'status'}
-        assert dof['std'] is None
+        assert dof['std'] is dof['intervals'] is dof['delay_s'] is None
+        assert dof['status'] in STATUSES
+        assert isinstance(dof['verdict'], str)
         assert dof['mass'] == pytest.approx(1.0 / dof['alpha'])
 
 

@@ -1,0 +1,199 @@
+"""What the data say about each parameter, whatever the method: the regressors' Gram matrix."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+import math
+
+import numpy as np
+from rovid_core.dofs import Four, PARAMETERS
+from rovid_core.identifier import Scales, Step
+
+LEAST_EXCITATION = 1e-3
+"""Mean square of the thrust, in typical forces, below which nothing can be learned."""
+
+LEAST_MOTION = 1e-2
+"""Mean square of the velocity, in typical ones, below which it is mostly noise."""
+
+LEAST_INFORMATION = 1e-2
+"""
+What has to be left of a regressor's mean square, in typical ones.
+
+At 5 mm of noise in 10 Hz fixes, thrust of 0.02 to 0.1 Hz reaches it for both drags of a
+300 kg vehicle, while 0.25 Hz, a square wave of one size and a fifth of the thrust do not.
+"""
+
+FLOOR = 1e-12
+"""Share of a mean square below which what is left of it is rounding."""
+
+ALPHA, BETA, GAMMA, DELTA = range(4)
+
+Sums = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Gram:
+    """
+    Mean products of the normalised regressors phi = [tau/F, v|v|/V^2, v/V, 1].
+
+    Attributes
+    ----------
+    sums : tuple of 10 floats
+        Upper triangle by rows, times the time [s], which is its last entry.
+    active : tuple of int
+        The terms that are identified.
+    scale : tuple of 4 floats
+        What the regressors were multiplied by (``Scales.regressor``).
+
+    """
+
+    sums: Sums
+    active: tuple[int, ...]
+    scale: Four = (1.0, 1.0, 1.0, 1.0)
+
+    @cached_property
+    def matrix(self) -> tuple[Four, Four, Four, Four]:
+        """Return the Gram matrix of all four terms; 0 before any data."""
+        time = self.sums[9] or 1.0
+        a, ab, ac, ad, b, bc, bd, c, cd, d = [x / time for x in self.sums]
+        return ((a, ab, ac, ad), (ab, b, bc, bd), (ac, bc, c, cd), (ad, bd, cd, d))
+
+    @property
+    def information(self) -> dict[str, float]:
+        """Return what the others cannot explain of each mean square, 1 / (G^-1)_ii."""
+        return {PARAMETERS[i]: self._left(i, self.active) for i in self.active}
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Return how separable each parameter is: information by mean square, 0 to 1."""
+        squares = [self.matrix[i][i] for i in self.active]
+        return {name: left / square if square > 0.0 else 0.0
+                for (name, left), square in zip(self.information.items(), squares)}
+
+    @property
+    def condition(self) -> float:
+        """Return the condition number of the active part, infinite where it is singular."""
+        values = np.linalg.eigvalsh(np.array(self.matrix)[np.ix_(self.active, self.active)])
+        return float(values[-1] / values[0]) if values[0] > 0.0 else math.inf
+
+    def acceleration(self, parameters: Sequence[float]) -> float:
+        """Return the root mean square of theta . phi over the data [m/s^2 or rad/s^2]."""
+        p = [x / scale for x, scale in zip(parameters, self.scale)]
+        return math.sqrt(max(0.0, sum(
+            p[i] * g * p[j] for i, row in enumerate(self.matrix) for j, g in enumerate(row))))
+
+    def uncertainty(self, covariance: Sequence[float]) -> float:
+        """Return the root mean variance of theta . phi for a covariance, 16 by rows."""
+        s = self.scale
+        return math.sqrt(max(0.0, sum(
+            covariance[4 * i + j] * g / (s[i] * s[j])
+            for i, row in enumerate(self.matrix) for j, g in enumerate(row))))
+
+    @property
+    def shows_mass(self) -> bool:
+        """Tell whether alpha can be told from the rest."""
+        return self._left(ALPHA, self.active) >= LEAST_INFORMATION
+
+    @cached_property
+    def reasons(self) -> tuple[str, ...]:
+        """Return in words what cannot be told, and what would help; empty if all can."""
+        if self.sums[9] <= 0.0:
+            return ('no step yet',)
+        if self.matrix[ALPHA][ALPHA] < LEAST_EXCITATION:
+            return ('no thrust',)
+        weak = {i for i in self.active if self._left(i, self.active) < LEAST_INFORMATION}
+        found = []
+        if ALPHA in weak:
+            found.append(
+                'thrust only balances drag and bias: the mass cannot be told; change the '
+                'thrust faster' if self.matrix[ALPHA][ALPHA] >= LEAST_INFORMATION
+                else 'thrust is too small to tell the mass')
+        if DELTA in weak:
+            found.append('the speed hardly changes: the bias cannot be told from drag; drive '
+                         'both ways')
+        if weak & {BETA, GAMMA}:
+            found.append(self._why_no_drag())
+        return tuple(found)
+
+    def _why_no_drag(self) -> str:
+        if self.matrix[GAMMA][GAMMA] < LEAST_MOTION:
+            return 'the speed is always near zero: drag cannot be seen'
+        alone = [self._left(drag, [i for i in self.active if i != other])
+                 for drag, other in ((BETA, GAMMA), (GAMMA, BETA))
+                 if {drag, other} <= set(self.active)]
+        if max(alone, default=0.0) < LEAST_INFORMATION:
+            return 'drag can hardly be seen: run with larger thrust and slowly (0.02 to 0.05 Hz)'
+        return ('linear and quadratic drag cannot be told apart yet: run at several speeds, with '
+                'larger thrust and slowly (0.02 to 0.05 Hz)')
+
+    def _left(self, i: int, terms: Sequence[int]) -> float:
+        """Return what the other terms leave of mean square ``i``, by Gaussian elimination."""
+        rows = [list(row) for row in self.matrix]
+        order = [k for k in terms if k != i]
+        order.append(i)
+        for at, k in enumerate(order[:-1]):
+            pivot = rows[k][k]
+            if pivot <= FLOOR * self.matrix[k][k]:
+                continue  # those before it have explained it all
+            for r in order[at + 1:]:
+                factor = rows[r][k] / pivot
+                for c in order[at + 1:]:
+                    rows[r][c] -= factor * rows[k][c]
+        return max(rows[i][i], 0.0)
+
+
+class Excitation:
+    """
+    Keep the Gram matrix of one DOF: of late, and of everything since the start.
+
+    Parameters
+    ----------
+    scales : Scales
+        Typical sizes and terms.
+    memory : float
+        Time [s] after which data count 1/e in the recent one.
+
+    """
+
+    def __init__(self, scales: Scales, memory: float) -> None:
+        self._scale = scales.regressor
+        self._force, _, self._velocity, _ = self._scale
+        self._active = tuple([i for i, on in enumerate(scales.active) if on])
+        self._memory = memory
+        self._recent: Sums = (0.0,) * 10
+        self._older: Sums = (0.0,) * 10
+        self._new = [0.0] * 10  # not yet in the two others
+
+    def step(self, step: Step) -> None:
+        """Take a step; this is all that is done at each of them."""
+        v = step.velocity[1] * self._velocity
+        force = step.force[1] * self._force
+        drag = v * abs(v)
+        dt = step.dt
+        force_dt, drag_dt, v_dt = force * dt, drag * dt, v * dt
+        new = self._new
+        new[0] += force * force_dt
+        new[1] += drag * force_dt
+        new[2] += v * force_dt
+        new[3] += force_dt
+        new[4] += drag * drag_dt
+        new[5] += v * drag_dt
+        new[6] += drag_dt
+        new[7] += v * v_dt
+        new[8] += v_dt
+        new[9] += dt
+
+    def recent(self) -> Gram:
+        """Return the matrix of late, with all up to now."""
+        kept = math.exp(-self._new[9] / self._memory)
+        self._recent = tuple([kept * old + new for old, new in zip(self._recent, self._new)])
+        self._older = tuple([old + new for old, new in zip(self._older, self._new)])
+        self._new = [0.0] * 10
+        return Gram(self._recent, self._active, self._scale)
+
+    def whole(self) -> Gram:
+        """Return the matrix of everything since the start."""
+        return Gram(tuple([old + new for old, new in zip(self._older, self._new)]),
+                    self._active, self._scale)

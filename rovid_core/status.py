@@ -1,0 +1,137 @@
+"""How far the estimate of a degree of freedom can be trusted, and why not further."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from rovid_core.dofs import Four
+from rovid_core.excitation import Excitation, Gram, LEAST_EXCITATION
+from rovid_core.identifier import Identifier, Scales, Step
+
+STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invalid')
+
+CONVERGED = 0.05
+"""Share of the typical acceleration, and of alpha, to which a converged model is known."""
+
+LOST = 2.0 * CONVERGED
+"""At which it is no longer converged: further up, so that noise does not switch it."""
+
+PERIOD = 1.0
+"""Event time [s] from one judgement to the next."""
+
+Reasons = tuple[str, ...]
+
+
+class DofStatus:
+    """
+    Judge one degree of freedom after every step, by event time alone.
+
+    It is ``invalid`` when the last step was refused, ``frozen`` while nothing is adapted,
+    ``unexcited`` while there is no thrust. It has ``converged`` when both the standard
+    deviation of alpha and that of the model's acceleration over the recent data are below
+    ``CONVERGED`` of alpha and of that acceleration. For a method without a covariance it
+    has when the mean of the parameters moves the acceleration by less than that over three
+    adaptation times, and the data show the mass at all. Until then it is ``converging``.
+
+    Parameters
+    ----------
+    scales : Scales
+        Of the degree of freedom.
+    adaptation_time : float
+        Of the method [s].
+
+    """
+
+    def __init__(self, scales: Scales, adaptation_time: float) -> None:
+        self._scales = scales
+        self._memory = min(max(60.0, 10.0 * adaptation_time), 1e9)
+        self._drift = _Drift(max(3.0 * adaptation_time, 3.0 * PERIOD))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the data."""
+        self._excitation = Excitation(self._scales, self._memory)
+        self._drift.reset()
+        self._since = 0.0
+        self._judged: tuple[str, Reasons] = ('converging', ())
+
+    def after(self, identifier: Identifier, step: Step, refused: str, adapt: bool
+              ) -> tuple[str, Reasons]:
+        """Return status and reasons after a step; ``refused`` is why it was, or ''."""
+        if refused:
+            return 'invalid', (refused,)
+        self._excitation.step(step)
+        self._since += step.dt
+        excited = identifier.excitation >= LEAST_EXCITATION
+        if self._since >= PERIOD:
+            gram = self._excitation.recent()
+            if not adapt:
+                self._drift.reset()
+                self._judged = ('converging', gram.reasons)
+            elif excited:
+                self._judged = self._judge(gram, identifier)
+            self._since = 0.0
+        if not adapt:
+            return 'frozen', ()
+        return self._judged if excited else ('unexcited', ('no thrust',))
+
+    def verdict(self) -> str:
+        """Return what all data since the start leave open, '' if nothing."""
+        return '; '.join(self._excitation.whole().reasons)
+
+    def _judge(self, gram: Gram, identifier: Identifier) -> tuple[str, Reasons]:
+        limit = LOST if self._judged[0] == 'converged' else CONVERGED
+        parameters = identifier.parameters
+        if identifier.covariance:
+            open_ = _uncertain(gram, parameters, identifier.covariance, limit)
+        else:
+            open_ = self._drift.open(gram, parameters, self._since, limit)
+        status = 'converging' if open_ else 'converged'
+        return status, (*([open_] if open_ else []), *gram.reasons)
+
+
+def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit: float) -> str:
+    """Return what a covariance leaves open, '' when the model is known."""
+    typical = gram.acceleration(parameters)
+    share = gram.uncertainty(covariance) / typical if typical > 0.0 else math.inf
+    alpha = math.sqrt(max(covariance[0], 0.0)) / parameters[0]
+    # not (x < limit): a NaN is not known either
+    if not alpha < limit:
+        return f'the mass is known to {_percent(alpha)}'
+    if not share < limit:
+        return f'the acceleration is known to {_percent(share)}'
+    return ''
+
+
+class _Drift:
+    """How far the mean of the parameters moves from one window of time to the next."""
+
+    def __init__(self, window: float) -> None:
+        self._window = window
+        self.reset()
+
+    def reset(self) -> None:
+        self._sum = [0.0] * 4
+        self._time = 0.0
+        self._means: tuple[list[float], ...] = ()  # the last two
+
+    def open(self, gram: Gram, parameters: Four, span: float, limit: float) -> str:
+        """Take the parameters that stood for ``span`` [s]; return what is still open, or ''."""
+        self._sum = [x + span * p for x, p in zip(self._sum, parameters)]
+        self._time += span
+        if self._time >= self._window:
+            self._means = (*self._means[-1:], [x / self._time for x in self._sum])
+            self._sum, self._time = [0.0] * 4, 0.0
+        if len(self._means) < 2:
+            return 'the parameters have not settled yet'
+        typical = gram.acceleration(self._means[1])
+        moved = gram.acceleration([b - a for a, b in zip(*self._means)])
+        if not moved < limit * typical:
+            share = _percent(moved / typical if typical > 0.0 else math.inf)
+            return f'the parameters move by {share} of the acceleration in {self._window:.3g} s'
+        return '' if gram.shows_mass else 'the mass does not show'
+
+
+def _percent(share: float) -> str:
+    return f'{100.0 * share:.0f} %' if share < 10.0 else 'more than 1000 %'

@@ -1,0 +1,105 @@
+"""What a Gram matrix of regressors says about thrust profiles."""
+
+from math import pi, sin
+
+import numpy as np
+import pytest
+from rovid_core.excitation import Excitation, Gram
+from rovid_core.identifier import Scales, Step
+from rovid_core.plant import advance, lumped
+
+TRUTH = lumped(290.0, 290.0, 43.5, 2.9)
+ALL = (True, True, True, True)
+
+
+def driven(force, duration=300.0, active=ALL, noise=0.017, memory=60.0, dt=0.1):
+    """Return the monitor of the surge vehicle under a force over time [N]."""
+    monitor = Excitation(Scales(150.0, 0.5, TRUTH, active), memory)
+    random, v, since = np.random.default_rng(1), 0.0, 0.0
+    for k in range(round(duration / dt)):
+        tau = force((k + 0.5) * dt)
+        new = advance(TRUTH, v, tau, dt)
+        middle = 0.5 * (v + new) + noise * float(random.standard_normal())
+        monitor.step(Step(dt, (v, middle, new), (tau,) * 3))
+        v, since = new, since + dt
+        if since >= 1.0:
+            monitor.recent()
+            since = 0.0
+    return monitor
+
+
+def waves(*parts):
+    return lambda t: sum(force * sin(2 * pi * hz * t) for force, hz in parts)
+
+
+RICH = waves((150.0, 1 / 18), (80.0, 1 / 7.3))
+
+
+@pytest.mark.parametrize('force', [
+    RICH, waves((150.0, 0.025)), waves((150.0, 0.05)),
+    lambda t: (150, -40, 80, -150, 20, -90)[int(t / 20) % 6]])
+def test_slow_and_large_thrust_tells_everything(force):
+    assert driven(force).whole().reasons == ()
+
+
+@pytest.mark.parametrize(('force', 'expected'), [
+    (lambda t: 0.0, ['no thrust']),
+    (lambda t: 2.9, ['no thrust']),  # 2 % of the typical force
+    (waves((150.0, 0.25)), ['told apart']),  # fast
+    (lambda t: 100.0 if t % 40 < 20 else -100.0, ['told apart']),  # at one speed only
+    (waves((30.0, 0.1)), ['told apart']),  # small
+    (lambda t: 2.9 + 30.0 * sin(2 * pi * t), ['near zero']),
+    (waves((150.0, 0.01)), ['mass cannot']),  # the thrust only balances drag
+    (lambda t: 100.0, ['mass cannot', 'bias cannot', 'drag can hardly']),
+])
+def test_what_a_profile_cannot_tell(force, expected):
+    reasons = driven(force).whole().reasons
+    assert len(reasons) == len(expected)
+    for reason, text in zip(reasons, expected):
+        assert text in reason
+
+
+def test_terms_that_are_left_out_are_not_missed():
+    fast = waves((150.0, 0.25))
+    assert driven(fast, active=(True, False, True, True)).whole().reasons == ()
+    assert set(driven(fast, active=(True, True, False, False)).whole().shares) == {
+        'alpha', 'beta'}
+
+
+def test_information_and_shares_are_those_of_the_inverse():
+    gram = driven(RICH).whole()
+    inverse = np.linalg.inv(np.array(gram.matrix))
+    assert list(gram.information.values()) == pytest.approx(1.0 / np.diag(inverse), rel=1e-9)
+    assert list(gram.shares.values()) == pytest.approx(
+        1.0 / np.diag(inverse) / np.diag(gram.matrix), rel=1e-9)
+    assert gram.condition == pytest.approx(np.linalg.cond(gram.matrix), rel=1e-6)
+    assert all(0.0 <= share <= 1.0 for share in gram.shares.values())
+
+
+def test_a_singular_matrix_has_no_information_and_no_nan():
+    gram = driven(lambda t: 150.0, noise=0.0).whole()
+    assert gram.shares['alpha'] == pytest.approx(0.0, abs=1e-9)
+    empty = Gram((0.0,) * 10, (0, 1, 2, 3))
+    assert empty.reasons == ('no step yet',)
+    assert set(empty.shares.values()) == {0.0}
+
+
+def test_accelerations_are_means_over_the_data():
+    gram = driven(RICH, noise=0.0).whole()
+    # the vehicle's own acceleration, from its own parameters
+    random, v, squares = np.random.default_rng(1), 0.0, []
+    for k in range(3000):
+        new = advance(TRUTH, v, RICH((k + 0.5) * 0.1), 0.1)
+        squares.append(((new - v) / 0.1) ** 2)
+        v = new
+    assert gram.acceleration(TRUTH) == pytest.approx(np.sqrt(np.mean(squares)), rel=0.01)
+    factor = random.normal(size=(4, 4)) * np.abs(TRUTH) * 0.1
+    draws = [gram.acceleration(factor @ random.normal(size=4)) ** 2 for _ in range(2000)]
+    assert gram.uncertainty((factor @ factor.T).ravel().tolist()) == pytest.approx(
+        np.sqrt(np.mean(draws)), rel=0.1)
+
+
+def test_the_recent_matrix_forgets_and_the_whole_one_does_not():
+    monitor = driven(lambda t: RICH(t) if t < 200.0 else 0.0, duration=800.0, noise=0.0)
+    assert monitor.recent().reasons == ('no thrust',)
+    assert monitor.whole().reasons == ()

@@ -104,6 +104,8 @@ class AdaptiveIdentifier:
 
     """
 
+    note = ''
+
     def __init__(self, scales: Scales, gains: Gains, integrator: str = 'euler') -> None:
         if integrator not in INTEGRATORS:
             raise SettingsError(

@@ -69,12 +69,24 @@ class Identifier(Protocol):
     6. ``state`` is made of numbers, strings, lists and dicts; ``restore`` of it in a new
        identifier continues with the same bits.
     7. Reading an attribute changes nothing.
+
+    ``covariance`` is that of the parameters: 16 floats, row-major, 0 for left-out terms; ()
+    for a method without. ``delay`` is that of the thrust [s], NaN where it is not estimated.
+    ``note`` is what the method has noticed of vehicle and model, '' if nothing.
     """
 
     parameters: Four
     std: Four
+    covariance: tuple[float, ...] = ()
+    delay: float = math.nan
+    delay_std: float = math.nan
     v_hat: float
     excitation: float
+
+    @property
+    def note(self) -> str:
+        """Return what the method has noticed."""
+        return ''
 
     def step(self, step: Step, adapt: bool = True) -> str:
         """Take one step; return '' or why it was refused."""

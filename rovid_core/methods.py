@@ -2,10 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from rovid_core.aid import AdaptiveIdentifier, Gains
 from rovid_core.dofs import Four
+from rovid_core.ekf import ExtendedKalman
 from rovid_core.identifier import Identifier, Scales
+from rovid_core.rls import RecursiveLeastSquares
 from rovid_core.settings import DofSettings, IdentifierSettings, SettingsError
+
+
+def _aid(scales: Scales, settings: IdentifierSettings, raw_gains: Four | None) -> Identifier:
+    gains = (Gains.from_time(settings.adaptation_time, scales) if raw_gains is None
+             else Gains(settings.feedback_gain, raw_gains))
+    return AdaptiveIdentifier(scales, gains, settings.integrator)
+
+
+def _rls(scales: Scales, settings: IdentifierSettings, _: Four | None) -> Identifier:
+    return RecursiveLeastSquares(scales, settings.adaptation_time)
+
+
+def _ekf(scales: Scales, settings: IdentifierSettings, _: Four | None) -> Identifier:
+    return ExtendedKalman(scales)
+
+
+METHODS: dict[str, Callable[[Scales, IdentifierSettings, Four | None], Identifier]] = {
+    'aid': _aid,
+    'rls': _rls,
+    'ekf': _ekf,
+}
+"""What makes the identifier of a DOF; in the order in which they are offered."""
 
 
 def make(settings: IdentifierSettings, dof: DofSettings,
@@ -20,7 +46,7 @@ def make(settings: IdentifierSettings, dof: DofSettings,
     dof : DofSettings
         Initial values, scales and terms.
     raw_gains : tuple of 4 floats, optional
-        The diagonal of Gamma for this DOF where the settings give raw gains.
+        The diagonal of Gamma for this DOF where the settings give raw gains (``aid``).
 
     Raises
     ------
@@ -28,11 +54,7 @@ def make(settings: IdentifierSettings, dof: DofSettings,
         For a method that there is not.
 
     """
-    if settings.method != 'aid':
-        raise SettingsError('identifier.method', f'got {settings.method!r}, takes aid')
-    scales = Scales.of(dof)
-    if raw_gains is not None:
-        gains = Gains(settings.feedback_gain, raw_gains)
-    else:
-        gains = Gains.from_time(settings.adaptation_time, scales)
-    return AdaptiveIdentifier(scales, gains, settings.integrator)
+    if settings.method not in METHODS:
+        raise SettingsError(
+            'identifier.method', f'got {settings.method!r}, takes {", ".join(METHODS)}')
+    return METHODS[settings.method](Scales.of(dof), settings, raw_gains)

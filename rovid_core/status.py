@@ -88,7 +88,9 @@ class DofStatus:
         else:
             open_ = self._drift.open(gram, parameters, self._since, limit)
         status = 'converging' if open_ else 'converged'
-        return status, (*([open_] if open_ else []), *gram.reasons)
+        # where a covariance says that all is known, the regressors may look as they like
+        shapes = () if identifier.covariance and not open_ else gram.reasons
+        return status, (*filter(None, (identifier.note, open_)), *shapes)
 
 
 def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit: float) -> str:

@@ -9,16 +9,20 @@ import pytest
 from rovid_core.aid import AdaptiveIdentifier, Gains
 from rovid_core.dofs import PARAMETERS
 from rovid_core.identifier import Scales, Step
-from rovid_core.methods import make
+from rovid_core.methods import make, METHODS
 from rovid_core.plant import advance, lumped
 from rovid_core.settings import DofSettings, IdentifierSettings, SettingsError
 
 DOF = DofSettings(400.0, 150.0, 20.0, 1.0)
 TRUTH = lumped(290.0, 290.0, 43.5, 2.9)
-METHODS = [IdentifierSettings(integrator=name) for name in ('euler', 'heun', 'rk4')]
+METHOD_SETTINGS = [
+    *(IdentifierSettings(integrator=name) for name in ('euler', 'heun', 'rk4')),
+    *(IdentifierSettings(method=name) for name in METHODS if name != 'aid')]
 
 
-@pytest.fixture(params=METHODS, ids=lambda s: f'{s.method}-{s.integrator}')
+@pytest.fixture(
+    params=METHOD_SETTINGS,
+    ids=lambda s: f'aid-{s.integrator}' if s.method == 'aid' else s.method)
 def settings(request):
     return request.param
 
@@ -30,8 +34,10 @@ def steps(count=400, dt=0.1, force=1.0, velocity=1.0):
         t = (k + 0.5) * dt
         f = 150 * math.sin(2 * math.pi * t / 18) + 80 * math.sin(2 * math.pi * t / 7.3)
         new = advance(TRUTH, v, f, dt)
-        out.append(Step(dt, (velocity * v, velocity * 0.5 * (v + new), velocity * new),
-                        (force * f,) * 3))
+        out.append(Step(
+            dt, (velocity * v, velocity * 0.5 * (v + new), velocity * new), (force * f,) * 3,
+            mean=velocity * new, interval=dt, parts=(0.5 * dt, 0.5 * dt),
+            forces=(force * f, force * f)))
         v = new
     return out
 
@@ -148,6 +154,26 @@ def test_nothing_makes_it_leave_its_bounds(data):
         assert math.isfinite(identifier.excitation)
     identifier.restart(0.0)
     assert math.isfinite(identifier.v_hat)
+
+
+@pytest.mark.parametrize('method', METHODS)
+@given(data=st.data())
+@hypothesis_settings(max_examples=100, deadline=None)
+def test_nothing_measured_makes_any_method_leave_its_bounds(method, data):
+    identifier = make(IdentifierSettings(method=method), DOF)
+    low, high = Scales.of(DOF).bounds()
+    for _ in range(data.draw(st.integers(1, 30))):
+        v0, v1, mean, f, g = (data.draw(values) for _ in range(5))
+        dt = data.draw(st.sampled_from([1e-9, 0.001, 0.1, 1.0, 100.0]))
+        identifier.step(Step(
+            dt, (v0, 0.5 * v0 + 0.5 * v1, v1), (f, f, f), mean,
+            data.draw(st.sampled_from([0.0, dt])), (0.25 * dt, 0.75 * dt), (f, g)))
+        for p, bottom, top in zip(identifier.parameters, low, high):
+            assert bottom <= p <= top
+        assert math.isfinite(identifier.excitation)
+        assert all(map(math.isfinite, identifier.covariance))
+    identifier.restart(0.0)
+    assert identifier.v_hat == 0.0
 
 
 @pytest.mark.parametrize(('feedback', 'adaptation'), [

@@ -1,0 +1,308 @@
+"""
+The extended Kalman filter on position, velocity, parameters and delay of one DOF.
+
+It takes the fixes themselves, or a velocity sensor's values, and the force before any
+low-pass. Its first seconds are gone through again in steps of Gauss-Newton, for a filter
+that was linearised far from the truth keeps the mistake for ever.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+import math
+from typing import Any, cast
+
+import numpy as np
+from rovid_core.dofs import Four, PARAMETERS
+from rovid_core.ekf_start import DURATION, KNOWN, LONGEST, Start
+from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
+from rovid_core.follower import Follower
+from rovid_core.identifier import Scales, Step
+from rovid_core.innovations import HUBER, Innovations
+from rovid_core.kalman import ALPHA, DELAY, DivergenceError, VELOCITY
+
+DELAYS = (-0.05, 0.6)
+"""Range of the delay [s]; far below 0 the force would have to be known ahead."""
+
+DELAY_STD = 0.15
+"""[s] of the guess that there is none."""
+
+FIRST_NOISE = 0.02
+"""Noise of a measurement to begin with, in typical velocities (times 1 s)."""
+
+OUTLIER = 5.0
+"""Standard deviations beyond which a measurement does not count."""
+
+LOST = 4
+"""Outliers in a row after which position and velocity are taken anew."""
+
+CHANGE = 0.5
+"""What the parameters may have changed by, relative, when the vehicle has changed."""
+
+AGAIN = 10.0
+"""[s] within which the filter has to be lost twice for that."""
+
+LARGEST = 1e4
+"""In typical forces and velocities; what is larger is a mistake."""
+
+FOLLOWING = 60.0
+"""[s] after a change in which it is said."""
+
+WALK = 5e-6
+"""What the parameters may change by anyway, relative, in an hour."""
+
+FORGET = 10.0
+"""[s] over which the thrust's mean square is taken."""
+
+
+class ExtendedKalman:
+    """
+    The extended Kalman filter on one DOF.
+
+    The noise of the measurements is learned from the innovations. While these hang together
+    the model is in error; the filter then forgets quickly how it came where it is
+    (``Innovations``). Measurements beyond ``HUBER`` standard deviations count less, beyond
+    ``OUTLIER`` not at all.
+
+    Parameters
+    ----------
+    scales : Scales
+        Initial parameters, terms and typical sizes.
+
+    """
+
+    def __init__(self, scales: Scales) -> None:
+        self._scales = scales
+        v, f = scales.velocity, scales.force
+        self._unit = (v / f, 1.0 / v, 1.0, v)  # of the parameters, with time in seconds
+        self._units = np.outer(self._unit, self._unit)
+        self._initial = [p / u for p, u in zip(scales.initial, self._unit)] + [0.0]
+        low, high = self.bounds = scales.bounds()
+        self._box = [
+            (ALPHA + k, low[k] / self._unit[k], high[k] / self._unit[k])
+            for k in range(4) if scales.active[k]] + [(DELAY, *DELAYS)]
+        alpha, beta, gamma, delta = map(abs, self._initial[:4])
+        std = (2.0 * alpha, 2.0 * max(alpha, beta), 2.0 * max(alpha, gamma), max(alpha, delta))
+        self._prior = np.diag([
+            0.0, 0.0, *[s * s if on else 0.0 for s, on in zip(std, scales.active)],
+            DELAY_STD**2])
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the initial values."""
+        self._follower = self._new(self._initial)
+        self._innovations = Innovations(FIRST_NOISE)
+        self._start: Start | None = Start()
+        self._time, self._lost_at = 0.0, -AGAIN
+        self._missed = 0
+        self._changed_at = -math.inf
+        self.v_hat = math.nan
+        self.excitation = 0.0
+        self._publish()
+
+    def restart(self, velocity: float) -> None:
+        """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
+        self._follower.restart(velocity, self._innovations.noise)
+        self._missed = 0
+        self.v_hat = velocity
+        if self._start is not None:
+            self._start.add(velocity)
+
+    def step(self, step: Step, adapt: bool = True) -> str:
+        """
+        Take one step; return '' or why it was refused.
+
+        Parameters
+        ----------
+        step : Step
+            What was measured.
+        adapt : bool
+            False leaves the parameters as they are.
+
+        """
+        if not self._in_range(step):
+            self._follower.moving = False  # the path goes on from the next step
+            return 'out_of_range'
+        if not self._follower.moving:
+            self.restart(step.velocity[0])
+        adapt = adapt and not self._at_rest(step)
+        try:
+            measured = self._follower.move(
+                step, self._innovations.model_noise(step), self._innovations.noise)
+            outlier = measured is not None and self._take(step, *measured, adapt)
+        except DivergenceError:
+            self._begin_again()
+            return 'diverged'
+        self._time += step.dt
+        self.v_hat = self._follower.velocity(step)
+        if self._start is not None:
+            self._go_on_with_start(step, outlier, adapt)
+        if adapt:
+            self._publish()
+        return ''
+
+    @property
+    def note(self) -> str:
+        """Return what the filter has to say of the vehicle and its model, '' if nothing."""
+        if self._time - self._changed_at < FOLLOWING:
+            return (f'the vehicle changed {self._time - self._changed_at:.0f} s ago: its '
+                    'parameters are found anew')
+        if self._innovations.model_error and self._start is None:
+            return 'the model does not explain all of the motion: the intervals are wider'
+        return ''
+
+    def energy(self, dv: float, parameters: Sequence[float], truth: Sequence[float]) -> float:
+        """Return NaN: there is no Lyapunov function of eq. 9."""
+        return math.nan
+
+    def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
+        """Return NaN: there is no Lyapunov function of eq. 9."""
+        return math.nan
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {
+            'parameters': list(self.parameters), 'follower': self._follower.state(),
+            'innovations': self._innovations.state(),
+            'start': None if self._start is None else self._start.state(),
+            'time': self._time, 'lost_at': self._lost_at, 'missed': self._missed,
+            'changed_at': None if math.isinf(self._changed_at) else self._changed_at,
+            'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
+            'excitation': self.excitation}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        parameters = [float(x) for x in state['parameters']]
+        low, high = self.bounds
+        if len(parameters) != 4:
+            raise ValueError(f'{len(parameters)} parameters, not 4')
+        for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
+            if not bottom <= p <= top:
+                raise ValueError(f'{name} {p} is outside {bottom} to {top}')
+        new = ExtendedKalman(self._scales)
+        new._follower.restore(state['follower'])
+        new._innovations.restore(state['innovations'])
+        if state['start'] is None:
+            new._start = None
+        elif new._start is not None:
+            new._start.restore(state['start'])
+        new._time, new._lost_at = float(state['time']), float(state['lost_at'])
+        new._missed = int(state['missed'])
+        new._changed_at = (-math.inf if state['changed_at'] is None
+                          else float(state['changed_at']))
+        new.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
+        new.excitation = float(state['excitation'])
+        if not all(map(math.isfinite, (new._time, new._lost_at, new.excitation))):
+            raise ValueError('a number of the state is not finite')
+        new._publish()
+        self.__dict__ = new.__dict__
+
+    def _new(self, nominal: Sequence[float]) -> Follower:
+        """Return a filter at the initial values that is linearised at others."""
+        follower = Follower(nominal, self._prior, self._scales.force, self._scales.velocity)
+        follower.filter.deviate(self._initial)
+        return follower
+
+    def _in_range(self, step: Step) -> bool:
+        f, v = (LARGEST * x for x in (self._scales.force, self._scales.velocity))
+        return (all(abs(x) <= f for x in (step.force[1], *step.forces))
+                and all(abs(x) <= v for x in (step.mean, step.velocity[0])))
+
+    def _at_rest(self, step: Step) -> bool:
+        """Tell whether there is neither thrust nor sure motion: noise would be taken for drag."""
+        square = (step.force[1] / self._scales.force)**2
+        self.excitation -= math.expm1(-step.dt / FORGET) * (square - self.excitation)
+        if max(square, self.excitation) > LEAST_EXCITATION:
+            return False
+        filter = self._follower.filter
+        speed = filter.nominal[VELOCITY]
+        return speed * speed < LEAST_MOTION + 9.0 * float(filter.covariance[VELOCITY, VELOCITY])
+
+    def _take(self, step: Step, i: int, value: float, adapt: bool) -> bool:
+        """Take a measurement; return whether it is an outlier."""
+        filter, innovations = self._follower.filter, self._innovations
+        error, variance = filter.innovation(i, value, innovations.noise**2)
+        normalised = error / math.sqrt(variance)
+        was_right = not innovations.model_error
+        if adapt:
+            innovations.take(normalised, step.dt)
+        size = abs(normalised)
+        if size > OUTLIER:
+            self._missed += 1
+            if self._missed >= LOST:
+                self._find_again(error, was_right)
+            return True
+        self._missed = 0
+        if adapt:
+            filter.walk(self._prior, step.dt * (0.5 * WALK) ** 2 / 3600.0)
+        filter.update(i, error, variance * max(1.0, size / HUBER), adapt)
+        filter.relinearise(self._box)
+        if was_right and innovations.model_error:
+            self._note_change()
+        return False
+
+    def _find_again(self, error: float, was_right: bool) -> None:
+        """Take position and velocity anew; twice in a short time, the vehicle has changed."""
+        self._missed = 0
+        if self._start is not None:
+            # it began with an outlier
+            self._follower, self._start = self._new(self._initial), Start()
+            self._follower.filter.relinearise(self._box)
+            self.restart(0.0)
+            return
+        self._follower.filter.loosen_motion(error * error)
+        if was_right and self._time - self._lost_at < AGAIN:
+            self._innovations.model_error = True
+            self._note_change()
+        self._lost_at = self._time
+
+    def _note_change(self) -> None:
+        self._follower.filter.loosen_parameters(CHANGE)
+        self._changed_at = self._time
+
+    def _go_on_with_start(self, step: Step, outlier: bool, adapt: bool) -> None:
+        """Keep the first seconds, and go through them again once they say something."""
+        assert self._start is not None
+        if not adapt:
+            if self._start.duration:
+                self._start = Start()
+                self._start.add(self.v_hat)
+            return
+        self._start.add(step, outlier)
+        if self._start.duration < DURATION:
+            return
+        filter = self._follower.filter
+        alpha = filter.nominal[ALPHA]
+        if filter.covariance[ALPHA, ALPHA] < (KNOWN * alpha) ** 2:
+            with suppress(DivergenceError):
+                self._follower, self._innovations = self._start.again(
+                    self._new, self._box, filter.nominal[ALPHA:], self._innovations.noise)
+            self._start = None
+        elif self._start.duration > LONGEST:
+            self._start = Start()
+
+    def _begin_again(self) -> None:
+        """Keep the last good parameters, and nothing else."""
+        good = [p / u for p, u in zip(self.parameters, self._unit)] + [0.0]
+        self._follower = Follower(
+            good, self._prior, self._scales.force, self._scales.velocity)
+        self._innovations = Innovations(FIRST_NOISE)
+        self._start, self._missed, self.v_hat = Start(), 0, math.nan
+
+    def _publish(self) -> None:
+        filter = self._follower.filter
+        own = slice(ALPHA, DELAY)
+        low, high = self.bounds
+        # unscaling may lead out of the bounds by a last bit
+        self.parameters = cast(Four, tuple([
+            min(max(p * u, a), b) for p, u, a, b in zip(
+                filter.nominal[own], self._unit, low, high)]))
+        units = self._units * self._innovations.inflation
+        covariance = (filter.covariance[own, own] * units).ravel().tolist()
+        self.covariance = tuple(covariance)
+        self.std = cast(Four, tuple([
+            math.sqrt(x) if on else math.nan
+            for x, on in zip(covariance[::5], self._scales.active)]))
+        self.delay = filter.nominal[DELAY]
+        self.delay_std = math.sqrt(filter.covariance[DELAY, DELAY])

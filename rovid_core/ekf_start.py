@@ -1,0 +1,138 @@
+"""The first seconds of the extended Kalman filter again, from a better linearisation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import astuple
+from math import fsum
+from statistics import median
+from typing import Any
+
+from rovid_core.follower import Follower
+from rovid_core.identifier import Step
+from rovid_core.innovations import CLIP, CLIPPED, CORRELATED, HUBER, Innovations
+from rovid_core.kalman import ALPHA, Bounds, DivergenceError
+
+DURATION = 20.0
+"""[s] of motion that are gone through again."""
+
+LONGEST = 3.0 * DURATION
+"""[s] after which they are given up, and later ones taken."""
+
+KNOWN = 0.2
+"""Relative std of alpha that they have to reach; before, there was too little thrust."""
+
+PASSES = 3
+
+
+class Start:
+    """
+    What was measured since the filter began.
+
+    Each pass over it is linearised where the last one ended: a step of Gauss-Newton.
+    """
+
+    def __init__(self) -> None:
+        self.duration = 0.0  # [s]
+        self._pieces: list[tuple[Step | float, bool]] = []
+
+    def add(self, piece: Step | float, outlier: bool = False) -> None:
+        """Take a step, or the velocity at which the filter takes up."""
+        self._pieces.append((piece, outlier))
+        if isinstance(piece, Step):
+            self.duration += piece.dt
+
+    def again(self, new: Callable[[Sequence[float]], Follower], bounds: Bounds,
+              estimate: Sequence[float], noise: float) -> tuple[Follower, Innovations]:
+        """
+        Return a filter that went through all this, and what its innovations say.
+
+        Parameters
+        ----------
+        new : callable
+            Makes a filter at the initial values, linearised at the parameters it is given.
+        bounds : Bounds
+            Of the state.
+        estimate : sequence of 5 floats
+            Parameters and delay to begin with.
+        noise : float
+            Of a measurement, so far.
+
+        Raises
+        ------
+        DivergenceError
+            If that leads nowhere.
+
+        """
+        try:
+            found = self._passes(new, bounds, estimate, noise, False)
+            if found[1].correlation <= CORRELATED:
+                return found
+        except DivergenceError:
+            pass
+        return self._passes(new, bounds, estimate, noise, True)
+
+    def _passes(self, new: Callable[[Sequence[float]], Follower], bounds: Bounds,
+                estimate: Sequence[float], noise: float, model_error: bool
+                ) -> tuple[Follower, Innovations]:
+        for _ in range(PASSES):
+            follower, innovations = new(estimate), Innovations(noise, model_error)
+            sizes = self._pass(follower, innovations)
+            follower.filter.relinearise(bounds)
+            estimate = follower.filter.nominal[ALPHA:]
+            noise = innovations.noise = max(noise * _level(sizes), 1e-9)
+        return follower, innovations
+
+    def _pass(self, follower: Follower, innovations: Innovations) -> list[float]:
+        noise, began = innovations.noise, -1
+        sizes: list[float] = []
+        for k, (piece, outlier) in enumerate(self._pieces):
+            if not isinstance(piece, Step):
+                self._note_beginning(began, follower)
+                follower.restart(piece, noise)
+                follower.filter.remember_beginning()
+                began = k
+                continue
+            measured = follower.move(piece, innovations.model_noise(piece), noise)
+            if measured is None or outlier:
+                continue
+            i, value = measured
+            error, variance = follower.filter.innovation(i, value, noise * noise)
+            normalised = error / variance**0.5
+            innovations.watch(normalised, piece.dt)
+            follower.filter.update(i, error, variance * max(1.0, abs(normalised) / HUBER))
+            sizes.append(abs(normalised))
+        self._note_beginning(began, follower)
+        return sizes
+
+    def _note_beginning(self, k: int, follower: Follower) -> None:
+        """Let the next pass begin at the velocity that this one found."""
+        if k >= 0:
+            self._pieces[k] = (follower.begun, False)
+
+    def state(self) -> list[list[Any]]:
+        """Return all that is needed to go on from here."""
+        return [[list(astuple(piece)) if isinstance(piece, Step) else piece, outlier]
+                for piece, outlier in self._pieces]
+
+    def restore(self, state: Sequence[Sequence[Any]]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        pieces = [(_step(piece) if isinstance(piece, list) else float(piece), bool(outlier))
+                  for piece, outlier in state]
+        self.duration, self._pieces = 0.0, []
+        for piece, outlier in pieces:
+            self.add(piece, outlier)
+
+
+def _level(sizes: Sequence[float]) -> float:
+    """Return the standard deviation of normalised innovations without the outliers."""
+    level = max(median(sizes) / 0.6745, 1e-9)
+    squares = [min(size / level, CLIP)**2 for size in sizes]
+    return level * (fsum(squares) / len(squares) / CLIPPED)**0.5
+
+
+def _step(values: Sequence[Any]) -> Step:
+    if len(values) != 8:
+        raise ValueError('a step does not fit')
+    return Step(*[
+        tuple(x) if isinstance(x, list) else float(x) for x in values])  # type: ignore[arg-type]

@@ -11,22 +11,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 import math
-from typing import Any, cast
+from typing import Any
 
-import numpy as np
-from rovid_core.dofs import Four, PARAMETERS
+from rovid_core.dofs import PARAMETERS
 from rovid_core.ekf_start import DURATION, KNOWN, LONGEST, Start
 from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
 from rovid_core.follower import Follower
-from rovid_core.identifier import Scales, Step
+from rovid_core.identifier import Identifier, Scales, Step
 from rovid_core.innovations import HUBER, Innovations
 from rovid_core.kalman import ALPHA, DELAY, DivergenceError, VELOCITY
-
-DELAYS = (-0.05, 0.6)
-"""Range of the delay [s]; far below 0 the force would have to be known ahead."""
-
-DELAY_STD = 0.15
-"""[s] of the guess that there is none."""
+from rovid_core.normalised import Normalised
 
 FIRST_NOISE = 0.02
 """Noise of a measurement to begin with, in typical velocities (times 1 s)."""
@@ -56,7 +50,7 @@ FORGET = 10.0
 """[s] over which the thrust's mean square is taken."""
 
 
-class ExtendedKalman:
+class ExtendedKalman(Identifier):
     """
     The extended Kalman filter on one DOF.
 
@@ -74,24 +68,13 @@ class ExtendedKalman:
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
-        v, f = scales.velocity, scales.force
-        self._unit = (v / f, 1.0 / v, 1.0, v)  # of the parameters, with time in seconds
-        self._units = np.outer(self._unit, self._unit)
-        self._initial = [p / u for p, u in zip(scales.initial, self._unit)] + [0.0]
-        low, high = self.bounds = scales.bounds()
-        self._box = [
-            (ALPHA + k, low[k] / self._unit[k], high[k] / self._unit[k])
-            for k in range(4) if scales.active[k]] + [(DELAY, *DELAYS)]
-        alpha, beta, gamma, delta = map(abs, self._initial[:4])
-        std = (2.0 * alpha, 2.0 * max(alpha, beta), 2.0 * max(alpha, gamma), max(alpha, delta))
-        self._prior = np.diag([
-            0.0, 0.0, *[s * s if on else 0.0 for s, on in zip(std, scales.active)],
-            DELAY_STD**2])
+        self._normalised = Normalised(scales)
+        self.bounds = self._normalised.bounds
         self.reset()
 
     def reset(self) -> None:
         """Go back to the initial values."""
-        self._follower = self._new(self._initial)
+        self._follower = self._new(self._normalised.initial)
         self._innovations = Innovations(FIRST_NOISE)
         self._start: Start | None = Start()
         self._time, self._lost_at = 0.0, -AGAIN
@@ -152,14 +135,6 @@ class ExtendedKalman:
             return 'the model does not explain all of the motion: the intervals are wider'
         return ''
 
-    def energy(self, dv: float, parameters: Sequence[float], truth: Sequence[float]) -> float:
-        """Return NaN: there is no Lyapunov function of eq. 9."""
-        return math.nan
-
-    def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
-        """Return NaN: there is no Lyapunov function of eq. 9."""
-        return math.nan
-
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {
@@ -200,8 +175,8 @@ class ExtendedKalman:
 
     def _new(self, nominal: Sequence[float]) -> Follower:
         """Return a filter at the initial values that is linearised at others."""
-        follower = Follower(nominal, self._prior, self._scales.force, self._scales.velocity)
-        follower.filter.deviate(self._initial)
+        follower = Follower(nominal, self._normalised.prior, self._scales.force, self._scales.velocity)
+        follower.filter.deviate(self._normalised.initial)
         return follower
 
     def _in_range(self, step: Step) -> bool:
@@ -235,9 +210,9 @@ class ExtendedKalman:
             return True
         self._missed = 0
         if adapt:
-            filter.walk(self._prior, step.dt * (0.5 * WALK) ** 2 / 3600.0)
+            filter.walk(self._normalised.prior, step.dt * (0.5 * WALK) ** 2 / 3600.0)
         filter.update(i, error, variance * max(1.0, size / HUBER), adapt)
-        filter.relinearise(self._box)
+        filter.relinearise(self._normalised.box)
         if was_right and innovations.model_error:
             self._note_change()
         return False
@@ -247,8 +222,8 @@ class ExtendedKalman:
         self._missed = 0
         if self._start is not None:
             # it began with an outlier
-            self._follower, self._start = self._new(self._initial), Start()
-            self._follower.filter.relinearise(self._box)
+            self._follower, self._start = self._new(self._normalised.initial), Start()
+            self._follower.filter.relinearise(self._normalised.box)
             self.restart(0.0)
             return
         self._follower.filter.loosen_motion(error * error)
@@ -277,32 +252,25 @@ class ExtendedKalman:
         if filter.covariance[ALPHA, ALPHA] < (KNOWN * alpha) ** 2:
             with suppress(DivergenceError):
                 self._follower, self._innovations = self._start.again(
-                    self._new, self._box, filter.nominal[ALPHA:], self._innovations.noise)
+                    self._new, self._normalised.box, filter.nominal[ALPHA:],
+                    self._innovations.noise)
             self._start = None
         elif self._start.duration > LONGEST:
             self._start = Start()
 
     def _begin_again(self) -> None:
         """Keep the last good parameters, and nothing else."""
-        good = [p / u for p, u in zip(self.parameters, self._unit)] + [0.0]
+        good = [*self._normalised.of(self.parameters), 0.0]
         self._follower = Follower(
-            good, self._prior, self._scales.force, self._scales.velocity)
+            good, self._normalised.prior, self._scales.force, self._scales.velocity)
         self._innovations = Innovations(FIRST_NOISE)
         self._start, self._missed, self.v_hat = Start(), 0, math.nan
 
     def _publish(self) -> None:
-        filter = self._follower.filter
-        own = slice(ALPHA, DELAY)
-        low, high = self.bounds
-        # unscaling may lead out of the bounds by a last bit
-        self.parameters = cast(Four, tuple([
-            min(max(p * u, a), b) for p, u, a, b in zip(
-                filter.nominal[own], self._unit, low, high)]))
-        units = self._units * self._innovations.inflation
-        covariance = (filter.covariance[own, own] * units).ravel().tolist()
-        self.covariance = tuple(covariance)
-        self.std = cast(Four, tuple([
-            math.sqrt(x) if on else math.nan
-            for x, on in zip(covariance[::5], self._scales.active)]))
+        filter, normalised = self._follower.filter, self._normalised
+        self.parameters = normalised.parameters(filter.nominal)
+        self.covariance = normalised.covariance(
+            filter.covariance, self._innovations.inflation)
+        self.std = normalised.std(self.covariance)
         self.delay = filter.nominal[DELAY]
         self.delay_std = math.sqrt(filter.covariance[DELAY, DELAY])

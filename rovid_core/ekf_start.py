@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple
-from math import fsum
+from math import fsum, sqrt
 from statistics import median
 from typing import Any
 
@@ -98,7 +98,7 @@ class Start:
                 continue
             i, value = measured
             error, variance = follower.filter.innovation(i, value, noise * noise)
-            normalised = error / variance**0.5
+            normalised = error / sqrt(variance)
             innovations.watch(normalised, piece.dt)
             follower.filter.update(i, error, variance * max(1.0, abs(normalised) / HUBER))
             sizes.append(abs(normalised))
@@ -128,7 +128,7 @@ def _level(sizes: Sequence[float]) -> float:
     """Return the standard deviation of normalised innovations without the outliers."""
     level = max(median(sizes) / 0.6745, 1e-9)
     squares = [min(size / level, CLIP)**2 for size in sizes]
-    return level * (fsum(squares) / len(squares) / CLIPPED)**0.5
+    return level * sqrt(fsum(squares) / len(squares) / CLIPPED)
 
 
 def _step(values: Sequence[Any]) -> Step:

@@ -99,9 +99,11 @@ class Identifier(Protocol):
 
     def energy(self, dv: float, parameters: Four, truth: Four) -> float:
         """Return W of eq. 9 for a velocity error and parameters, NaN for a method without."""
+        return math.nan
 
     def lyapunov(self, velocity: float, truth: Four) -> float:
-        """Return W as it is now, against the true parameters."""
+        """Return W as it is now, against the true parameters, NaN for a method without."""
+        return math.nan
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

@@ -6,18 +6,16 @@ from collections.abc import Callable
 import math
 from typing import cast, Protocol
 
-from rovid_core.dofs import Four, Quaternion
-from rovid_core.identifier import Identifier, Scales, Step
-from rovid_core.methods import make
+from rovid_core.dofs import Quaternion
+from rovid_core.identification import Identification
+from rovid_core.identifier import Step
 from rovid_core.motion import Motion
-from rovid_core.plant import lumped
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
-from rovid_core.status import DofStatus
 from rovid_core.thrust import Thrust
 from rovid_core.track import Track
-from rovid_core.values import DofEstimate, Estimate, Sample
-from rovid_core.watch import OneSided, TypicalSizes
+from rovid_core.values import Estimate, Sample
+from rovid_core.watch import OneSided
 from rovid_core.world import World
 
 NS = 1e-9
@@ -62,10 +60,6 @@ class Pipe:
         self._reject = reject
         self._warn = warn
         self._scorer = scorer
-        self._truth = {
-            dof: lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
-            for dof, true in settings.simulation.dofs.items()
-            if settings.simulation.publish_w}
         self._max_gap = round(settings.max_gap / NS)
         self._world = World(settings)
         self._thrust = Thrust(settings.thrusters, settings.dofs)
@@ -74,35 +68,21 @@ class Pipe:
             track for track in (Track(settings, name, self._world, warn) for name in SOURCES)
             if track.source.dofs or track.source.input in used
             and track.source.input in ('position', 'depth')]
-        self.identifiers = [self._identifier(i) for i in range(len(settings.dofs))]
+        self._dofs = [
+            Identification(settings, i, reject, warn) for i in range(len(settings.dofs))]
+        self.identifiers = [dof.identifier for dof in self._dofs]
         self.adapt = True
         self._sign: tuple[float, ...] | None = None
         self._one_sided = OneSided(settings, warn)
-        self._sizes = [TypicalSizes(d, settings.dof[d], warn) for d in settings.dofs]
-        self._statuses = [self._status(i) for i in range(len(settings.dofs))]
-        self.refresh()
-
-    def _identifier(self, i: int) -> Identifier:
-        name, settings = self._settings.dofs[i], self._settings.identifier
-        gains = settings.adaptation_gains
-        raw = gains[4 * i:4 * i + 4] if len(gains) > 4 else gains
-        return make(settings, self._settings.dof[name], cast(Four, raw) if raw else None)
-
-    def _status(self, i: int) -> DofStatus:
-        # raw gains have their own adaptation time
-        time = self._settings.identifier.adaptation_time
-        return DofStatus(Scales.of(self._settings.dof[self._settings.dofs[i]]),
-                         getattr(self.identifiers[i], 'adaptation_time', time))
 
     def verdict(self, i: int) -> str:
         """Return what all data leave open of DOF number ``i``, '' if nothing."""
-        return self._statuses[i].verdict()
+        return self._dofs[i].verdict()
 
     def refresh(self) -> None:
         """Let the estimates say what the identifiers hold by now; no step has been made."""
-        for status in self._statuses:
-            status.reset()
-        self._estimates = [self._waiting(i) for i in range(len(self.identifiers))]
+        for dof in self._dofs:
+            dof.refresh()
 
     def restart(self) -> None:
         """Start times, filters and histories anew and keep the parameters."""
@@ -144,7 +124,7 @@ class Pipe:
 
     def estimate(self, time: int, stepped: tuple[int, ...] = ()) -> Estimate:
         """Return all DOFs as they are now."""
-        return Estimate(time, tuple(self._estimates), stepped)
+        return Estimate(time, tuple([dof.estimate for dof in self._dofs]), stepped)
 
     def _take(self, time: int, sample: Sample) -> str:
         """Hand a sample to those who use it; return why it was refused, or ''."""
@@ -239,7 +219,8 @@ class Pipe:
                 motion.velocity[j], interval, parts,
                 (_mean(impulses[0][i], impulses[1][i], parts[0]),
                  _mean(impulses[1][i], impulses[2][i], parts[1])), motion.turn)
-            self._identify(i, motion.time, step)
+            self._dofs[i].step(motion.time, step, self.adapt)
+            self._one_sided.velocity(i, step.velocity[2])
             if self._scorer is not None:
                 self._scorer.stepped(
                     self._settings.dofs[i], span, step.forces, after[j], step.mean)
@@ -256,31 +237,6 @@ class Pipe:
             self.identifiers[i].restart(v)
             if self._scorer is not None:
                 self._scorer.restarted(self._settings.dofs[i], motion.time, v)
-
-    def _identify(self, i: int, time: int, step: Step) -> None:
-        identifier, before = self.identifiers[i], self._estimates[i]
-        refused = identifier.step(step, self.adapt)
-        if refused:
-            self._reject(self._settings.dofs[i], refused)
-        self._one_sided.velocity(i, step.velocity[2])
-        self._sizes[i].step(step)
-        truth = self._truth.get(before.dof)
-        status, reasons = self._statuses[i].after(identifier, step, refused, self.adapt)
-        self._estimates[i] = DofEstimate(
-            dof=before.dof, parameters=identifier.parameters, std=identifier.std,
-            status=status, reasons=reasons, time=time,
-            steps=before.steps + (not refused), velocity=step.velocity[2],
-            v_hat=identifier.v_hat, force=step.force[1], excitation=identifier.excitation,
-            W=math.nan if truth is None else identifier.lyapunov(step.velocity[2], truth),
-            covariance=identifier.covariance, delay=identifier.delay,
-            delay_std=identifier.delay_std)
-
-    def _waiting(self, i: int) -> DofEstimate:
-        identifier = self.identifiers[i]
-        return DofEstimate(
-            self._settings.dofs[i], identifier.parameters, identifier.std,
-            reasons=('no step yet',), covariance=identifier.covariance,
-            delay=identifier.delay, delay_std=identifier.delay_std)
 
 
 def _mean(start_impulse: float, end_impulse: float, span: float) -> float:

@@ -9,14 +9,14 @@ sides (state-variable filter; P. C. Young, Automatica 17(1), 1981):
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 import math
 from typing import Any, cast
 
 from rovid_core.dofs import Four
 from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
 from rovid_core.factored import FactoredCovariance
-from rovid_core.identifier import finite, Scales, Step
+from rovid_core.identifier import finite, Identifier, Scales, Step
 from rovid_core.plant import advance
 from rovid_core.regression_noise import RegressionNoise
 
@@ -42,7 +42,7 @@ MOST = 1e6
 """A larger velocity or force, in typical ones, is refused."""
 
 
-class RecursiveLeastSquares:
+class RecursiveLeastSquares(Identifier):
     """
     Recursive least squares on one DOF.
 
@@ -78,8 +78,6 @@ class RecursiveLeastSquares:
     is smaller, by up to 2.
 
     """
-
-    note = ''
 
     def __init__(self, scales: Scales, adaptation_time: float = 3.0) -> None:
         self._scales = scales
@@ -150,14 +148,6 @@ class RecursiveLeastSquares:
         if adapt and self._age > SETTLING / CORNER and not steady:
             self._learn(dt)
         return ''
-
-    def energy(self, dv: float, parameters: Sequence[float], truth: Sequence[float]) -> float:
-        """Return NaN: there is no Lyapunov function."""
-        return math.nan
-
-    def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
-        """Return NaN: there is no Lyapunov function."""
-        return math.nan
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

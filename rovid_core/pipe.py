@@ -29,9 +29,8 @@ class Scorer(Protocol):
     def restarted(self, dof: str, time: int, velocity: float) -> None:
         """Take the velocity that a DOF takes up from."""
 
-    def stepped(self, dof: str, span: tuple[int, int, int], force: tuple[float, float],
-                velocity: float, mean: float) -> None:
-        """Take a step: its times [ns], mean forces of both parts, velocity filtered and not."""
+    def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+        """Take a step and its times [ns]: start, start of the measurement, end."""
 
     def reference(self, time: int, value: tuple[float, ...]) -> None:
         """Take a reference velocity (six values)."""
@@ -222,8 +221,7 @@ class Pipe:
             self._dofs[i].step(motion.time, step, self.adapt)
             self._one_sided.velocity(i, step.velocity[2])
             if self._scorer is not None:
-                self._scorer.stepped(
-                    self._settings.dofs[i], span, step.forces, after[j], step.mean)
+                self._scorer.stepped(self._settings.dofs[i], span, step)
         track.last = motion
         track.warn_if_clamped()
         estimates.append(self.estimate(motion.time, tuple(track.indices)))

@@ -14,6 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.dofs import DOFS
+from rovid_core.identifier import Step
 from rovid_core.lowpass import filtered
 from rovid_core.prediction import predict
 from rovid_core.recurrence import Array
@@ -123,8 +124,7 @@ class ScoreLog:
         """Take the velocity that a DOF takes up from."""
         self._runs[dof].append(_Run(time, velocity))
 
-    def stepped(self, dof: str, span: tuple[int, int, int], force: tuple[float, float],
-                velocity: float, mean: float) -> None:
+    def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
         """
         Take a step.
 
@@ -134,19 +134,17 @@ class ScoreLog:
             One of the run's DOFs.
         span : tuple of int
             Start of the step, start of its measurement, end of the step [ns].
-        force : tuple of float
-            Mean forces of the two parts [N or N m].
-        velocity, mean : float
-            The measured velocity, filtered and not [m/s or rad/s].
+        step : Step
+            What was measured.
 
         """
         run = self._runs[dof][-1]
         run.middles.append(span[1])
         run.ends.append(span[2])
-        run.first_forces.append(force[0])
-        run.last_forces.append(force[1])
-        run.velocities.append(velocity)
-        run.means.append(mean)
+        run.first_forces.append(step.forces[0])
+        run.last_forces.append(step.forces[1])
+        run.velocities.append(step.velocity[2])
+        run.means.append(step.mean)
 
     def reference(self, time: int, value: tuple[float, ...]) -> None:
         """Take a reference velocity: the linear then the angular one."""

@@ -131,7 +131,8 @@ class _Job:
 
 def _jobs(trial: Trial, dof: str, settings: Settings, best: DofSettings) -> Iterator[_Job]:
     known = settings.dof[dof]
-    yield _Job(trial, dof, settings.identifier.method, known, True, False)
+    for name in trial.feeder.online(dof):
+        yield _Job(trial, dof, name, known, True, False)
     for name in METHODS:
         yield _Job(trial, dof, name, known, True, best == known)
         if best != known:
@@ -177,7 +178,7 @@ def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
     if job.method in METHODS:
         fit = METHODS[job.method](trial.scores.records(dof), Scales.of(job.known), settings)
     else:
-        fit = Fit(trial.final.dofs[settings.dofs.index(dof)].parameters)
+        fit = trial.feeder.online(dof)[job.method]
     sound = all(map(math.isfinite, fit.parameters))
     scores = {t.name: t.scores.score(dof, fit.parameters) if sound else Score() for t in trials}
     return Model(job.method, trial.name, dof, job.known.terms, not job.configured, fit, scores)

@@ -35,8 +35,8 @@ class Feeder(Protocol):
 class PipeFeeder:
     """The pipe alone: conversion and stream, no ROS."""
 
-    def __init__(self, settings: Settings) -> None:
-        self.scores = ScoreLog(settings)
+    def __init__(self, settings: Settings, scores: ScoreLog | None = None) -> None:
+        self.scores = scores or ScoreLog(settings)
         self.stream = Stream(settings, scorer=self.scores)
         self.converter = Converter(settings, self.stream.reject)
 

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 from rovid_core.dofs import Four
+from rovid_core.identifier import Step
+from rovid_core.methods import make, METHODS
 from rovid_core.score import ScoreLog
-from rovid_core.settings import Settings
+from rovid_core.settings import IdentifierSettings, Settings
+from rovid_core.trial import Fit
 from rovid_core.values import Estimate
 from rovid_ros.feeder import PipeFeeder
 from rovid_ros.logs import LogMessage
 from rovid_ros.replay import replay, Result
+
+PAPER = 'aid'
+"""The paper's method, of which the report draws the figures."""
 
 
 @dataclass
@@ -25,11 +32,35 @@ class History:
     parameters: list[Four] = field(default_factory=list)
 
 
-class TrialFeeder(PipeFeeder):
-    """The pipe, which keeps what the online identifier said."""
+class OnlineMethods(ScoreLog):
+    """What a score needs, and every online method on the very same steps."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
+        self.identifiers = {dof: {
+            method: make(replace(IdentifierSettings(), method=method), settings.dof[dof])
+            for method in METHODS if method != PAPER} for dof in settings.dofs}
+
+    def restarted(self, dof: str, time: int, velocity: float) -> None:
+        """Take the velocity that a DOF takes up from."""
+        super().restarted(dof, time, velocity)
+        for identifier in self.identifiers[dof].values():
+            identifier.restart(velocity)
+
+    def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+        """Take a step and its times [ns]."""
+        super().stepped(dof, span, step)
+        for identifier in self.identifiers[dof].values():
+            identifier.step(step)
+
+
+class TrialFeeder(PipeFeeder):
+    """The pipe with the paper's identifier, whose every estimate is kept for its figures."""
+
+    def __init__(self, settings: Settings) -> None:
+        paper = replace(settings, identifier=replace(settings.identifier, method=PAPER))
+        self._others = OnlineMethods(settings)
+        super().__init__(paper, self._others)
         self.history = {dof: History() for dof in settings.dofs}
 
     def feed(self, message: LogMessage) -> list[Estimate]:
@@ -43,6 +74,14 @@ class TrialFeeder(PipeFeeder):
     def finish(self) -> list[Estimate]:
         """Take the log's end."""
         return self._kept(super().finish())
+
+    def online(self, dof: str) -> dict[str, Fit]:
+        """Return what every online method ended with."""
+        history, others = self.history[dof], self._others.identifiers[dof]
+        return {PAPER: Fit(history.parameters[-1]) if history.parameters
+                else Fit.none('no step'),
+                **{method: Fit(i.parameters, np.array(i.covariance).reshape(4, 4))
+                   for method, i in others.items()}}
 
     def _kept(self, estimates: list[Estimate]) -> list[Estimate]:
         for estimate in estimates:
@@ -86,12 +125,6 @@ class Trial:
     def scores(self) -> ScoreLog:
         """Return thrust and velocity of every step."""
         return self.feeder.scores
-
-    @property
-    def final(self) -> Estimate:
-        """Return what the online method ended with."""
-        assert self.feeder.stream.estimate is not None
-        return self.feeder.stream.estimate
 
 
 def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Settings,

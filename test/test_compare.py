@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from rovid_core.dofs import PARAMETERS
+from rovid_core.methods import METHODS as ONLINE
 from rovid_core.offline import METHODS
 from rovid_core.plant import lumped
 from rovid_ros.cli import main
@@ -34,7 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_every_method_scores_every_log(folder: Path) -> None:
     models = json.loads((folder / 'out.json').read_text())['models']
-    assert {m['method'] for m in models} == {'aid', *METHODS}
+    assert {m['method'] for m in models} == {*ONLINE, *METHODS}
     true = settings_from(load(CONFIG)).simulation.dofs['surge']
     truth = lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
     for model in models:
@@ -44,7 +45,8 @@ def test_every_method_scores_every_log(folder: Path) -> None:
         assert surge['mass'] == pytest.approx(1 / surge['alpha'])
         assert set(surge['scores']) == {'t1.mcap', 't2.mcap'}
         assert surge['scores']['t2.mcap']['fit'] > 0.9
-        assert (surge['std'] is not None) == (model['method'] == 'output_error')
+        assert (surge['std'] is not None) == (
+            model['method'] in ('output_error', 'rls', 'ekf'))
     assert sum(m['selected_terms'] for m in models) == len(METHODS)
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from rovid_core.identifier import Step
 from rovid_core.lowpass import filtered, LowPass
 from rovid_core.plant import advance
 from rovid_core.prediction import predict
@@ -99,7 +100,9 @@ def filled(settings: Settings) -> ScoreLog:
     for k in range(600):
         span = (time, time + 50_000_000, time + 100_000_000)
         velocity = math.sin(0.035 * k)
-        log.stepped('surge', span, (100.0 * velocity, 90.0), velocity, velocity)
+        log.stepped('surge', span, Step(
+            0.1, (0.0, 0.0, velocity), (0.0,) * 3, velocity, 0.1, (0.05, 0.05),
+            (100.0 * velocity, 90.0)))
         time = span[2]
     return log
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from functools import partial
 
 from rovid_core.dofs import DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
+from rovid_core.methods import METHODS
 from rovid_core.settings import (
     DofSettings,
     IdentifierSettings,
@@ -128,7 +129,8 @@ def _thrusters() -> list[Key]:
 def _identifier() -> list[Key]:
     key = partial(in_group, 'identifier', IdentifierSettings)
     return [
-        key('method', 'aid (the adaptive identifier)', choices=('aid',)),
+        key('method', 'aid (the adaptive identifier of the paper), rls (recursive least '
+            'squares) or ekf (extended Kalman filter)', choices=tuple(METHODS)),
         key('integrator', 'how the identifier integrates its state',
             choices=('euler', 'heun', 'rk4')),
         key('adaptation_time', 'time in which the best excited parameters close 63 % of their '

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
+from rovid_core.values import DofEstimate
 from rovid_ros.outputs import (
     DIAGNOSTIC_TYPE,
     dof_message,
@@ -45,8 +47,7 @@ def diagnostics(stream: Stream, settings: Settings, node: str, now: int) -> Outp
     statuses.append(_rejected(stream))
     if stream.estimate is not None:
         statuses += [
-            _status(LEVELS[dof.status], dof.dof, dof_message(dof), {
-                'status': dof.status, 'steps': dof.steps, 'excitation': dof.excitation})
+            _status(LEVELS[dof.status], dof.dof, dof_message(dof), _dof(dof))
             for dof in stream.estimate.dofs]
     else:
         statuses += [_status(WARN, dof, 'no step yet', {}) for dof in settings.dofs]
@@ -74,6 +75,13 @@ def _input(stream: Stream, settings: Settings, name: str, now: int) -> dict[str,
     if age < -limit:
         return _status(WARN, name, f'stamps are {-age:.1f} s ahead of this clock', values)
     return _status(OK, name, f'{health.rate:.1f} Hz', values)
+
+
+def _dof(dof: DofEstimate) -> dict[str, Any]:
+    values = {'status': dof.status, 'steps': dof.steps, 'excitation': dof.excitation}
+    if math.isfinite(dof.delay):
+        values.update(delay_s=dof.delay, delay_std_s=dof.delay_std)
+    return values
 
 
 def _rejected(stream: Stream) -> dict[str, Any]:

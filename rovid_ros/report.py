@@ -106,8 +106,9 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
             lines.append(_filled(f'{dof} is {values["status"]}: {"; ".join(reasons)}'))
         if verdict:
             lines.append(_filled(f'{dof}, from all of the data: {verdict}'))
-        if values['delay_s']:
-            delay, std = (number(values['delay_s'][name]) for name in ('value', 'std'))
+        delayed = values['delay_s']
+        if delayed and abs(delayed['value']) > 3.0 * delayed['std']:  # else it may be 0
+            delay, std = (number(delayed[name]) for name in ('value', 'std'))
             lines.append(f'{dof}: the thrust is delayed by {delay} ± {std} s')
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '

@@ -78,10 +78,18 @@ class TrialFeeder(PipeFeeder):
     def online(self, dof: str) -> dict[str, Fit]:
         """Return what every online method ended with."""
         history, others = self.history[dof], self._others.identifiers[dof]
-        return {PAPER: Fit(history.parameters[-1]) if history.parameters
-                else Fit.none('no step'),
-                **{method: Fit(i.parameters, np.array(i.covariance).reshape(4, 4))
-                   for method, i in others.items()}}
+        found = {PAPER: Fit(history.parameters[-1]) if history.parameters
+                 else Fit.none('no step')}
+        for method, identifier in others.items():
+            notes = [identifier.note] if identifier.note else []
+            # otherwise it may as well be 0
+            if abs(identifier.delay) > 3.0 * identifier.delay_std:
+                notes.append(f'the thrust is delayed by {identifier.delay:.3f} s, with a '
+                             f'standard deviation of {identifier.delay_std:.3f} s')
+            found[method] = Fit(
+                identifier.parameters, np.array(identifier.covariance).reshape(4, 4),
+                '; '.join(notes))
+        return found
 
     def _kept(self, estimates: list[Estimate]) -> list[Estimate]:
         for estimate in estimates:

@@ -85,16 +85,30 @@ def messages(path: Path, topic: str) -> Iterator[tuple[int, int, Any]]:
 def test_the_json_is_as_specified(written: tuple[Path, dict[str, Any]]) -> None:
     document = written[1]
     assert list(document) == ['method', 'steps', 'duration_s', 'rejected', 'dofs']
-    assert document['method'] == 'aid'
+    assert document['method'] == 'ekf'
     assert document['duration_s'] == pytest.approx(DURATION, abs=0.1)
     assert document['rejected'] == {}
     assert list(document['dofs']) == ['surge', 'heave', 'yaw']
     for dof in document['dofs'].values():
         assert set(dof) >= {*PARAMETERS, *PHYSICAL, 'std', 'mae', 'fit', 'steps', 'status'}
-        assert dof['std'] is dof['intervals'] is dof['delay_s'] is None
+        assert set(dof['std']) == set(PARAMETERS)
+        for name, (low, high) in dof['intervals'].items():
+            assert low < dof[name] < high
+        assert abs(dof['delay_s']['value']) < 5 * dof['delay_s']['std'] + 0.01
         assert dof['status'] in STATUSES
         assert isinstance(dof['verdict'], str)
         assert dof['mass'] == pytest.approx(1.0 / dof['alpha'])
+
+
+def test_a_method_without_covariance_has_no_intervals(
+        config: Path, log: Path, tmp_path: Path) -> None:
+    path = tmp_path / 'aid.json'
+    assert main(['replay', str(log), '--params-file', str(config), '--method', 'aid',
+                 '--json', str(path), '--duration', '10']) == 0
+    document = json.loads(path.read_text())
+    assert document['method'] == 'aid'
+    for dof in document['dofs'].values():
+        assert dof['std'] is dof['intervals'] is dof['delay_s'] is None
 
 
 def test_the_json_is_the_last_published_estimate(
@@ -128,7 +142,7 @@ def test_the_table_has_every_number_with_its_unit(
     out, err = capsys.readouterr()
     assert err == ''
     assert max(map(len, out.splitlines())) <= 100
-    for text in ('surge', 'converging', ' kg ', 'N s²/m²', 'N s/m', ' N\n', 'kg m²',
+    for text in ('surge', 'converged', ' kg ', 'N s²/m²', 'N s/m', ' N\n', 'kg m²',
                  'N m s²/rad²', 'm/s²', '1/(kg m²)', 'rad/s', ' %', 'refused   nothing'):
         assert text in out
 

@@ -45,19 +45,20 @@ class Impulses:
         i = min(max(bisect_right(times, time) - 1, 0), last - 1)
         a, b, start, end = times[i], times[i + 1], values[i], values[i + 1]
         slope = (end - start) / (b - a)
-        line = start + slope * (time - a)
+        past = time - a
+        line = start + slope * past
         if not a <= time <= b:
             return line
-        bends = []
+        bend, sides = 0.0, 0
         if i > 0:
             before = times[i - 1]
-            bends.append((slope - (start - values[i - 1]) / (a - before)) / (b - before))
+            bend += (slope - (start - values[i - 1]) / (a - before)) / (b - before)
+            sides += 1
         if i < last - 1:
             after = times[i + 2]
-            bends.append(((values[i + 2] - end) / (after - b) - slope) / (after - a))
-        if not bends:
-            return line
-        return line + sum(bends) / len(bends) * (time - a) * (time - b)
+            bend += ((values[i + 2] - end) / (after - b) - slope) / (after - a)
+            sides += 1
+        return line + bend / sides * past * (time - b) if sides else line
 
     def state(self) -> list[list[float]]:
         """Return all that is needed to go on from here."""

@@ -99,8 +99,6 @@ class Linearised:
         force = (last - begin) / h
         # the force is taken as a straight line over the step; this is half its rise
         rise = 2.0 * (begin + last - 2.0 * half) / h
-        slope = ((impulses.at(end + 0.5 * h - delay) - half)
-                 - (half - impulses.at(start - 0.5 * h - delay))) / (h * h)
         u, du = alpha * force + delta, alpha * rise
         k1 = u - du + (beta * abs(v) + gamma) * v
         w = v + 0.5 * h * k1
@@ -115,7 +113,7 @@ class Linearised:
             raise DivergenceError(f'a speed of {self.nominal[1]}')
         decay = h * (2.0 * beta * abs(w) + gamma)
         share = h * (1.0 + 0.5 * decay)
-        phi = (force, w * abs(w), w, 1.0, -alpha * slope)
+        phi = (force, w * abs(w), w, 1.0, -2.0 * du / h)
         self._propagate(np.array((
             (1.0, share, *[0.5 * h * h * y for y in phi]),
             (0.0, 1.0 + decay * (1.0 + 0.5 * decay), *[share * y for y in phi]))), h, noise)

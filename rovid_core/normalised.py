@@ -14,7 +14,7 @@ from rovid_core.kalman import ALPHA, Array, DELAY, DELTA
 DELAYS = (-0.05, 0.6)
 """Range of the delay [s]; far below 0 the force would have to be known ahead."""
 
-DELAY_STD = 0.15
+DELAY_STD = 0.05
 """[s] of the guess that there is none."""
 
 

@@ -10,6 +10,7 @@ import re
 import sys
 from typing import Any, NoReturn
 
+from rovid_core.dofs import DOFS
 from rovid_ros.command import USAGE
 
 SHORTEST, LONGEST = 1e-3, 1e9
@@ -63,6 +64,39 @@ def mcap(text: str) -> Path:
     if path.suffix not in ('', '.mcap'):
         raise argparse.ArgumentTypeError(f'got {text!r}, takes a name that ends in .mcap')
     return path
+
+
+def dofs(text: str) -> tuple[str, ...]:
+    """Return degrees of freedom, separated by commas."""
+    return tuple([_dof(name.strip(), text) for name in text.split(',')])
+
+
+def per_dof(text: str) -> dict[str, float]:
+    """Return numbers above 0 by DOF; one without a name is under ''."""
+    values: dict[str, float] = {}
+    for part in text.split(','):
+        name, equals, value = part.rpartition('=')
+        dof = _dof(name.strip(), text) if equals else ''
+        if dof in values:
+            raise argparse.ArgumentTypeError(f'got {text!r}, which says {dof or "it"} twice')
+        values[dof] = positive(value.strip())
+    return values
+
+
+def factor(text: str) -> float:
+    """Return a factor from 1 to 10."""
+    value = _number(text, 1.0)
+    if value > 10.0:
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes a factor from 1 to 10')
+    return value
+
+
+def _dof(name: str, text: str) -> str:
+    if name not in DOFS:
+        near = difflib.get_close_matches(name, DOFS, 1)
+        hint = f'; did you mean {near[0]!r}?' if near else ''
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes some of {", ".join(DOFS)}{hint}')
+    return name
 
 
 def _number(text: str, low: float, strict: bool = False) -> float:

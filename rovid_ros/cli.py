@@ -16,10 +16,13 @@ from typing import Any
 
 from rovid_ros import __version__, handlers
 from rovid_ros.arguments import (
+    dofs,
     duration,
+    factor,
     mcap,
     not_negative,
     Parser,
+    per_dof,
     positive,
     seed,
     wrong_usage,
@@ -81,6 +84,8 @@ def _parser() -> Parser:
     _add_replay(commands)
     _add_compare(commands)
     _add_simulate(commands)
+    _add_tune(commands)
+    _add_plan(commands)
     _add_export(commands)
     return parser
 
@@ -162,6 +167,62 @@ def _add_simulate(commands: Any) -> None:
     command.add_argument(
         '--profile', type=_profile, action='append', metavar='P',
         help='thrust of a trial, see below; each further --profile is another trial')
+
+
+def _add_tune(commands: Any) -> None:
+    command = _command(
+        commands, 'tune', handlers.tune, 'find delay, lag, heading offset, cutoff and gains',
+        'Tries them on blocks of the log that the model was not identified from, and writes a '
+        'parameter file with what clearly predicts better; the rest of the file stays as it is.')
+    command.add_argument(
+        'logs', nargs='+', type=Path, metavar='LOG',
+        help='.mcap, .db3 or .bag file or rosbag2 directory; several are joined in time order')
+    command.add_argument(
+        '--output', type=Path, required=True, metavar='TUNED.yaml',
+        help='parameter file to write')
+    command.add_argument(
+        '--method', default='', metavar='M',
+        help="tune for this method, not the file's; gains are those of aid")
+    command.add_argument(
+        '--json', type=Path, metavar='OUT.json', help='write the result for a program to read')
+    command.add_argument(
+        '--start', type=not_negative, default=0.0, metavar='S',
+        help="begin S seconds after the log's beginning")
+    command.add_argument(
+        '--duration', type=duration, metavar='S', help='use S seconds of the log')
+
+
+def _add_plan(commands: Any) -> None:
+    command = _command(
+        commands, 'plan', handlers.plan, 'propose the thrust profile to drive next',
+        'Of the profiles that keep the limits it takes the one after which the least certain of '
+        'mass, drags and bias is most certain, also where the model is wrong. Limits are one '
+        'NUMBER for surge, sway and heave, or DOF=NUMBER[,DOF=NUMBER ...].')
+    command.add_argument(
+        'estimates', nargs='?', type=Path, metavar='ESTIMATES.json',
+        help="of rovid replay or compare (default: the parameter file's initial values)")
+    command.add_argument(
+        '--dofs', type=dofs, default=(), metavar='DOF,...', help='plan these only')
+    command.add_argument(
+        '--duration', type=duration, default=300.0, metavar='S',
+        help='length of the trial [s] (default: 300)')
+    command.add_argument(
+        '--max-force', type=per_dof, default={}, metavar='N',
+        help='largest thrust [N or N m] (default: typical.force)')
+    command.add_argument(
+        '--max-speed', type=per_dof, default={}, metavar='V',
+        help='largest speed [m/s or rad/s] (default: velocity.max)')
+    command.add_argument(
+        '--room', type=per_dof, default={}, metavar='M',
+        help='largest distance from the start, to either side [m or rad] (default: no limit)')
+    command.add_argument(
+        '--factor', type=factor, default=2.0, metavar='F',
+        help='by how much the mass and drags of the model may be wrong (default: 2)')
+    command.add_argument(
+        '--output', type=Path, metavar='FILE',
+        help='write the profile: .csv: time and thrust; .yaml: the text for rovid simulate')
+    command.add_argument(
+        '--json', type=Path, metavar='OUT.json', help='write the plan for a program to read')
 
 
 def _add_export(commands: Any) -> None:

@@ -96,6 +96,55 @@ def simulate(args: argparse.Namespace) -> None:
     print(f'{does} {" ".join(map(str, paths))} --params-file {args.params_file}')
 
 
+def tune(args: argparse.Namespace) -> None:
+    """Run ``rovid tune``."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')  # as in compare
+    from rovid_ros.json_file import write_json, write_text
+    from rovid_ros.parameter_edit import edited
+    from rovid_ros.tune import tune_logs, tuned_document, tuned_text
+    check_written([args.output, args.json], [*args.logs, args.params_file])
+    settings = read_settings(args.params_file, args.method)
+    with naming(args.params_file):
+        tuned = tune_logs(args.logs, settings, start=args.start, duration=args.duration,
+                          warn=partial(_warn, args.prog))
+    print(tuned_text(tuned))
+    write_text(args.output, edited(args.params_file, tuned.changes()))
+    read_settings(args.output)
+    if args.json:
+        write_json(args.json, tuned_document(tuned))
+    for path in filter(None, (args.output, args.json)):
+        print(f'written   {path}')
+
+
+def plan(args: argparse.Namespace) -> None:
+    """Run ``rovid plan``."""
+    # many small steps: numpy's threads cost more than they give
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    from rovid_ros.estimates import read_estimates
+    from rovid_ros.json_file import write_json, write_text
+    from rovid_ros.plan import Asked, propose
+    from rovid_ros.plan_text import as_csv, as_yaml, document, plan_text
+    if args.output and args.output.suffix not in ('.csv', '.yaml'):
+        raise UsageError(f'--output: got {args.output}, takes a name that ends in .csv or .yaml')
+    check_written([args.output, args.json],
+                  list(filter(None, (args.estimates, args.params_file))))
+    settings = read_settings(args.params_file)
+    models = read_estimates(args.estimates) if args.estimates else []
+    with naming(args.params_file):
+        proposal = propose(settings, models, Asked(
+            args.dofs, args.duration, args.max_force, args.max_speed, args.room, args.factor))
+    for line in proposal.warnings:
+        _warn(args.prog, line)
+    print(plan_text(proposal, args.params_file))
+    if args.output:
+        write_text(args.output, as_csv(proposal, settings) if args.output.suffix == '.csv'
+                   else as_yaml(proposal))
+    if args.json:
+        write_json(args.json, document(proposal))
+    for path in filter(None, (args.output, args.json)):
+        print(f'written   {path}')
+
+
 def export(args: argparse.Namespace) -> None:
     """Run ``rovid export``."""
     from rovid_ros.estimates import read_estimates

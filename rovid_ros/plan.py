@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from rovid_core import fleet
 from rovid_core.dofs import DOFS, Four, LINEAR_DOFS, PARAMETERS
 from rovid_core.identifier import Scales
-from rovid_core.planning import Plan, plan, STEP
+from rovid_core.planning import fleet
+from rovid_core.planning.plan import Plan, plan, STEP
+from rovid_core.planning.prospect import Limits, PlanError, samples, Sensor, times, Vehicles
 from rovid_core.plant import lumped
 from rovid_core.profile import Profile, Steps, Waveform
-from rovid_core.prospect import Limits, PlanError, samples, Sensor, times, Vehicles
 from rovid_core.settings import Settings
 from rovid_core.thruster_commands import ThrusterCommands
 from rovid_ros.command import CommandError, UsageError

@@ -9,11 +9,11 @@ import shlex
 from typing import Any
 
 import numpy as np
-from rovid_core import fleet
 from rovid_core.dofs import ANGULAR_DOFS, PARAMETERS, PHYSICAL
-from rovid_core.fleet import Array
-from rovid_core.planning import Plan, STEP
-from rovid_core.prospect import Prospect, samples, times
+from rovid_core.planning import fleet
+from rovid_core.planning.fleet import Array
+from rovid_core.planning.plan import Plan, STEP
+from rovid_core.planning.prospect import Prospect, samples, times
 from rovid_core.settings import Settings
 from rovid_ros.plan import Proposal
 from rovid_ros.profile_text import profile_text

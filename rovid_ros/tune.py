@@ -9,8 +9,8 @@ from typing import Any
 
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
-from rovid_core.tuning import observed, Score, Stage, tune, Tuned, TuningError
-from rovid_core.tuning_log import TuningLog
+from rovid_core.tuning.log import TuningLog
+from rovid_core.tuning.tune import observed, Score, Stage, tune, Tuned, TuningError
 from rovid_core.values import Estimate
 from rovid_ros.convert import Converter
 from rovid_ros.feeder import PipeFeeder

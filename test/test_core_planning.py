@@ -5,13 +5,21 @@ import math
 
 import numpy as np
 import pytest
-from rovid_core import fleet
 from rovid_core.identifier import Scales
 from rovid_core.output_error import output_error
-from rovid_core.planning import Plan, plan
+from rovid_core.planning import fleet
+from rovid_core.planning.plan import Plan, plan
+from rovid_core.planning.prospect import (
+    bounds,
+    Limits,
+    PlanError,
+    samples,
+    Sensor,
+    times,
+    Vehicles,
+)
 from rovid_core.plant import lumped
 from rovid_core.profile import Multisine, Sinusoid, Steps, Waveform
-from rovid_core.prospect import bounds, Limits, PlanError, samples, Sensor, times, Vehicles
 from rovid_core.residuals import Residuals
 from rovid_core.response import path, response
 from rovid_core.simulator import simulate

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rovid_core.aid import AdaptiveIdentifier, Gains
-from rovid_core.commanded import Commanded
 from rovid_core.identifier import Scales, Step
 from rovid_core.settings import Settings
 from rovid_core.simulator import simulate
 from rovid_core.stream import Stream
 from rovid_core.thrust import Thrust
-from rovid_core.tuning import observed, tune, Tuned, TuningError
-from rovid_core.tuning_choice import choose, nearest
-from rovid_core.tuning_gains import Candidate, GainSweep, Steps
-from rovid_core.tuning_log import TuningLog
+from rovid_core.tuning.choice import choose, nearest
+from rovid_core.tuning.commanded import Commanded
+from rovid_core.tuning.gains import Candidate, GainSweep, Steps
+from rovid_core.tuning.log import TuningLog
+from rovid_core.tuning.tune import observed, tune, Tuned, TuningError
 from rovid_core.values import Event, Sample
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from

@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.commanded import Commanded
 from rovid_core.lowpass import MOST_TURN
 from rovid_core.recurrence import Array
-from rovid_core.tuning_log import Stretch
+from rovid_core.tuning.commanded import Commanded
+from rovid_core.tuning.log import Stretch
 
 NS = 1e-9
 FOLDS = 8

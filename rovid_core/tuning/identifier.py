@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from rovid_core.commanded import Commanded
 from rovid_core.identifier import Scales, Step
 from rovid_core.methods import make
 from rovid_core.recurrence import Array
 from rovid_core.settings import Settings
-from rovid_core.tuning_blocks import edges, FOLDS
-from rovid_core.tuning_choice import Change, nearest, Stage, sure_error
-from rovid_core.tuning_dof import Dof
-from rovid_core.tuning_gains import Candidate, GainSweep, Steps, steps
+from rovid_core.tuning.blocks import edges, FOLDS
+from rovid_core.tuning.choice import Change, nearest, Stage, sure_error
+from rovid_core.tuning.commanded import Commanded
+from rovid_core.tuning.dof import Dof
+from rovid_core.tuning.gains import Candidate, GainSweep, Steps, steps
 
 CUTOFFS = (0.1, 0.2, 0.3, 0.45, 0.65, 1.0, 1.5, 2.5)
 """[Hz] beside the present one, up to 0.4 of the sample rate."""

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from rovid_core.identifier import Scales
 from rovid_core.recurrence import Array
-from rovid_core.tuning_blocks import Blocks, FOLDS
-from rovid_core.tuning_simulation import middle, Normal, simulate, smoothed
+from rovid_core.tuning.blocks import Blocks, FOLDS
+from rovid_core.tuning.simulation import middle, Normal, simulate, smoothed
 
 ITERATIONS = 10
 SETTLED = 1e-4

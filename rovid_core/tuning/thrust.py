@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from rovid_core.commanded import Commanded
 from rovid_core.recurrence import Array
 from rovid_core.settings import Settings
-from rovid_core.tuning_choice import Change, Choice, choose, relative, Stage
-from rovid_core.tuning_dof import Dof
+from rovid_core.tuning.choice import Change, Choice, choose, relative, Stage
+from rovid_core.tuning.commanded import Commanded
+from rovid_core.tuning.dof import Dof
 
 DELAYS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
 LAGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0)

@@ -8,12 +8,12 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.commanded import Commanded
 from rovid_core.dofs import DOFS
 from rovid_core.recurrence import Array
 from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
 from rovid_core.thrust import LARGEST_FORCE, wrench
+from rovid_core.tuning.commanded import Commanded
 from rovid_core.values import Event
 
 

@@ -7,13 +7,13 @@ from dataclasses import replace
 import math
 
 import numpy as np
-from rovid_core.commanded import Commanded
 from rovid_core.identifier import Scales
 from rovid_core.recurrence import Array
 from rovid_core.settings import DofSettings, Settings
-from rovid_core.tuning_blocks import Blocks, blocks, edges, FOLDS
-from rovid_core.tuning_log import Stretch, TuningLog
-from rovid_core.tuning_model import Models, OutputError
+from rovid_core.tuning.blocks import Blocks, blocks, edges, FOLDS
+from rovid_core.tuning.commanded import Commanded
+from rovid_core.tuning.log import Stretch, TuningLog
+from rovid_core.tuning.model import Models, OutputError
 
 LEAST_TIME = 60.0
 """[s] of steps, for less the blocks are too short to be predicted."""

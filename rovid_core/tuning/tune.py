@@ -12,15 +12,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rovid_core.commanded import Commanded
 from rovid_core.settings import DofSettings, IdentifierSettings, Settings
-from rovid_core.tuning_blocks import blocks, edges
-from rovid_core.tuning_choice import Change, Stage
-from rovid_core.tuning_dof import Dof, usable
-from rovid_core.tuning_heading import tune_heading
-from rovid_core.tuning_identifier import Each, Swept, tune_identifier
-from rovid_core.tuning_log import TuningLog, turnable, turned
-from rovid_core.tuning_thrust import tune_thrust
+from rovid_core.tuning.blocks import blocks, edges
+from rovid_core.tuning.choice import Change, Stage
+from rovid_core.tuning.commanded import Commanded
+from rovid_core.tuning.dof import Dof, usable
+from rovid_core.tuning.heading import tune_heading
+from rovid_core.tuning.identifier import Each, Swept, tune_identifier
+from rovid_core.tuning.log import TuningLog, turnable, turned
+from rovid_core.tuning.thrust import tune_thrust
 
 UNUSED = DofSettings(1.0)
 """A DOF that is only looked at."""

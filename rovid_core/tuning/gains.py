@@ -14,7 +14,7 @@ from rovid_core.identifier import Scales, Step
 from rovid_core.integrators import INTEGRATORS, part
 from rovid_core.lowpass import filtered
 from rovid_core.recurrence import Array
-from rovid_core.tuning_log import Stretch
+from rovid_core.tuning.log import Stretch
 
 NS = 1e-9
 DIVIDED = 0.005

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 import math
 
 import numpy as np
-from rovid_core.commanded import Commanded
 from rovid_core.recurrence import Array
 from rovid_core.settings import Settings
-from rovid_core.tuning_blocks import blocks, edges, FOLDS
-from rovid_core.tuning_choice import Change, choose, Stage
-from rovid_core.tuning_dof import Dof
-from rovid_core.tuning_log import Stretch, TuningLog, turnable, turned
+from rovid_core.tuning.blocks import blocks, edges, FOLDS
+from rovid_core.tuning.choice import Change, choose, Stage
+from rovid_core.tuning.commanded import Commanded
+from rovid_core.tuning.dof import Dof
+from rovid_core.tuning.log import Stretch, TuningLog, turnable, turned
 
 TURN = math.radians(15.0)
 FINER = (0.25, 0.0625, 0.0156)

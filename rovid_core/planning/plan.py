@@ -16,11 +16,10 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from rovid_core import fleet
-from rovid_core.fleet import Array
 from rovid_core.intervals import Z95
-from rovid_core.profile import Sinusoid, Steps, Waveform
-from rovid_core.prospect import (
+from rovid_core.planning import fleet
+from rovid_core.planning.fleet import Array
+from rovid_core.planning.prospect import (
     bounds,
     disturbance,
     Limits,
@@ -32,7 +31,8 @@ from rovid_core.prospect import (
     times,
     Vehicles,
 )
-from rovid_core.shapes import first_shapes, FREQUENCIES, near_shapes, rounded, Shape
+from rovid_core.planning.shapes import first_shapes, FREQUENCIES, near_shapes, rounded, Shape
+from rovid_core.profile import Sinusoid, Steps, Waveform
 
 SEARCHED = 300.0
 """[s] A longer trial is searched for as if it were this long; it then tells more of the same."""

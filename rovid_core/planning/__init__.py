@@ -1,0 +1,1 @@
+"""The thrust to drive next, by the Cramer-Rao bound, within limits."""

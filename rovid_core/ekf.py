@@ -175,7 +175,8 @@ class ExtendedKalman(Identifier):
 
     def _new(self, nominal: Sequence[float]) -> Follower:
         """Return a filter at the initial values that is linearised at others."""
-        follower = Follower(nominal, self._normalised.prior, self._scales.force, self._scales.velocity)
+        follower = Follower(
+            nominal, self._normalised.prior, self._scales.force, self._scales.velocity)
         follower.filter.deviate(self._normalised.initial)
         return follower
 

@@ -8,9 +8,9 @@ from itertools import product
 import math
 
 import numpy as np
-from rovid_core.planning import fleet
 from rovid_core.dofs import Four
 from rovid_core.intervals import Z95
+from rovid_core.planning import fleet
 from rovid_core.planning.fleet import Array
 from rovid_core.plant import lumped, physical
 from rovid_core.profile import Sinusoid, Steps, Waveform

@@ -25,6 +25,7 @@ from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.trial import Record
+from rovid_core.values import Estimate
 from rovid_ros.convert import Converter
 from rovid_ros.logs import Log
 from rovid_ros.parameter_file import load
@@ -45,6 +46,7 @@ from benchmarks.trials import (
 )
 
 SEEDS = 20
+TANK_LENGTH = 165.395  # [s] of all_axes.mcap
 
 
 Identify = Callable[[Record, Scales], Four]
@@ -136,6 +138,12 @@ def noise_of(record: Record) -> float:
 def tank(logs: Path, name: str, settings: Settings, start: float = 0.0,
          duration: float | None = None) -> ScoreLog:
     """Return a part of a tank recording after the pipe."""
+    return replayed(logs, name, settings, start, duration)[0]
+
+
+def replayed(logs: Path, name: str, settings: Settings, start: float = 0.0,
+             duration: float | None = None) -> tuple[ScoreLog, Estimate]:
+    """Return a part of a tank recording after the pipe, and the last estimate."""
     scores = ScoreLog(settings)
     stream = Stream(settings, scorer=scores)
     converter = Converter(settings, stream.reject)
@@ -144,17 +152,17 @@ def tank(logs: Path, name: str, settings: Settings, start: float = 0.0,
             for event in converter.events(message.topic, message.data, message.time):
                 stream.receive(event)
     stream.finish()
-    return scores
+    assert stream.estimate is not None
+    return scores, stream.estimate
 
 
 def tank_fits(logs: Path) -> dict[str, tuple[float, float]]:
     """Return mae and fit of output error per DOF, on data that it was not trained on."""
     settings = settings_from(load(CONFIG / 'bluerov2_tank.yaml'))
-    length = 165.395
     train = tank(logs, 'surge_sway_heave.mcap', settings)
     validate = tank(logs, 'all_axes.mcap', settings)
-    first = tank(logs, 'all_axes.mcap', settings, 0.0, 0.6 * length)
-    rest = tank(logs, 'all_axes.mcap', settings, 0.6 * length)
+    first = tank(logs, 'all_axes.mcap', settings, 0.0, 0.6 * TANK_LENGTH)
+    rest = tank(logs, 'all_axes.mcap', settings, 0.6 * TANK_LENGTH)
     fits = {}
     for dof, learn, judge in (('surge', train, validate), ('sway', train, validate),
                               ('heave', train, validate), ('yaw', first, rest)):

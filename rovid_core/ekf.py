@@ -31,6 +31,13 @@ OUTLIER = 5.0
 LOST = 4
 """Outliers in a row after which position and velocity are taken anew."""
 
+SOON, SOON_LOST = 1.0, 2
+"""
+How many do in the first second [s].
+
+The path may begin with one, and the velocity is so uncertain that it would soon explain it.
+"""
+
 CHANGE = 0.5
 """What the parameters may have changed by, relative, when the vehicle has changed."""
 
@@ -46,7 +53,7 @@ FOLLOWING = 60.0
 WALK = 5e-6
 """What the parameters may change by anyway, relative, in an hour."""
 
-FORGET = 10.0
+FORGET = 5.0
 """[s] over which the thrust's mean square is taken."""
 
 
@@ -109,6 +116,7 @@ class ExtendedKalman(Identifier):
             return 'out_of_range'
         if not self._follower.moving:
             self.restart(step.velocity[0])
+        start = self._start
         adapt = adapt and not self._at_rest(step)
         try:
             measured = self._follower.move(
@@ -119,7 +127,7 @@ class ExtendedKalman(Identifier):
             return 'diverged'
         self._time += step.dt
         self.v_hat = self._follower.velocity(step)
-        if self._start is not None:
+        if self._start is start is not None:  # or it begins after this step
             self._go_on_with_start(step, outlier, adapt)
         if adapt:
             self._publish()
@@ -206,7 +214,8 @@ class ExtendedKalman(Identifier):
         size = abs(normalised)
         if size > OUTLIER:
             self._missed += 1
-            if self._missed >= LOST:
+            soon = self._start is not None and self._start.duration < SOON
+            if self._missed >= (SOON_LOST if soon else LOST):
                 self._find_again(error, was_right)
             return True
         self._missed = 0

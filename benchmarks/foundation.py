@@ -86,7 +86,7 @@ def _spread(errors: Sequence[float]) -> tuple[str, str]:
 
 def main() -> None:
     """Print all tables."""
-    _row('Eq. 13 vehicle, exact data, 60 s', 'alpha', 'beta', 'growth of W')
+    _row('Eq. 13 vehicle, exact data, 60 s: theta_hat', 'alpha', 'beta', 'growth of W')
     for name, integrator, thrust in (
             ('RK4, 100 Hz, exact stages', 'rk4', 'stage'),
             ('Heun, 100 Hz, mean thrust', 'heun', 'mean'),

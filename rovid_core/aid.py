@@ -15,8 +15,8 @@ from typing import Any, cast
 
 from rovid_core.dofs import Four, PARAMETERS
 from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
-from rovid_core.identifier import finite, Scales, Step, Three
-from rovid_core.integrators import Five, INTEGRATORS
+from rovid_core.identifier import finite, Scales, Step
+from rovid_core.integrators import Five, INTEGRATORS, part, Rates, rates
 from rovid_core.settings import SettingsError
 from rovid_core.values import NAN4
 
@@ -102,6 +102,9 @@ class AdaptiveIdentifier:
     gamma in an hour. With neither thrust nor motion beta and gamma therefore stay. What then
     is missing in W' is |dv (dbeta v|v| + dgamma v)|, with v next to 0.
 
+    ``parameters`` are what is published, here theta_hat itself: with raw gains this is the
+    paper's identifier as it is. ``AveragedIdentifier`` takes its gains from the data.
+
     """
 
     note = ''
@@ -114,13 +117,13 @@ class AdaptiveIdentifier:
         self._scales = scales
         self._regressor_scale = scales.regressor
         self._a = gains.feedback
-        self._gamma = cast(Four, tuple(
-            [g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)]))
-        rate = max(
-            g / (s * s) for g, s in zip(self._gamma, self._regressor_scale)) / -self._a
-        # of the best excited direction [s]
-        self.adaptation_time = 1.0 / rate if rate > 0.0 else math.inf
+        gamma = [g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)]
+        self._gamma: tuple[float, ...] = tuple(gamma)
+        self._resting: tuple[float, ...] = (gamma[0], 0.0, 0.0, gamma[3])
+        rate = max(g / (s * s) for g, s in zip(gamma, self._regressor_scale)) / -self._a
+        self.adaptation_time = 1.0 / rate if rate > 0.0 else math.inf  # of the fastest [s]
         self._advance = INTEGRATORS[integrator]
+        self._rates: Rates = rates
         self.bounds = scales.bounds()
         self.std: Four = NAN4
         self.covariance: tuple[float, ...] = ()
@@ -129,7 +132,7 @@ class AdaptiveIdentifier:
 
     def reset(self) -> None:
         """Go back to the initial values."""
-        self.parameters: Four = self._scales.initial
+        self.theta_hat = self.parameters = self._scales.initial
         self.v_hat = math.nan
         self.excitation = 0.0
 
@@ -139,39 +142,31 @@ class AdaptiveIdentifier:
 
     def step(self, step: Step, adapt: bool = True) -> str:
         """
-        Take one step (eq. 7 and 11); return '' or why it was refused.
+        Take one step (eq. 7 and 11); return '' or ``unstable_step`` when it was refused.
 
-        Parameters
-        ----------
-        step : Step
-            What was measured.
-        adapt : bool
-            False leaves the parameters as they are.
-
-        Returns
-        -------
-        str
-            '' or the reason: ``unstable_step`` when the gains are too high for this step.
-
+        With ``adapt`` False the parameters stay as they are.
         """
         if math.isnan(self.v_hat):
             self.v_hat = step.velocity[0]
-        gamma = self._gamma if adapt else (0.0, 0.0, 0.0, 0.0)
-        if self._at_rest(step):
-            gamma = (gamma[0], 0.0, 0.0, gamma[3])
+        rest = self._at_rest(step)
+        gamma = self._resting if rest else self._gamma
+        if not adapt:
+            gamma = (0.0,) * len(gamma)
         pieces = self._pieces(step, gamma)
-        state: Five = (self.v_hat, *self.parameters)
+        state: Five = (self.v_hat, *self.theta_hat)
         if pieces == 1:
             state = self._piece(state, step, gamma)
         elif pieces <= MOST_PIECES:
             for k in range(pieces):
-                state = self._piece(state, _part(step, k, pieces), gamma)
+                state = self._piece(state, part(step, k, pieces), gamma)
         if pieces > MOST_PIECES or not finite(state):
             self.v_hat = step.velocity[2]
             return 'unstable_step'
         self.v_hat = state[0]
-        self.parameters = state[1:]
+        self.theta_hat = state[1:]
         self._note_excitation(step)
+        if adapt:
+            self._adapted(step, rest)
         return ''
 
     def energy(self, dv: float, parameters: Sequence[float], truth: Sequence[float]) -> float:
@@ -181,29 +176,38 @@ class AdaptiveIdentifier:
 
     def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
         """Return W as it is now, against the true parameters."""
-        return self.energy(self.v_hat - velocity, self.parameters, truth)
+        return self.energy(self.v_hat - velocity, self.theta_hat, truth)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return {'parameters': list(self.parameters),
+        return {'parameters': list(self.theta_hat),
                 'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
                 'excitation': self.excitation}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        parameters = [float(x) for x in state['parameters']]
+        parameters = self._allowed(state['parameters'])
+        v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
+        excitation = float(state['excitation'])
+        if math.isinf(v_hat) or not 0.0 <= excitation <= MOST_EXCITATION:
+            raise ValueError(f'v_hat {v_hat} or excitation {excitation} is out of range')
+        self.theta_hat = self.parameters = parameters
+        self.v_hat, self.excitation = v_hat, excitation
+
+    def _allowed(self, values: Sequence[float]) -> Four:
+        """Return parameters from a state; raises ValueError for what cannot be one."""
+        parameters = [float(x) for x in values]
         low, high = self.bounds
         for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
             if not bottom <= p <= top:
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
         if len(parameters) != 4:
             raise ValueError(f'{len(parameters)} parameters, not 4')
-        v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
-        excitation = float(state['excitation'])
-        if math.isinf(v_hat) or not 0.0 <= excitation <= MOST_EXCITATION:
-            raise ValueError(f'v_hat {v_hat} or excitation {excitation} is out of range')
-        self.parameters = cast(Four, tuple(parameters))
-        self.v_hat, self.excitation = v_hat, excitation
+        return cast(Four, tuple(parameters))
+
+    def _adapted(self, step: Step, rest: bool) -> None:
+        """Publish what a step has made of theta_hat."""
+        self.parameters = self.theta_hat
 
     def _at_rest(self, step: Step) -> bool:
         force = step.force[1] * self._regressor_scale[0]
@@ -211,22 +215,26 @@ class AdaptiveIdentifier:
         return (self.excitation < LEAST_EXCITATION and force * force < LEAST_EXCITATION
                 and speed * speed < LEAST_MOTION)
 
-    def _pieces(self, step: Step, gamma: Four) -> int:
+    def _pieces(self, step: Step, gamma: tuple[float, ...]) -> int:
         force = max(abs(step.force[0]), abs(step.force[2]))
-        gain = abs(self.parameters[0] * force) + abs(self.parameters[3])
+        gain = abs(self.theta_hat[0] * force) + abs(self.theta_hat[3])
         speed = step.dt * gain + max(
             abs(self.v_hat), abs(step.velocity[0]), abs(step.velocity[2]))
         square = speed * speed
         adaptation = (gamma[0] * force * force + gamma[1] * square * square
                       + gamma[2] * square + gamma[3])
-        feedback = -self._a + 2.0 * abs(self.parameters[1]) * speed + abs(self.parameters[2])
+        feedback = -self._a + 2.0 * abs(self.theta_hat[1]) * speed + abs(self.theta_hat[2])
         turns = step.dt * max(feedback, 2.0 * adaptation / -self._a)
         return int(turns) + 1 if turns <= MOST_PIECES else MOST_PIECES + 1
 
-    def _piece(self, state: Five, step: Step, gamma: Four) -> Five:
-        v_hat, *parameters = self._advance(self._a, gamma, state, step)
+    def _piece(self, state: Five, step: Step, gamma: tuple[float, ...]) -> Five:
+        state = self._advance(self._a, gamma, state, step, self._rates)
+        return state[0], *self._inside(state[1:])
+
+    def _inside(self, parameters: Four) -> Four:
+        """Return the nearest parameters inside the bounds, as W measures distance."""
         low, high = self.bounds
-        return cast(Five, (v_hat, *[
+        return cast(Four, tuple([
             bottom if p < bottom else top if p > top else p
             for p, bottom, top in zip(parameters, low, high)]))
 
@@ -235,18 +243,3 @@ class AdaptiveIdentifier:
         x = step.force[1] * self._regressor_scale[0]
         square = min(x * x, MOST_EXCITATION)
         self.excitation -= math.expm1(-step.dt / self.adaptation_time) * (square - self.excitation)
-
-
-def _part(step: Step, k: int, pieces: int) -> Step:
-    """Return piece ``k`` of a step, by the parabola through its three points."""
-
-    def at(values: Three, x: float) -> float:
-        start, middle, end = values
-        return (start * (1.0 - x) * (1.0 - 2.0 * x) + 4.0 * middle * x * (1.0 - x)
-                + end * x * (2.0 * x - 1.0))
-
-    xs = (k / pieces, (k + 0.5) / pieces, (k + 1.0) / pieces)
-    return Step(
-        step.dt / pieces,
-        (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
-        (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))

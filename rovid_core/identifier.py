@@ -40,6 +40,8 @@ class Step:
         Exact mean of the force over each part, not filtered [N or N m].
     turn : float
         Angle by which the body turned since the interval before [rad].
+    slip : float
+        By how much the noise of the attitude puts the way over ``interval`` wrong [m].
 
     """
 
@@ -51,6 +53,7 @@ class Step:
     parts: tuple[float, float] = (0.0, 0.0)
     forces: tuple[float, float] = (0.0, 0.0)
     turn: float = 0.0
+    slip: float = 0.0
 
 
 class Identifier(Protocol):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from rovid_core.identifier import Step
+from rovid_core.identifier import Step, Three
 
 Five = tuple[float, float, float, float, float]
 """v_hat, alpha, beta, gamma, delta (or their rates)."""
@@ -78,3 +78,18 @@ def _rk4(a: float, gamma: tuple[float, ...], x: Five, step: Step, f: Rates = rat
 
 
 INTEGRATORS: dict[str, Integrator] = {'euler': _euler, 'heun': _heun, 'rk4': _rk4}
+
+
+def part(step: Step, k: int, pieces: int) -> Step:
+    """Return piece ``k`` of a step, by the parabola through its three points."""
+
+    def at(values: Three, x: float) -> float:
+        start, middle, end = values
+        return (start * (1.0 - x) * (1.0 - 2.0 * x) + 4.0 * middle * x * (1.0 - x)
+                + end * x * (2.0 * x - 1.0))
+
+    xs = (k / pieces, (k + 0.5) / pieces, (k + 1.0) / pieces)
+    return Step(
+        step.dt / pieces,
+        (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
+        (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))

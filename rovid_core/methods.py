@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rovid_core.aid import AdaptiveIdentifier, Gains
+from rovid_core.averaged import AveragedIdentifier
 from rovid_core.dofs import Four
-from rovid_core.ekf import ExtendedKalman
+from rovid_core.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identifier import Identifier, Scales
 from rovid_core.rls import RecursiveLeastSquares
 from rovid_core.settings import DofSettings, IdentifierSettings, SettingsError
 
 
 def _aid(scales: Scales, settings: IdentifierSettings, raw_gains: Four | None) -> Identifier:
-    gains = (Gains.from_time(settings.adaptation_time, scales) if raw_gains is None
-             else Gains(settings.feedback_gain, raw_gains))
-    return AdaptiveIdentifier(scales, gains, settings.integrator)
+    if raw_gains is None:
+        return AveragedIdentifier(scales, settings.adaptation_time, settings.integrator)
+    return AdaptiveIdentifier(
+        scales, Gains(settings.feedback_gain, raw_gains), settings.integrator)
 
 
 def _rls(scales: Scales, settings: IdentifierSettings, _: Four | None) -> Identifier:

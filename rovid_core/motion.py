@@ -27,6 +27,9 @@ class Motion:
         One value per DOF of the source [m/s or rad/s], in the body frame.
     turn : float
         Angle by which the body turned since the interval before [rad].
+    slips : tuple of float
+        By how much the noise of the attitude puts the way over the interval wrong [m], one
+        per DOF; empty where none was used.
 
     """
 
@@ -34,6 +37,7 @@ class Motion:
     end: int
     velocity: tuple[float, ...]
     turn: float = 0.0
+    slips: tuple[float, ...] = ()
 
     @property
     def time(self) -> int:
@@ -88,6 +92,7 @@ class MotionSource:
         self._last: Fix | None = None
         self._refused: Fix | None = None
         self._attitude: Quaternion | None = None  # of the last interval
+        self._turn: Vector = (0.0, 0.0, 0.0)  # since the one before
 
     def add(self, time: int, value: tuple[float, ...]) -> None:
         """Take a measurement at ``time`` [ns]."""
@@ -152,15 +157,18 @@ class MotionSource:
         if velocity is None or self._missing(start, end):
             return None
         body, turned = velocity, 0.0
+        slips: tuple[float, ...] = ()
         if self._turned:
             attitude = self._shared.attitude.at((start + end) // 2)
             body = rotate_back(attitude, velocity)
-            turned = math.hypot(*rotation_between(self._attitude or attitude, attitude))
-        motion = self._body(Motion(start, end, body, turned))
+            turn = rotation_between(self._attitude or attitude, attitude)
+            turned = math.hypot(*turn)
+            slips = self._slips(body, turn, dt)
+        motion = self._body(Motion(start, end, body, turned, slips))
         if isinstance(motion, str):
             return None
         if self._turned:
-            self._attitude = attitude
+            self._attitude, self._turn = attitude, turn
         # only now: what is refused must not reach the other sources either
         if self.input == 'depth':
             if not self._shared.vertical(end, 1):
@@ -189,11 +197,18 @@ class MotionSource:
             return (x - lx, y - ly, z - lz)
         return (x, y, z)
 
+    def _slips(self, body: Vector, turn: Vector, dt: float) -> tuple[float, ...]:
+        # the second difference of white noise has six times its variance
+        noise = math.dist(turn, self._turn) / math.sqrt(6.0)
+        square = body[0] * body[0] + body[1] * body[1] + body[2] * body[2]
+        return tuple([
+            noise * dt * math.sqrt(max(square - body[i] * body[i], 0.0)) for i in self._axes])
+
     def _body(self, motion: Motion) -> Motion | str:
         velocity = tuple([motion.velocity[i] for i in self._axes])
         if not self._is_slow(velocity):
             return 'too_fast'
-        return Motion(motion.start, motion.end, velocity, motion.turn)
+        return Motion(motion.start, motion.end, velocity, motion.turn, motion.slips)
 
     def _is_slow(self, velocity: tuple[float, ...]) -> bool:
         # written so that a NaN (positions of 1e300 give some) is too fast as well

@@ -217,7 +217,8 @@ class Pipe:
                 dt, (before[j], 0.5 * (before[j] + after[j]), after[j]), (forces[j],) * 3,
                 motion.velocity[j], interval, parts,
                 (_mean(impulses[0][i], impulses[1][i], parts[0]),
-                 _mean(impulses[1][i], impulses[2][i], parts[1])), motion.turn)
+                 _mean(impulses[1][i], impulses[2][i], parts[1])), motion.turn,
+                motion.slips[j] if motion.slips else 0.0)
             self._dofs[i].step(motion.time, step, self.adapt)
             self._one_sided.velocity(i, step.velocity[2])
             if self._scorer is not None:

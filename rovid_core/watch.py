@@ -15,7 +15,7 @@ MANY = 600
 """Steps after which forces and velocities are compared with the typical ones."""
 
 FAR_OFF = 3.0
-"""Factor by which the scales of the gains may be off."""
+"""Factor by which typical sizes may be off."""
 
 
 class OneSided:
@@ -59,7 +59,10 @@ class OneSided:
 
 class TypicalSizes:
     """
-    Tell when a DOF's force or velocity is far from the typical one, which scales the gains.
+    Tell when a DOF's force or velocity is far from the typical one.
+
+    What counts as thrust, as rest and as enough data is measured in typical sizes, whatever
+    the method; ``aid`` takes its gains from the data.
 
     Parameters
     ----------
@@ -96,6 +99,6 @@ class TypicalSizes:
                                 ('velocity', velocity, self._scales.velocity)):
             if not used / FAR_OFF <= got <= used * FAR_OFF and force > 0.0:
                 self._warn(
-                    f'{self._dof}: its {name} is about {got:.2g}, and {used:.2g} scales the '
-                    f'gains: adaptation is {"faster" if got > used else "slower"} than '
-                    f'adaptation_time; set {self._dof}.typical.{name}')
+                    f'{self._dof}: its {name} is about {got:.2g}, and {used:.2g} is taken for '
+                    f'typical, which decides what is rest and what are enough data; set '
+                    f'{self._dof}.typical.{name}')

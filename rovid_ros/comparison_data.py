@@ -171,8 +171,8 @@ def _adaptation(dof: str, trial: Trial, models: Sequence[Model]) -> dict[str, An
         't': _picked(_seconds(history.times), kept), 'v_hat': _picked(history.v_hats, kept),
         'velocity': _picked(history.velocities, kept), 'dv': [_finite(x) for x in dv],
         **{name: [_finite(p[i]) for p in parameters] for i, name in enumerate(PARAMETERS)},
-        'W': [_finite(identifier.energy(error, p, reference))
-              for error, p in zip(dv, parameters)],
+        'W': [_finite(identifier.energy(error, history.theta_hats[k], reference))
+              for error, k in zip(dv, kept)],
         'reference': dict(zip(PARAMETERS, map(_finite, reference)))}
 
 

@@ -133,8 +133,8 @@ def _identifier() -> list[Key]:
             'squares) or ekf (extended Kalman filter)', choices=tuple(METHODS)),
         key('integrator', 'how the identifier integrates its state',
             choices=('euler', 'heun', 'rk4')),
-        key('adaptation_time', 'time in which the best excited parameters close 63 % of their '
-            'error', 's', 0.01, 1e6),
+        key('adaptation_time', 'half of the time in which the estimate closes 63 % of its error',
+            's', 0.01, 1e6),
         key('feedback_gain', 'a of eq. 7; 0: from adaptation_time', '1/s', -1e6, 0.0),
         key('adaptation_gains', 'diagonal of Gamma: 4 numbers (alpha, beta, gamma, delta), or 4 '
             'per DOF; none: from adaptation_time', low=0.0),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from rovid_core.aid import AdaptiveIdentifier
 from rovid_core.dofs import Four
 from rovid_core.identifier import Step
 from rovid_core.methods import make, METHODS
@@ -29,7 +30,8 @@ class History:
     times: list[int] = field(default_factory=list)  # [ns]
     v_hats: list[float] = field(default_factory=list)
     velocities: list[float] = field(default_factory=list)
-    parameters: list[Four] = field(default_factory=list)
+    parameters: list[Four] = field(default_factory=list)  # published: a mean of
+    theta_hats: list[Four] = field(default_factory=list)  # these, to which W belongs
 
 
 class OnlineMethods(ScoreLog):
@@ -100,6 +102,9 @@ class TrialFeeder(PipeFeeder):
                 kept.v_hats.append(dof.v_hat)
                 kept.velocities.append(dof.velocity)
                 kept.parameters.append(dof.parameters)
+                identifier = self.stream.identifier(dof.dof)
+                assert isinstance(identifier, AdaptiveIdentifier)
+                kept.theta_hats.append(identifier.theta_hat)
         return estimates
 
 

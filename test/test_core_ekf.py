@@ -6,11 +6,11 @@ from math import inf, isfinite, isnan, nan
 import numpy as np
 import pytest
 from rovid_core.dofs import PARAMETERS
-from rovid_core.ekf import ExtendedKalman
+from rovid_core.ekf.extended_kalman import ExtendedKalman
+from rovid_core.ekf.impulses import Impulses
+from rovid_core.ekf.linearised import ALPHA, DELAY, Linearised
 from rovid_core.identifier import Scales, Step
-from rovid_core.impulses import Impulses
 from rovid_core.intervals import intervals
-from rovid_core.kalman import ALPHA, DELAY, Linearised
 from rovid_core.plant import lumped
 from rovid_core.response import response
 from rovid_core.status import DofStatus

@@ -1,5 +1,6 @@
 """The figures that the method stands on; ``python -m benchmarks.foundation`` prints them."""
 
+from dataclasses import replace
 from math import isfinite
 from statistics import median
 
@@ -48,12 +49,20 @@ def logs():
 
 
 @pytest.mark.parametrize('initial', [HEAVY, LIGHT], ids=['heavy', 'light'])
-def test_default_settings_predict_another_profile_within_10_mm_s(logs, initial):
+def test_default_settings_predict_another_profile_within_4_mm_s(logs, initial):
     for log in logs:
         stream = Stream(surge_settings(initial))
         parameters = run(stream, log)[-1].dofs[0].parameters
-        assert prediction(parameters).mae < 0.010
+        assert prediction(parameters).mae < 0.004
         assert not stream.rejected
+
+
+@pytest.mark.parametrize(('time', 'force', 'speed'), [
+    (1.0, 0.0, 0.0), (10.0, 0.0, 0.0), (3.0, 385.0, 1.5), (3.0, 43.0, 0.17), (3.0, 43.0, 1.5)])
+def test_neither_typical_sizes_nor_adaptation_time_decide(logs, time, force, speed):
+    guess = replace(HEAVY, typical_force=force, typical_velocity=speed)
+    stream = Stream(surge_settings(guess, adaptation_time=time))
+    assert prediction(run(stream, logs[0])[-1].dofs[0].parameters).mae < 0.007
 
 
 def test_thrust_that_is_not_filtered_like_the_velocity_is_several_times_worse(
@@ -82,7 +91,7 @@ def test_the_score_of_the_truth_is_noise_and_that_of_the_guess_is_not():
 
 def test_a_model_from_one_tank_recording_predicts_the_other(data):
     trained, scores = tank_scores(data / 'bluerov2_tank')
-    assert scores['surge'].fit > 0.28
+    assert scores['surge'].fit > 0.60
     assert scores['sway'].fit > 0.58
     assert scores['heave'].fit > 0.50
     for dof in trained.dofs:

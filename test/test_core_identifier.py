@@ -5,8 +5,10 @@ import json
 import math
 
 from hypothesis import given, settings as hypothesis_settings, strategies as st
+import numpy as np
 import pytest
 from rovid_core.aid import AdaptiveIdentifier, Gains
+from rovid_core.averaged import AveragedIdentifier
 from rovid_core.dofs import PARAMETERS
 from rovid_core.identifier import Scales, Step
 from rovid_core.methods import make, METHODS
@@ -199,3 +201,83 @@ def test_gains_that_are_too_high_for_the_step_are_divided_then_refused():
     absurd = AdaptiveIdentifier(scales, wild_gains, 'euler')
     assert absurd.step(step) == 'unstable_step'
     assert absurd.parameters == scales.initial
+
+
+def averaged(typical=1.0, time=3.0):
+    scales = Scales.of(DOF)
+    return AveragedIdentifier(replace(
+        scales, force=typical * scales.force, velocity=typical * scales.velocity), time, 'heun')
+
+
+def test_what_is_published_is_a_mean_and_w_is_that_of_theta_hat():
+    identifier, values = averaged(), []
+    for k, step in enumerate(steps(1000)):
+        identifier.step(step)
+        if k >= 600:
+            values.append((identifier.theta_hat[0], identifier.parameters[0]))
+    assert np.ptp([p for _, p in values]) < 0.5 * np.ptp([t for t, _ in values])
+    low, high = np.min(values, axis=0)[0], np.max(values, axis=0)[0]
+    assert low < values[-1][1] < high
+    dv = identifier.v_hat - 0.1
+    assert identifier.lyapunov(0.1, TRUTH) == identifier.energy(dv, identifier.theta_hat, TRUTH)
+    assert identifier.lyapunov(0.1, TRUTH) != identifier.energy(dv, identifier.parameters, TRUTH)
+
+
+def test_w_does_not_grow_on_exact_data_while_the_gains_are_held():
+    identifier, v, dt = averaged(), 0.0, 0.01
+    identifier.restart(v)
+    first = last = identifier.lyapunov(v, TRUTH)
+    gains, changes = identifier.state()['gamma'], 0
+    for k in range(7000):
+        force = [100.0 * math.sin(2 * math.pi * (k + x) * dt / 15) for x in (0.0, 0.5, 1.0)]
+        new = advance(TRUTH, v, force[1], dt)
+        identifier.step(Step(dt, (v, 0.5 * (v + new), new), (force[1],) * 3))
+        now, held = identifier.lyapunov(new, TRUTH), identifier.state()['gamma']
+        if held == gains:
+            assert now <= last + 1e-4 * first
+        changes += held != gains
+        v, last, gains = new, now, held
+    assert changes == 2  # after 20 and 40 s of motion
+
+
+@pytest.mark.parametrize('typical', [1 / 3, 3.0])
+def test_typical_sizes_far_off_and_exact_data_give_the_same_model(typical):
+    found = run(averaged(typical), steps(3000)).parameters
+    assert found == pytest.approx(run(averaged(), steps(3000)).parameters, rel=0.01)
+    assert found[0] == pytest.approx(TRUTH[0], rel=0.02)
+
+
+def test_raw_gains_are_never_rescaled_and_nothing_is_averaged():
+    raw = make(IdentifierSettings(feedback_gain=-2.0, adaptation_gains=(1e-5, 1.0, 1.0, 0.1)),
+               DOF, (1e-5, 1.0, 1.0, 0.1))
+    before = raw.energy(0.0, (0.0,) * 4, TRUTH)
+    run(raw, steps(1000))
+    assert raw.energy(0.0, (0.0,) * 4, TRUTH) == before
+    assert raw.parameters == raw.theta_hat
+
+
+def test_a_restored_mean_follows_a_vehicle_that_changes():
+    sequence = steps(3000)
+    one = run(averaged(), sequence)
+    two = averaged()
+    two.restore(json.loads(json.dumps(one.state())))
+    run(two, [replace(step, force=tuple(1.25 * f for f in step.force)) for step in sequence])
+    assert two.parameters[0] == pytest.approx(one.parameters[0] / 1.25, rel=0.01)
+
+
+def test_a_frozen_identifier_keeps_mean_and_theta_hat_and_gains():
+    identifier = run(averaged(), steps(300))
+    before = identifier.state()
+    after = run(identifier, steps(300), adapt=False).state()
+    assert {**after, 'v_hat': 0, 'excitation': 0} == {**before, 'v_hat': 0, 'excitation': 0}
+
+
+@pytest.mark.parametrize(('key', 'bad'), [
+    ('theta_hat', [-1.0, 0.0, 0.0, 0.0]), ('gamma', [[1.0]]), ('sums', [math.nan] * 10),
+    ('gamma', [[-1.0] * 4] * 4), ('next', 0.0)])
+def test_a_broken_state_of_the_mean_is_refused(key, bad):
+    identifier = run(averaged(), steps(300))
+    state = identifier.state()
+    with pytest.raises(ValueError):
+        identifier.restore({**state, key: bad})
+    assert identifier.state() == state

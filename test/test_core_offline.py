@@ -7,11 +7,11 @@ from statistics import median
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
+from rovid_core.coupled import CoupledIdentifier
 from rovid_core.identifier import Scales, Step
 from rovid_core.least_squares import with_acceleration
 from rovid_core.offline import METHODS, subsets
 from rovid_core.output_error import information, output_error
-from rovid_core.passes import CoupledIdentifier
 from rovid_core.plant import advance
 from rovid_core.residuals import noise
 from rovid_core.response import path, response, sensitivities

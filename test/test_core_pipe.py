@@ -199,7 +199,8 @@ def test_one_wild_fix_costs_one_step():
     got = feed(stream, clean)[-1].dofs[0]
     assert stream.rejected == {('position', 'too_fast'): 1}
     assert got.steps == expected.steps - 1
-    assert got.parameters == pytest.approx(expected.parameters, rel=0.1)
+    assert got.parameters[:3] == pytest.approx(expected.parameters[:3], rel=0.1)
+    assert got.parameters[3] == pytest.approx(expected.parameters[3], abs=0.001)  # noise: 0.006
 
 
 def test_a_shift_of_the_fix_is_taken_up_at_once():
@@ -438,7 +439,7 @@ def test_scales_far_from_the_data_are_told_with_what_to_set():
     settings = surge_settings(DofSettings(20.0))
     stream = Stream(settings)
     feed(stream, events(settings, 120.0))
-    assert any('set surge.typical.force' in w and 'faster' in w for w in stream.take_warnings())
+    assert any('rest' in w and 'set surge.typical.force' in w for w in stream.take_warnings())
     stream = Stream(surge_settings())
     feed(stream, events(settings, 120.0))
     assert stream.take_warnings() == []

@@ -18,6 +18,8 @@ from benchmarks.cases import run, surge_log, surge_settings, SURGE_TRUTH as TRUT
 class Known:
     """An identifier that has said its last word."""
 
+    note = ''
+
     def __init__(self, model: float = 0.0, drag: float = 0.0, scale: float = 1.0) -> None:
         """Take the relative standard deviation of all at once (0: unknown) and of drag."""
         self.parameters: Four = tuple(scale * p for p in TRUTH)

@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.impulses import Impulses
+from rovid_core.ekf.impulses import Impulses
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ import math
 from typing import Any
 
 import numpy as np
+from rovid_core.ekf.impulses import Impulses
+from rovid_core.ekf.linearised import Array, Linearised, POSITION, SIZE, VELOCITY
 from rovid_core.identifier import Step
-from rovid_core.impulses import Impulses
-from rovid_core.kalman import Array, Linearised, POSITION, SIZE, VELOCITY
 
 MOST_PIECES = 50
 
@@ -99,7 +99,8 @@ class Follower:
         self._path += step.mean * step.interval / self._velocity
         if step.turn:
             # the noise of the fix between two intervals does not cancel when they are turned
-            self.filter.covariance[POSITION, POSITION] += (step.turn * turned) ** 2
+            self.filter.covariance[POSITION, POSITION] += (
+                (step.turn * turned)**2 + (step.slip / self._velocity)**2)
         return None if first else (POSITION, path)
 
     def _predict(self, start: float, end: float, noise: float) -> None:

@@ -54,7 +54,7 @@ class Innovations:
         self.model_error = model_error
         self._count = 0
         self._mean = self._product = self._square = 0.0
-        self._memory = 0.0
+        self._spread = self._memory = 0.0
         self._quiet = 0
 
     @property
@@ -69,6 +69,11 @@ class Innovations:
             return 1.0
         # the sum of the autocorrelation, from the mean that falls off exponentially
         return max(1.0, 1.0 + 2.0 * self.correlation * self._memory)
+
+    @property
+    def surprise(self) -> float:
+        """Return how far the mean of the last innovations is from 0, in its own std."""
+        return abs(self._mean) / self._spread if self._spread > 0.0 else 0.0
 
     def model_noise(self, step: Step) -> float:
         """
@@ -103,7 +108,7 @@ class Innovations:
         keep = math.exp(-dt / SMOOTHING)
         # of white innovations the mean has a variance of (1 - keep) / (1 + keep)
         size = math.sqrt((1.0 - keep) / (1.0 + keep))
-        self._memory = size / (1.0 - keep)
+        self._spread, self._memory = size, size / (1.0 - keep)
         share = 1.0 / min(self._count, WINDOW)
         self._product += share * (r * self._mean - self._product)
         self._square += share * (r * r * size - self._square)
@@ -112,13 +117,14 @@ class Innovations:
     def state(self) -> list[float]:
         """Return all that is needed to go on from here."""
         return [self.noise, self.model_error, self._count, self._mean, self._product,
-                self._square, self._memory, self._quiet]
+                self._square, self._spread, self._memory, self._quiet]
 
     def restore(self, state: Sequence[float]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        noise, error, count, mean, product, square, memory, quiet = map(float, state)
-        if not (noise > 0.0 and all(map(math.isfinite, (noise, mean, product, square, memory)))):
+        noise, error, count, mean, product, square, spread, memory, quiet = map(float, state)
+        numbers = (noise, mean, product, square, spread, memory)
+        if not (noise > 0.0 and all(map(math.isfinite, numbers))):
             raise ValueError('innovations out of range')
         self.noise, self.model_error, self._count = noise, bool(error), int(count)
         self._mean, self._product, self._square = mean, product, square
-        self._memory, self._quiet = memory, int(quiet)
+        self._spread, self._memory, self._quiet = spread, memory, int(quiet)

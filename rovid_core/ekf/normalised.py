@@ -8,8 +8,8 @@ from typing import cast
 
 import numpy as np
 from rovid_core.dofs import Four
+from rovid_core.ekf.linearised import ALPHA, Array, DELAY, DELTA
 from rovid_core.identifier import Scales
-from rovid_core.kalman import ALPHA, Array, DELAY, DELTA
 
 DELAYS = (-0.05, 0.6)
 """Range of the delay [s]; far below 0 the force would have to be known ahead."""
@@ -20,7 +20,7 @@ DELAY_STD = 0.05
 
 class Normalised:
     """
-    What :class:`kalman.Linearised` begins with, and its state in SI units.
+    What :class:`Linearised` begins with, and its state in SI units.
 
     alpha to delta become accelerations in typical velocities per second.
 

@@ -14,13 +14,13 @@ import math
 from typing import Any
 
 from rovid_core.dofs import PARAMETERS
-from rovid_core.ekf_start import DURATION, KNOWN, LONGEST, Start
+from rovid_core.ekf.follower import Follower
+from rovid_core.ekf.innovations import HUBER, Innovations
+from rovid_core.ekf.linearised import ALPHA, DELAY, DivergenceError, VELOCITY
+from rovid_core.ekf.normalised import Normalised
+from rovid_core.ekf.start import DURATION, KNOWN, LONGEST, Start
 from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
-from rovid_core.follower import Follower
 from rovid_core.identifier import Identifier, Scales, Step
-from rovid_core.innovations import HUBER, Innovations
-from rovid_core.kalman import ALPHA, DELAY, DivergenceError, VELOCITY
-from rovid_core.normalised import Normalised
 
 FIRST_NOISE = 0.02
 """Noise of a measurement to begin with, in typical velocities (times 1 s)."""
@@ -40,6 +40,9 @@ The path may begin with one, and the velocity is so uncertain that it would soon
 
 CHANGE = 0.5
 """What the parameters may have changed by, relative, when the vehicle has changed."""
+
+SURPRISE = 6.0
+"""Mean innovation, in its std, that tells a change of the vehicle from a small error."""
 
 AGAIN = 10.0
 """[s] within which the filter has to be lost twice for that."""
@@ -86,6 +89,7 @@ class ExtendedKalman(Identifier):
         self._start: Start | None = Start()
         self._time, self._lost_at = 0.0, -AGAIN
         self._missed = 0
+        self._was_right = False  # the model, since the last change
         self._changed_at = -math.inf
         self.v_hat = math.nan
         self.excitation = 0.0
@@ -150,6 +154,7 @@ class ExtendedKalman(Identifier):
             'innovations': self._innovations.state(),
             'start': None if self._start is None else self._start.state(),
             'time': self._time, 'lost_at': self._lost_at, 'missed': self._missed,
+            'was_right': self._was_right,
             'changed_at': None if math.isinf(self._changed_at) else self._changed_at,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
             'excitation': self.excitation}
@@ -171,7 +176,7 @@ class ExtendedKalman(Identifier):
         elif new._start is not None:
             new._start.restore(state['start'])
         new._time, new._lost_at = float(state['time']), float(state['lost_at'])
-        new._missed = int(state['missed'])
+        new._missed, new._was_right = int(state['missed']), bool(state['was_right'])
         new._changed_at = (-math.inf if state['changed_at'] is None
                           else float(state['changed_at']))
         new.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
@@ -208,7 +213,7 @@ class ExtendedKalman(Identifier):
         filter, innovations = self._follower.filter, self._innovations
         error, variance = filter.innovation(i, value, innovations.noise**2)
         normalised = error / math.sqrt(variance)
-        was_right = not innovations.model_error
+        self._was_right = self._was_right or not innovations.model_error
         if adapt:
             innovations.take(normalised, step.dt)
         size = abs(normalised)
@@ -216,18 +221,18 @@ class ExtendedKalman(Identifier):
             self._missed += 1
             soon = self._start is not None and self._start.duration < SOON
             if self._missed >= (SOON_LOST if soon else LOST):
-                self._find_again(error, was_right)
+                self._find_again(error)
             return True
         self._missed = 0
         if adapt:
             filter.walk(self._normalised.prior, step.dt * (0.5 * WALK) ** 2 / 3600.0)
         filter.update(i, error, variance * max(1.0, size / HUBER), adapt)
         filter.relinearise(self._normalised.box)
-        if was_right and innovations.model_error:
+        if self._was_right and innovations.model_error and innovations.surprise > SURPRISE:
             self._note_change()
         return False
 
-    def _find_again(self, error: float, was_right: bool) -> None:
+    def _find_again(self, error: float) -> None:
         """Take position and velocity anew; twice in a short time, the vehicle has changed."""
         self._missed = 0
         if self._start is not None:
@@ -237,14 +242,14 @@ class ExtendedKalman(Identifier):
             self.restart(0.0)
             return
         self._follower.filter.loosen_motion(error * error)
-        if was_right and self._time - self._lost_at < AGAIN:
-            self._innovations.model_error = True
+        if self._was_right and self._time - self._lost_at < AGAIN:
             self._note_change()
         self._lost_at = self._time
 
     def _note_change(self) -> None:
         self._follower.filter.loosen_parameters(CHANGE)
-        self._changed_at = self._time
+        self._innovations.model_error = True
+        self._changed_at, self._was_right = self._time, False
 
     def _go_on_with_start(self, step: Step, outlier: bool, adapt: bool) -> None:
         """Keep the first seconds, and go through them again once they say something."""

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple
+from dataclasses import astuple, fields
 from math import fsum, sqrt
 from statistics import median
 from typing import Any
 
-from rovid_core.follower import Follower
+from rovid_core.ekf.follower import Follower
+from rovid_core.ekf.innovations import CLIP, CLIPPED, CORRELATED, HUBER, Innovations
+from rovid_core.ekf.linearised import ALPHA, Bounds, DivergenceError
 from rovid_core.identifier import Step
-from rovid_core.innovations import CLIP, CLIPPED, CORRELATED, HUBER, Innovations
-from rovid_core.kalman import ALPHA, Bounds, DivergenceError
 
 DURATION = 20.0
 """[s] of motion that are gone through again."""
@@ -132,7 +132,7 @@ def _level(sizes: Sequence[float]) -> float:
 
 
 def _step(values: Sequence[Any]) -> Step:
-    if len(values) != 8:
+    if len(values) != len(fields(Step)):
         raise ValueError('a step does not fit')
     return Step(*[
         tuple(x) if isinstance(x, list) else float(x) for x in values])  # type: ignore[arg-type]

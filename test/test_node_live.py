@@ -40,8 +40,9 @@ from rovid_ros.cli import main
 from rovid_ros.keys import KEYS
 from rovid_ros.logs import Log
 from rovid_ros.node_publishers import latched
-from rovid_ros.outputs import DIAGNOSTIC_TYPE, summary
+from rovid_ros.outputs import DIAGNOSTIC_TYPE
 from rovid_ros.parameters import settings_from
+from rovid_ros.summary import summary
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger

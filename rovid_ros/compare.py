@@ -21,6 +21,9 @@ from rovid_ros.trials import Trial
 Given = TypeVar('Given')
 Made = TypeVar('Made')
 
+REFERENCE = 'output_error'
+"""What the other methods are held against."""
+
 AS_GOOD = 1.02
 """Errors within this factor are the same."""
 
@@ -188,7 +191,8 @@ def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model
     """
     Return the model of a DOF that predicts best, on logs that it was not trained on.
 
-    Among models that are as good, one that comes with its uncertainty.
+    Among models that are as good, one that comes with its uncertainty, and of those the
+    reference.
     """
     names = [trial.name for trial in trials]
 
@@ -199,7 +203,8 @@ def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model
     own = [model for model in models if model.dof == dof]
     least = min(map(error, own))
     good = [model for model in own if error(model) <= AS_GOOD * least]
-    return min(good or own, key=lambda model: (model.fit.covariance is None, error(model)))
+    return min(good or own, key=lambda model: (
+        model.fit.covariance is None, model.method != REFERENCE, error(model)))
 
 
 def document(models: Sequence[Model]) -> dict[str, Any]:

@@ -92,7 +92,6 @@ class MotionSource:
         self._last: Fix | None = None
         self._refused: Fix | None = None
         self._attitude: Quaternion | None = None  # of the last interval
-        self._turn: Vector = (0.0, 0.0, 0.0)  # since the one before
 
     def add(self, time: int, value: tuple[float, ...]) -> None:
         """Take a measurement at ``time`` [ns]."""
@@ -123,6 +122,7 @@ class MotionSource:
                 return None
         self._waiting.popleft()
         if missing or last is None:
+            self._attitude = None
             self._take_up(new)
             return 'no_attitude' if missing == 'later' else missing
         motion = self._difference(last, new)
@@ -161,14 +161,13 @@ class MotionSource:
         if self._turned:
             attitude = self._shared.attitude.at((start + end) // 2)
             body = rotate_back(attitude, velocity)
-            turn = rotation_between(self._attitude or attitude, attitude)
-            turned = math.hypot(*turn)
-            slips = self._slips(body, turn, dt)
+            turned = math.hypot(*rotation_between(self._attitude or attitude, attitude))
+            slips = self._slips(body, dt)
         motion = self._body(Motion(start, end, body, turned, slips))
         if isinstance(motion, str):
             return None
         if self._turned:
-            self._attitude, self._turn = attitude, turn
+            self._attitude = attitude
         # only now: what is refused must not reach the other sources either
         if self.input == 'depth':
             if not self._shared.vertical(end, 1):
@@ -197,12 +196,11 @@ class MotionSource:
             return (x - lx, y - ly, z - lz)
         return (x, y, z)
 
-    def _slips(self, body: Vector, turn: Vector, dt: float) -> tuple[float, ...]:
-        # the second difference of white noise has six times its variance
-        noise = math.dist(turn, self._turn) / math.sqrt(6.0)
+    def _slips(self, body: Vector, dt: float) -> tuple[float, ...]:
+        variance = self._shared.attitude.wander * dt
         square = body[0] * body[0] + body[1] * body[1] + body[2] * body[2]
         return tuple([
-            noise * dt * math.sqrt(max(square - body[i] * body[i], 0.0)) for i in self._axes])
+            math.sqrt(variance * max(square - body[i] * body[i], 0.0)) for i in self._axes])
 
     def _body(self, motion: Motion) -> Motion | str:
         velocity = tuple([motion.velocity[i] for i in self._axes])

@@ -4,16 +4,30 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
+import math
 
 from rovid_core.dofs import Quaternion, Vector
-from rovid_core.rotation import between
+from rovid_core.rotation import between, rotation_between
 from rovid_core.settings import Settings
 
 NS = 1e-9
 
 
+SHARE = 0.01
+"""Of a new sample in the mean that tells the noise of the attitude."""
+
+
 class AttitudeHistory:
-    """The attitudes of the last moments, interpolated."""
+    """
+    The attitudes of the last moments, interpolated.
+
+    Attributes
+    ----------
+    wander : float
+        Spectral density of their noise on one axis [rad^2 s]: times speed squared it is how
+        fast the variance grows of a path that is turned by them.
+
+    """
 
     def __init__(self, max_gap: int) -> None:
         self._max_gap = max_gap
@@ -23,14 +37,24 @@ class AttitudeHistory:
         """Forget all attitudes."""
         self._times: list[int] = []
         self._values: list[Quaternion] = []
+        self._turn: Vector = (0.0, 0.0, 0.0)
+        self.wander = 0.0
 
     def add(self, time: int, q: Quaternion) -> None:
         """Take an attitude at ``time`` [ns], after the last one."""
         if len(self._times) > 1024:
             cut = bisect_left(self._times, time - 2 * self._max_gap)
             del self._times[:cut], self._values[:cut]
+        if self._times and time > self._times[-1]:
+            self._note_noise((time - self._times[-1]) * NS, rotation_between(self._values[-1], q))
         self._times.append(time)
         self._values.append(q)
+
+    def _note_noise(self, dt: float, turn: Vector) -> None:
+        # the second difference of white noise has six times its variance, on three axes
+        square = math.dist(turn, self._turn) ** 2 / 18.0
+        self._turn = turn
+        self.wander += (square * dt - self.wander) * (SHARE if self.wander else 1.0)
 
     def missing(self, time: int) -> str:
         """Return '' if the attitude at ``time`` is known, 'later' if it may become so."""

@@ -221,18 +221,19 @@ class ExtendedKalman(Identifier):
             self._missed += 1
             soon = self._start is not None and self._start.duration < SOON
             if self._missed >= (SOON_LOST if soon else LOST):
-                self._find_again(error)
+                self._find_again(error, adapt)
             return True
         self._missed = 0
         if adapt:
             filter.walk(self._normalised.prior, step.dt * (0.5 * WALK) ** 2 / 3600.0)
         filter.update(i, error, variance * max(1.0, size / HUBER), adapt)
         filter.relinearise(self._normalised.box)
-        if self._was_right and innovations.model_error and innovations.surprise > SURPRISE:
+        if (adapt and self._was_right and innovations.model_error
+                and innovations.surprise > SURPRISE):
             self._note_change()
         return False
 
-    def _find_again(self, error: float) -> None:
+    def _find_again(self, error: float, adapt: bool) -> None:
         """Take position and velocity anew; twice in a short time, the vehicle has changed."""
         self._missed = 0
         if self._start is not None:
@@ -242,7 +243,7 @@ class ExtendedKalman(Identifier):
             self.restart(0.0)
             return
         self._follower.filter.loosen_motion(error * error)
-        if self._was_right and self._time - self._lost_at < AGAIN:
+        if adapt and self._was_right and self._time - self._lost_at < AGAIN:
             self._note_change()
         self._lost_at = self._time
 
@@ -272,6 +273,7 @@ class ExtendedKalman(Identifier):
             self._start = None
         elif self._start.duration > LONGEST:
             self._start = Start()
+            self._start.add(self.v_hat)
 
     def _begin_again(self) -> None:
         """Keep the last good parameters, and nothing else."""
@@ -280,6 +282,7 @@ class ExtendedKalman(Identifier):
             good, self._normalised.prior, self._scales.force, self._scales.velocity)
         self._innovations = Innovations(FIRST_NOISE)
         self._start, self._missed, self.v_hat = Start(), 0, math.nan
+        self._was_right = False
 
     def _publish(self) -> None:
         filter, normalised = self._follower.filter, self._normalised

@@ -113,7 +113,11 @@ class Linearised:
             raise DivergenceError(f'a speed of {self.nominal[1]}')
         decay = h * (2.0 * beta * abs(w) + gamma)
         share = h * (1.0 + 0.5 * decay)
-        phi = (force, w * abs(w), w, 1.0, -2.0 * du / h)
+        # held commands are a staircase: its slope inside a step says nothing of the delay
+        top = min(end + h, impulses.end + delay)
+        a, b, c, d = (impulses.at(t - delay) for t in (start - h, start, top - h, top))
+        slope = ((d - c) - (b - a)) / (h * (top - start))
+        phi = (force, w * abs(w), w, 1.0, -alpha * slope)
         self._propagate(np.array((
             (1.0, share, *[0.5 * h * h * y for y in phi]),
             (0.0, 1.0 + decay * (1.0 + 0.5 * decay), *[share * y for y in phi]))), h, noise)

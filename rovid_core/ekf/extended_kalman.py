@@ -19,39 +19,18 @@ from rovid_core.ekf.innovations import HUBER, Innovations
 from rovid_core.ekf.linearised import ALPHA, DELAY, DivergenceError, VELOCITY
 from rovid_core.ekf.normalised import Normalised
 from rovid_core.ekf.start import DURATION, KNOWN, LONGEST, Start
+from rovid_core.ekf.upsets import SOON, SURPRISE, Upsets
 from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
 from rovid_core.identifier import Identifier, Scales, Step
 
 FIRST_NOISE = 0.02
 """Noise of a measurement to begin with, in typical velocities (times 1 s)."""
 
-OUTLIER = 5.0
-"""Standard deviations beyond which a measurement does not count."""
-
-LOST = 4
-"""Outliers in a row after which position and velocity are taken anew."""
-
-SOON, SOON_LOST = 1.0, 2
-"""
-How many do in the first second [s].
-
-The path may begin with one, and the velocity is so uncertain that it would soon explain it.
-"""
-
 CHANGE = 0.5
 """What the parameters may have changed by, relative, when the vehicle has changed."""
 
-SURPRISE = 6.0
-"""Mean innovation, in its std, that tells a change of the vehicle from a small error."""
-
-AGAIN = 10.0
-"""[s] within which the filter has to be lost twice for that."""
-
 LARGEST = 1e4
 """In typical forces and velocities; what is larger is a mistake."""
-
-FOLLOWING = 60.0
-"""[s] after a change in which it is said."""
 
 WALK = 5e-6
 """What the parameters may change by anyway, relative, in an hour."""
@@ -87,10 +66,7 @@ class ExtendedKalman(Identifier):
         self._follower = self._new(self._normalised.initial)
         self._innovations = Innovations(FIRST_NOISE)
         self._start: Start | None = Start()
-        self._time, self._lost_at = 0.0, -AGAIN
-        self._missed = 0
-        self._was_right = False  # the model, since the last change
-        self._changed_at = -math.inf
+        self._upsets = Upsets()
         self.v_hat = math.nan
         self.excitation = 0.0
         self._publish()
@@ -98,7 +74,7 @@ class ExtendedKalman(Identifier):
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
         self._follower.restart(velocity, self._innovations.noise)
-        self._missed = 0
+        self._upsets.restart()
         self.v_hat = velocity
         if self._start is not None:
             self._start.add(velocity)
@@ -129,7 +105,7 @@ class ExtendedKalman(Identifier):
         except DivergenceError:
             self._begin_again()
             return 'diverged'
-        self._time += step.dt
+        self._upsets.time += step.dt
         self.v_hat = self._follower.velocity(step)
         if self._start is start is not None:  # or it begins after this step
             self._go_on_with_start(step, outlier, adapt)
@@ -140,9 +116,9 @@ class ExtendedKalman(Identifier):
     @property
     def note(self) -> str:
         """Return what the filter has to say of the vehicle and its model, '' if nothing."""
-        if self._time - self._changed_at < FOLLOWING:
-            return (f'the vehicle changed {self._time - self._changed_at:.0f} s ago: its '
-                    'parameters are found anew')
+        since = self._upsets.since_change
+        if math.isfinite(since):
+            return f'the vehicle changed {since:.0f} s ago: its parameters are found anew'
         if self._innovations.model_error and self._start is None:
             return 'the model does not explain all of the motion: the intervals are wider'
         return ''
@@ -153,9 +129,7 @@ class ExtendedKalman(Identifier):
             'parameters': list(self.parameters), 'follower': self._follower.state(),
             'innovations': self._innovations.state(),
             'start': None if self._start is None else self._start.state(),
-            'time': self._time, 'lost_at': self._lost_at, 'missed': self._missed,
-            'was_right': self._was_right,
-            'changed_at': None if math.isinf(self._changed_at) else self._changed_at,
+            'upsets': self._upsets.state(),
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
             'excitation': self.excitation}
 
@@ -175,14 +149,11 @@ class ExtendedKalman(Identifier):
             new._start = None
         elif new._start is not None:
             new._start.restore(state['start'])
-        new._time, new._lost_at = float(state['time']), float(state['lost_at'])
-        new._missed, new._was_right = int(state['missed']), bool(state['was_right'])
-        new._changed_at = (-math.inf if state['changed_at'] is None
-                          else float(state['changed_at']))
+        new._upsets.restore(state['upsets'])
         new.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
         new.excitation = float(state['excitation'])
-        if not all(map(math.isfinite, (new._time, new._lost_at, new.excitation))):
-            raise ValueError('a number of the state is not finite')
+        if not math.isfinite(new.excitation):
+            raise ValueError('excitation is not finite')
         new._publish()
         self.__dict__ = new.__dict__
 
@@ -210,32 +181,28 @@ class ExtendedKalman(Identifier):
 
     def _take(self, step: Step, i: int, value: float, adapt: bool) -> bool:
         """Take a measurement; return whether it is an outlier."""
-        filter, innovations = self._follower.filter, self._innovations
+        filter, innovations, upsets = self._follower.filter, self._innovations, self._upsets
         error, variance = filter.innovation(i, value, innovations.noise**2)
         normalised = error / math.sqrt(variance)
-        self._was_right = self._was_right or not innovations.model_error
+        upsets.was_right = upsets.was_right or not innovations.model_error
         if adapt:
             innovations.take(normalised, step.dt)
-        size = abs(normalised)
-        if size > OUTLIER:
-            self._missed += 1
-            soon = self._start is not None and self._start.duration < SOON
-            if self._missed >= (SOON_LOST if soon else LOST):
+        if upsets.outlier(normalised):
+            beginning = self._start is not None and self._start.duration < SOON
+            if upsets.lost(beginning):
                 self._find_again(error, adapt)
             return True
-        self._missed = 0
         if adapt:
             filter.walk(self._normalised.prior, step.dt * (0.5 * WALK) ** 2 / 3600.0)
-        filter.update(i, error, variance * max(1.0, size / HUBER), adapt)
+        filter.update(i, error, variance * max(1.0, abs(normalised) / HUBER), adapt)
         filter.relinearise(self._normalised.box)
-        if (adapt and self._was_right and innovations.model_error
+        if (adapt and upsets.was_right and innovations.model_error
                 and innovations.surprise > SURPRISE):
             self._note_change()
         return False
 
     def _find_again(self, error: float, adapt: bool) -> None:
         """Take position and velocity anew; twice in a short time, the vehicle has changed."""
-        self._missed = 0
         if self._start is not None:
             # it began with an outlier
             self._follower, self._start = self._new(self._normalised.initial), Start()
@@ -243,14 +210,13 @@ class ExtendedKalman(Identifier):
             self.restart(0.0)
             return
         self._follower.filter.loosen_motion(error * error)
-        if adapt and self._was_right and self._time - self._lost_at < AGAIN:
+        if self._upsets.lost_again() and adapt:
             self._note_change()
-        self._lost_at = self._time
 
     def _note_change(self) -> None:
         self._follower.filter.loosen_parameters(CHANGE)
         self._innovations.model_error = True
-        self._changed_at, self._was_right = self._time, False
+        self._upsets.changed()
 
     def _go_on_with_start(self, step: Step, outlier: bool, adapt: bool) -> None:
         """Keep the first seconds, and go through them again once they say something."""
@@ -281,8 +247,7 @@ class ExtendedKalman(Identifier):
         self._follower = Follower(
             good, self._normalised.prior, self._scales.force, self._scales.velocity)
         self._innovations = Innovations(FIRST_NOISE)
-        self._start, self._missed, self.v_hat = Start(), 0, math.nan
-        self._was_right = False
+        self._start, self._upsets, self.v_hat = Start(), Upsets(), math.nan
 
     def _publish(self) -> None:
         filter, normalised = self._follower.filter, self._normalised

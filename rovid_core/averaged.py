@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rovid_core.aid import Gains
 from rovid_core.coupled import CoupledIdentifier, inverse
-from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
+from rovid_core.excitation import add_products, LEAST_EXCITATION, LEAST_MOTION
 from rovid_core.identifier import finite, Scales, Step
 
 FIRST = 20.0
@@ -113,22 +113,9 @@ class AveragedIdentifier(CoupledIdentifier):
             self._learn()
 
     def _note(self, step: Step) -> None:
-        force, v, dt = step.force[1], step.velocity[1], step.dt
-        scale = self._regressor_scale
-        if abs(force * scale[0]) > FAR_OFF or abs(v * scale[2]) > FAR_OFF:
-            return
-        drag, sums = v * abs(v), self._sums
-        f_dt, drag_dt, v_dt = force * dt, drag * dt, v * dt
-        sums[0] += force * f_dt
-        sums[1] += drag * f_dt
-        sums[2] += v * f_dt
-        sums[3] += f_dt
-        sums[4] += drag * drag_dt
-        sums[5] += v * drag_dt
-        sums[6] += drag_dt
-        sums[7] += v * v_dt
-        sums[8] += v_dt
-        sums[9] += dt
+        force, velocity, scale = step.force[1], step.velocity[1], self._regressor_scale
+        if abs(force * scale[0]) <= FAR_OFF and abs(velocity * scale[2]) <= FAR_OFF:
+            add_products(self._sums, force, velocity, step.dt)
 
     def _learn(self) -> None:
         """Take Gamma from the data so far."""

@@ -144,6 +144,22 @@ class Gram:
         return max(rows[i][i], 0.0)
 
 
+def add_products(sums: list[float], force: float, velocity: float, dt: float) -> None:
+    """Add phi phi' dt to ten sums: the upper triangle by rows; the last, of 1, is the time."""
+    drag = velocity * abs(velocity)
+    force_dt, drag_dt, velocity_dt = force * dt, drag * dt, velocity * dt
+    sums[0] += force * force_dt
+    sums[1] += drag * force_dt
+    sums[2] += velocity * force_dt
+    sums[3] += force_dt
+    sums[4] += drag * drag_dt
+    sums[5] += velocity * drag_dt
+    sums[6] += drag_dt
+    sums[7] += velocity * velocity_dt
+    sums[8] += velocity_dt
+    sums[9] += dt
+
+
 class Excitation:
     """
     Keep the Gram matrix of one DOF: of late, and of everything since the start.
@@ -168,22 +184,8 @@ class Excitation:
 
     def step(self, step: Step) -> None:
         """Take a step; this is all that is done at each of them."""
-        v = step.velocity[1] * self._velocity
-        force = step.force[1] * self._force
-        drag = v * abs(v)
-        dt = step.dt
-        force_dt, drag_dt, v_dt = force * dt, drag * dt, v * dt
-        new = self._new
-        new[0] += force * force_dt
-        new[1] += drag * force_dt
-        new[2] += v * force_dt
-        new[3] += force_dt
-        new[4] += drag * drag_dt
-        new[5] += v * drag_dt
-        new[6] += drag_dt
-        new[7] += v * v_dt
-        new[8] += v_dt
-        new[9] += dt
+        add_products(self._new, step.force[1] * self._force,
+                     step.velocity[1] * self._velocity, step.dt)
 
     def recent(self) -> Gram:
         """Return the matrix of late, with all up to now."""

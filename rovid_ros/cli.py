@@ -101,6 +101,15 @@ def _command(commands: Any, name: str, run: Callable[[argparse.Namespace], None]
     return command
 
 
+def _add_part(command: argparse.ArgumentParser) -> None:
+    """Let a command take the same part of each of its logs."""
+    command.add_argument(
+        '--start', type=not_negative, default=0.0, metavar='S',
+        help="begin S seconds after the log's beginning")
+    command.add_argument(
+        '--duration', type=duration, metavar='S', help='use S seconds of the log')
+
+
 def _add_replay(commands: Any) -> None:
     command = _command(
         commands, 'replay', handlers.replay, 'identify from recorded logs',
@@ -116,11 +125,7 @@ def _add_replay(commands: Any) -> None:
         help='write the output topics, as the node would publish them')
     command.add_argument(
         '--json', type=Path, metavar='OUT.json', help='write the result for a program to read')
-    command.add_argument(
-        '--start', type=not_negative, default=0.0, metavar='S',
-        help="begin S seconds after the log's beginning")
-    command.add_argument(
-        '--duration', type=duration, metavar='S', help='use S seconds of the log')
+    _add_part(command)
     command.add_argument(
         '--ros', action='store_true', help='go through the real node and publish')
     command.add_argument(
@@ -143,6 +148,7 @@ def _add_compare(commands: Any) -> None:
         '--report', type=Path, metavar='OUT.html', help='write a report to look at and to send')
     command.add_argument(
         '--json', type=Path, metavar='OUT.json', help='write the models for a program to read')
+    _add_part(command)
 
 
 def _add_simulate(commands: Any) -> None:
@@ -185,11 +191,7 @@ def _add_tune(commands: Any) -> None:
         help="tune for this method, not the file's; gains are those of aid")
     command.add_argument(
         '--json', type=Path, metavar='OUT.json', help='write the result for a program to read')
-    command.add_argument(
-        '--start', type=not_negative, default=0.0, metavar='S',
-        help="begin S seconds after the log's beginning")
-    command.add_argument(
-        '--duration', type=duration, metavar='S', help='use S seconds of the log')
+    _add_part(command)
 
 
 def _add_plan(commands: Any) -> None:

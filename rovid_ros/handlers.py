@@ -42,7 +42,8 @@ def compare(args: argparse.Namespace) -> None:
 
     with naming(args.params_file):
         trials = read_trials(
-            args.logs, validate, settings, partial(_warn, args.prog))
+            args.logs, validate, settings, partial(_warn, args.prog), start=args.start,
+            duration=args.duration)
     models = compare_methods(trials, settings)
     print(comparison_text(models, trials, settings))
     if args.json:

@@ -141,9 +141,10 @@ class Trial:
 
 
 def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Settings,
-                warn: Callable[[str], None]) -> list[Trial]:
+                warn: Callable[[str], None], *, start: float = 0.0,
+                duration: float | None = None) -> list[Trial]:
     """
-    Feed each log through a pipe of its own.
+    Feed each log, from ``start`` for ``duration`` [s], through a pipe of its own.
 
     Raises
     ------
@@ -156,7 +157,8 @@ def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Setti
     for number, (path, name) in enumerate(zip(paths, _names(paths))):
         feeder = TrialFeeder(settings)
         warnings: list[str] = []
-        result = replay([path], settings, feeder, warn=warnings.append)
+        result = replay([path], settings, feeder, start=start, duration=duration,
+                        warn=warnings.append)
         for line in warnings:
             warn(f'{name}: {line}')
         trials.append(Trial(name, number < len(train), result, feeder, warnings))

@@ -89,3 +89,16 @@ def test_mistakes_are_one_line(folder: Path, capsys: pytest.CaptureFixture[str])
         logs = [str(folder / a) if a.endswith('.mcap') else a for a in arguments]
         assert main(['compare', *logs, '--params-file', str(folder / 'rov.yaml')]) == 1
         assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_part_of_each_log(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ['compare', str(folder / 't1.mcap'), '--params-file', str(folder / 'rov.yaml'),
+                 '--json', str(folder / 'part.json')]
+    assert main([*arguments, '--start', '20', '--duration', '60']) == 0
+    part, whole = (
+        next(m['dofs']['surge'] for m in json.loads((folder / name).read_text())['models']
+             if m['method'] == 'output_error') for name in ('part.json', 'out.json'))
+    assert part['std']['beta'] > 1.2 * whole['std']['beta']
+    capsys.readouterr()
+    assert main([*arguments, '--start', '500']) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1

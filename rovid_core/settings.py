@@ -107,6 +107,7 @@ class Settings:
     velocity: InputSettings = InputSettings()
     reference: InputSettings = InputSettings()
     sign: InputSettings = InputSettings()
+    hardware_id: str = ''  # '': the name of the node
     frames: str = 'enu'
     max_wait: float = 0.1
     max_gap: float = 1.0

@@ -38,13 +38,14 @@ def wrong_usage(prog: str, message: str) -> NoReturn:
 
 
 def add_command(commands: Any, name: str, run: Callable[[argparse.Namespace], None],
-                does: str, more: str, params_file: bool = True) -> Parser:
-    """Add a subcommand that ``does`` something, with its parameter file."""
+                does: str, more: str, params_file: bool | None = True) -> Parser:
+    """Add a subcommand that ``does`` something; its parameter file is required, may be, or not."""
     command: Parser = commands.add_parser(
         name, help=does, description=f'{does[0].upper()}{does[1:]}. {more}')
-    command.add_argument(
-        '--params-file', type=Path, required=params_file, metavar='FILE',
-        help="the vehicle's parameter file, the same as the node's")
+    if params_file is not None:
+        command.add_argument(
+            '--params-file', type=Path, required=params_file, metavar='FILE',
+            help="the vehicle's parameter file, the same as the node's")
     command.set_defaults(run=run, prog=command.prog)
     return command
 

@@ -48,6 +48,8 @@ def _source(name: str, setting: str, what: str, owner: type = InputSettings) -> 
 def _run() -> list[Key]:
     return [
         key_of('dofs', 'dofs', Settings, 'degrees of freedom to identify', choices=DOFS),
+        key_of('hardware_id', 'hardware_id', Settings,
+               'what /diagnostics names the vehicle by; empty: the full name of the node'),
         key_of('frames', 'frames', Settings,
                'frames of the input messages: enu (z up, body flu) or ned (z down, body frd)',
                choices=('enu', 'ned')),

@@ -17,13 +17,14 @@ from rovid_core.settings import Settings, SettingsError
 from rovid_core.stream import Stream
 from rovid_core.values import Estimate, Event
 from rovid_ros.convert import Converter, FieldError
+from rovid_ros.input_topics import inputs_of
 from rovid_ros.node_checkpoint import Checkpoint
-from rovid_ros.node_diagnostics import diagnostics
-from rovid_ros.node_inputs import inputs_of, message_classes, Subscriptions
+from rovid_ros.node_inputs import message_classes, Subscriptions
 from rovid_ros.node_messages import definition
 from rovid_ros.node_parameters import declare, NODE_NAME, ros_own
 from rovid_ros.node_publishers import Publishers
 from rovid_ros.node_recorder import Received, Recorder
+from rovid_ros.node_report import Report
 from rovid_ros.outputs import Outputs
 from rovid_ros.parameters import check, settings_from
 from std_srvs.srv import SetBool, Trigger
@@ -83,6 +84,7 @@ class IdentifierNode(Node):
         self.stream = Stream(settings, recorder=self._recorder, scorer=scorer)
         self.converter = Converter(settings, self.stream.reject)
         self._classes = message_classes(settings, self.converter) if live else {}
+        self._report = Report(self, settings, self.stream, self._recorder, live=live)
         self._outputs = Outputs(settings)
         self._checkpoint = Checkpoint(settings, self.stream, self.get_logger())
         restored = self._checkpoint.restore()
@@ -140,6 +142,7 @@ class IdentifierNode(Node):
             self._checkpoint.save()
         if self._recorder:
             self._recorder.close()
+        self._report.finish()
         self._out.wait(1.0)
         return estimates
 
@@ -157,6 +160,7 @@ class IdentifierNode(Node):
                 topic, message, received.time, received if self._recorder else None)
         except (RuntimeError, FieldError) as error:  # a peer with another definition
             self.get_logger().error(f'{topic}: {error}', once=True)
+            self._report.arrivals.note(topic, received.time)
             for name in inputs_of(self.settings, topic):
                 self.stream.reject(name, 'undecodable')
             return []
@@ -164,6 +168,7 @@ class IdentifierNode(Node):
     def _events(self, topic: str, message: Any, receive_time: int,
                 origin: Any = None) -> list[Event]:
         events = self.converter.events(topic, message, receive_time, origin)
+        self._report.arrivals.note(topic, receive_time, events)
         if receive_time:
             return events
         for event in events:  # simulated time has not begun: there is no time to give it
@@ -180,8 +185,7 @@ class IdentifierNode(Node):
         for estimate in estimates:
             for output in self._outputs.messages(estimate):
                 self._out.publish(output)
-        for line in self.stream.take_warnings():
-            self.get_logger().warning(line)
+        self._report.told(estimates)
         return estimates
 
     def _on_reset(self, request: Trigger.Request,
@@ -214,9 +218,7 @@ class IdentifierNode(Node):
             self._out.publish(output)
 
     def _each_second(self) -> None:
-        now = self.get_clock().now().nanoseconds
-        self._out.publish(diagnostics(
-            self.stream, self.settings, self.get_fully_qualified_name(), now))
+        self._out.publish(self._report.each_second())
         if self._recorder:
             self._recorder.flush()
 

@@ -15,14 +15,10 @@ from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 from rovid_core.settings import Settings, SettingsError
 from rovid_ros.convert import Converter
+from rovid_ros.input_topics import inputs_of, section
 from rovid_ros.node_messages import import_type, MessageTypeError
 from rovid_ros.node_publishers import best_effort, DEPTH, reliable
 from rovid_ros.node_recorder import Received
-
-
-def inputs_of(settings: Settings, topic: str) -> list[str]:
-    """Return the inputs that a topic feeds."""
-    return [name for name in settings.used_inputs() if topic in _topics(settings, name)]
 
 
 def message_classes(settings: Settings, converter: Converter) -> dict[str, type[Any]]:
@@ -39,7 +35,7 @@ def message_classes(settings: Settings, converter: Converter) -> dict[str, type[
     """
     classes: dict[str, type[Any]] = {}
     for topic, name in converter.topics.items():
-        key = _key(inputs_of(settings, topic)[0])
+        key = section(inputs_of(settings, topic)[0])
         try:
             validate_topic_name(topic)
         except InvalidTopicNameException as error:
@@ -120,11 +116,3 @@ def _qos(settings: Settings, topic: str) -> QoSProfile:
     wanted = [settings.thrusters.qos if name == 'thrusters' else settings.input(name).qos
               for name in inputs_of(settings, topic)]
     return reliable(DEPTH) if 'reliable' in wanted else best_effort(DEPTH)
-
-
-def _topics(settings: Settings, name: str) -> tuple[str, ...]:
-    return settings.thrusters.topics if name == 'thrusters' else (settings.input(name).topic,)
-
-
-def _key(name: str) -> str:
-    return 'thrusters.sign' if name == 'sign' else name

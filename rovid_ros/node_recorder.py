@@ -89,6 +89,11 @@ class Recorder:
             values['state'] = json.dumps(restored)
         self._writer.metadata('rovid_record', values)
 
+    @property
+    def is_open(self) -> bool:
+        """Tell whether it still records."""
+        return self._writer is not None
+
     def released(self, event: Event) -> None:
         """Write the message that the event came from."""
         received = event.origin

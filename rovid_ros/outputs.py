@@ -35,7 +35,7 @@ LATCHED = ('rov/params', 'rov/params_std')
 
 FRAME = 'base_link'
 
-OK, WARN, ERROR = 0, 1, 2
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
 LEVELS = {'waiting': WARN, 'unexcited': WARN, 'converging': OK, 'converged': OK, 'frozen': OK,
           'invalid': ERROR}
 """Status of a DOF to level of a ``DiagnosticStatus``."""

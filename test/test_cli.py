@@ -15,7 +15,8 @@ from rovid_ros.command import check_written, CommandError, guarded
 from rovid_ros.interrupt import Interrupted
 from rovid_ros.json_file import write_json
 from rovid_ros.progress import Progress
-from rovid_ros.report import number, percent, table, unit
+from rovid_ros.report import number, percent, table
+from rovid_ros.units import unit
 
 
 @pytest.fixture

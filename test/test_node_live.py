@@ -108,7 +108,9 @@ def test_live_gives_the_bits_of_a_replay(
     assert_same(heard(estimates), expected)
     stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in estimates]
     assert stamps == [estimate.time for estimate in replayed(settings, messages)]
-    assert 'WARN' not in node.output
+    # discovery may take so long that the inputs are missing at first
+    assert not [line for line in node.output.splitlines()
+                if 'WARN' in line and 'missing: ' not in line]
     assert 'ERROR' not in node.output
 
 
@@ -157,7 +159,8 @@ def test_names_and_qos(peer: Peer, start: Start) -> None:
     peer.until(lambda: len(diagnostics) > 1)
     names = [status.name for status in diagnostics[-1].status]
     assert names == [f'/rov1/identifier_node: {name}' for name in (
-        'position', 'depth', 'attitude', 'thrusters', 'rejected', 'surge', 'heave', 'yaw')]
+        'state', 'position', 'depth', 'attitude', 'thrusters', 'rejected', 'surge', 'heave',
+        'yaw')]
     topics = dict(peer.node.get_topic_names_and_types())
     assert {'/rov1/rov/params', '/rov1/rov/estimate', '/rov1/speed', '/rov1/position',
             '/depth'} <= topics.keys()

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import sys
 
-from rovid_ros import __version__, cli_logs, cli_models
+from rovid_ros import __version__, cli_check, cli_logs, cli_models
 from rovid_ros.arguments import Parser, wrong_usage
 from rovid_ros.command import DONE, guarded, USAGE
 
@@ -52,6 +52,7 @@ def _parser() -> Parser:
     parser.add_argument('--version', action='version', version=f'rovid {__version__}')
     parser.set_defaults(run=None, prog=parser.prog)
     commands = parser.add_subparsers(title='commands', metavar='COMMAND')
+    cli_check.add_check(commands)
     cli_logs.add_replay(commands)
     cli_logs.add_compare(commands)
     cli_models.add_simulate(commands)

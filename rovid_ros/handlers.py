@@ -26,6 +26,32 @@ if TYPE_CHECKING:
     from rovid_ros.feeder import Feeder
 
 
+def check(args: argparse.Namespace) -> None:
+    """Run ``rovid check``."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    from rovid_ros.check import Asked, check as run_check
+    from rovid_ros.json_file import write_json
+    if args.live and args.logs:
+        raise UsageError('--live and a LOG exclude each other')
+    for name in ('timeout', 'namespace'):
+        if getattr(args, name) and not args.live:
+            raise UsageError(f'--{name} goes with --live')
+    for name in ('start', 'duration'):
+        if getattr(args, name) is not None and not args.logs:
+            raise UsageError(f'--{name} goes with a LOG')
+    check_written([args.json], [*args.logs, args.params_file])
+    outcome = run_check(args.params_file, Asked(
+        args.logs, args.start or 0.0, args.duration, args.live, args.timeout or 5.0,
+        args.namespace))
+    print(outcome.text)
+    if args.json:
+        write_json(args.json, outcome.document)
+        print(f'written   {args.json}')
+    if outcome.errors:
+        raise CommandError(f'{args.params_file}: {outcome.verdict}')
+    print(outcome.verdict)
+
+
 def compare(args: argparse.Namespace) -> None:
     """Run ``rovid compare``."""
     # the cores go to the fits: numpy's threads cost small matrices more than they give

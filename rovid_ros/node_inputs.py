@@ -22,33 +22,37 @@ from rovid_ros.node_recorder import Received
 
 
 def message_classes(settings: Settings, converter: Converter) -> dict[str, type[Any]]:
+    """Import the message class of every topic; raises as :func:`message_class`."""
+    return {topic: message_class(settings, converter, topic) for topic in converter.topics}
+
+
+def message_class(settings: Settings, converter: Converter, topic: str) -> type[Any]:
     """
-    Import the message class of every topic and check the field paths against it.
+    Import the message class of a topic and check the field paths against it.
 
     Raises
     ------
     SettingsError
-        If a topic's name is not one, or its type is not given or not installed.
+        If the topic's name is not one, or its type is not given or not installed.
     FieldError
-        If a type does not have a configured field.
+        If the type does not have a configured field.
 
     """
-    classes: dict[str, type[Any]] = {}
-    for topic, name in converter.topics.items():
-        key = section(inputs_of(settings, topic)[0])
-        try:
-            validate_topic_name(topic)
-        except InvalidTopicNameException as error:
-            reason = str(error).partition(':')[0]
-            raise SettingsError(f'{key}.topic', f'got {topic!r}: {reason}') from None
-        if not name:
-            raise SettingsError(f'{key}.type', f'is required to subscribe to {topic}')
-        try:
-            classes[topic] = import_type(name)
-        except MessageTypeError as error:
-            raise SettingsError(f'{key}.type', str(error)) from None
-        converter.check_type(topic, classes[topic]())
-    return classes
+    name = converter.topics[topic]
+    key = section(inputs_of(settings, topic)[0])
+    try:
+        validate_topic_name(topic)
+    except InvalidTopicNameException as error:
+        reason = str(error).partition(':')[0]
+        raise SettingsError(f'{key}.topic', f'got {topic!r}: {reason}') from None
+    if not name:
+        raise SettingsError(f'{key}.type', f'is required to subscribe to {topic}')
+    try:
+        cls = import_type(name)
+    except MessageTypeError as error:
+        raise SettingsError(f'{key}.type', str(error)) from None
+    converter.check_type(topic, cls())
+    return cls
 
 
 class Subscriptions:
@@ -81,7 +85,7 @@ class Subscriptions:
         self._topics: dict[str, Subscription[Any]] = {}
         for topic, cls in classes.items():
             self._topics[topic] = node.create_subscription(
-                cls, topic, partial(self._arrived, topic), _qos(settings, topic),
+                cls, topic, partial(self._arrived, topic), qos(settings, topic),
                 qos_overriding_options=QoSOverridingOptions.with_default_policies(), raw=True)
 
     def drain(self) -> None:
@@ -111,7 +115,7 @@ class Subscriptions:
         return Received(topic, self._types[topic], cdr, time or clock.now().nanoseconds)
 
 
-def _qos(settings: Settings, topic: str) -> QoSProfile:
+def qos(settings: Settings, topic: str) -> QoSProfile:
     """Return a topic's profile: reliable where one of its inputs asks for it."""
     wanted = [settings.thrusters.qos if name == 'thrusters' else settings.input(name).qos
               for name in inputs_of(settings, topic)]

@@ -185,11 +185,11 @@ def test_parameters_over_services(peer: Peer, start: Start) -> None:
     assert len(values) == len(listed)
     assert values[listed.index('position.topic')].string_value == '/position'
     described = peer.call(DescribeParameters, '/identifier_node/describe_parameters',
-                          DescribeParameters.Request(names=['max_wait'])).descriptors[0]
+                          DescribeParameters.Request(names=['time_jump'])).descriptors[0]
     assert described.read_only
     assert described.description
     (result,) = peer.call(SetParameters, '/identifier_node/set_parameters', SetParameters.Request(
-        parameters=[Parameter('max_wait', value=1.0).to_parameter_msg()])).results
+        parameters=[Parameter('time_jump', value=1.0).to_parameter_msg()])).results
     assert not result.successful
 
 

@@ -63,10 +63,14 @@ class Publishers:
         self.incompatible: dict[str, str] = {}
         self._node = node
         self._publishers: dict[str, tuple[type[Any], Publisher[Any]]] = {}
-        for topic, name in TOPICS.items():
-            profile = latched() if topic in LATCHED else reliable(DEPTH)
-            self._add(node, topic, name, profile)
-        self._add(node, '/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
+        try:
+            for topic, name in TOPICS.items():
+                profile = latched() if topic in LATCHED else reliable(DEPTH)
+                self._add(node, topic, name, profile)
+            self._add(node, '/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
+        except BaseException:
+            self.close()
+            raise
 
     def publish(self, output: Output) -> None:
         """Send a message."""

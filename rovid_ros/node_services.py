@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from rclpy.node import Node
+from rclpy.service import Service
 from std_srvs.srv import SetBool, Trigger
 
 
@@ -40,10 +41,15 @@ class Services:
         self._node = node
         self._identifier = identifier
         self._path = path
-        self._services = [
-            node.create_service(Trigger, '~/reset', self._on_reset),
-            node.create_service(SetBool, '~/enable', self._on_enable),
-            node.create_service(Trigger, '~/save', self._on_save)]
+        self._services: list[Service[Any, Any]] = []
+        try:
+            for kind, name, answer in (
+                    (Trigger, '~/reset', self._on_reset), (SetBool, '~/enable', self._on_enable),
+                    (Trigger, '~/save', self._on_save)):
+                self._services.append(node.create_service(kind, name, answer))
+        except BaseException:
+            self.close()
+            raise
 
     def close(self) -> None:
         """Leave the graph."""

@@ -4,9 +4,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import math
 from pathlib import Path
+import subprocess
+import sys
 import time
 from typing import Any
 
+from conftest import REPOSITORY
 from geometry_msgs.msg import PointStamped
 from live_node import changed, heard, NodeProcess, Peer, Status, TYPES, write_parameters
 import rclpy
@@ -62,12 +65,16 @@ def assert_same(got: list[list[Status]], expected: list[list[Status]]) -> None:
 
 
 def replayed_record(record: Path, values: dict[str, Any],
-                    *arguments: str) -> list[list[Status]]:
-    """Return what ``rovid replay`` makes of a record."""
+                    environment: dict[str, str] | None = None) -> list[list[Status]]:
+    """Return what ``rovid replay`` makes of a record; with an environment, ``--ros`` in it."""
     file = write_parameters(record.with_suffix('.yaml'), values)
     output = record.with_suffix('.output.mcap')
-    assert main(['replay', str(record), '--params-file', str(file), '--output', str(output),
-                 *arguments]) == 0
+    arguments = ['replay', str(record), '--params-file', str(file), '--output', str(output)]
+    if environment is None:
+        assert main(arguments) == 0
+    else:  # ROS begins only once in a process
+        subprocess.run([sys.executable, '-m', 'rovid_ros.cli', *arguments, '--ros'],
+                       env=environment, cwd=REPOSITORY, check=True)
     with Log([output]) as log:
         return heard(message.data for message in log.messages(['/rov/estimate']))
 

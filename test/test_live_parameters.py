@@ -243,8 +243,12 @@ def test_what_was_set_before_is_in_the_next_record(
         drive(peer, 0.7)
         assert ask(peer, 'deactivate') and ask(peer, 'cleanup')
         peer.settle(estimates, before + 10)
-        assert_same(heard(estimates[before:]),
-                    replayed_record(tmp_path / f'record{number}.mcap', changed(UNSTAMPED)))
+        record = tmp_path / f'record{number}.mcap'
+        assert_same(heard(estimates[before:]), replayed_record(record, changed(UNSTAMPED)))
+        with Log([record]) as log:
+            first = json.loads(next(iter(log.messages(['/rovid/control']))).data.data)
+        expected = {'velocity.cutoff': 1.5 if number else 3.0, **RAW}
+        assert expected.items() <= json.loads(first['value']).items()
     assert node.stop() == 0
 
 

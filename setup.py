@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 ROS_PACKAGES = (
-    'diagnostic-msgs', 'geometry-msgs', 'nav-msgs', 'rcl-interfaces', 'rclpy',
-    'rmw-fastrtps-cpp', 'rosgraph-msgs', 'sensor-msgs', 'std-msgs', 'std-srvs',
+    'diagnostic-msgs', 'geometry-msgs', 'lifecycle-msgs', 'nav-msgs', 'rcl-interfaces',
+    'rclpy', 'rmw-fastrtps-cpp', 'rosgraph-msgs', 'sensor-msgs', 'std-msgs', 'std-srvs',
 )
 PACKAGE = ElementTree.parse('package.xml').getroot()
 

@@ -136,6 +136,9 @@ class AdaptiveIdentifier:
         self.v_hat = math.nan
         self.excitation = 0.0
 
+    def retune(self, adaptation_time: float) -> None:
+        """Do nothing: the time follows from the raw gains."""
+
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
         self.v_hat = velocity

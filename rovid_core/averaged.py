@@ -75,6 +75,16 @@ class AveragedIdentifier(CoupledIdentifier):
         self._next = FIRST
         self._couple(self._start)
 
+    def retune(self, adaptation_time: float) -> None:
+        """Take another T [s]; what Gamma has learned of the data stays."""
+        before = -self._a / self.adaptation_time
+        self._a = Gains.from_time(adaptation_time, self._scales).feedback
+        self.adaptation_time = adaptation_time
+        factor = -self._a / adaptation_time / before  # Gamma goes with |a| / T
+        self._start = factor * self._start
+        self._resting = tuple([factor * g for g in self._resting])
+        self._couple(factor * np.array(self._rows))
+
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {**super().state(), 'parameters': list(self.parameters),

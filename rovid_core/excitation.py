@@ -177,7 +177,7 @@ class Excitation:
         self._scale = scales.regressor
         self._force, _, self._velocity, _ = self._scale
         self._active = tuple([i for i, on in enumerate(scales.active) if on])
-        self._memory = memory
+        self.memory = memory
         self._recent: Sums = (0.0,) * 10
         self._older: Sums = (0.0,) * 10
         self._new = [0.0] * 10  # not yet in the two others
@@ -189,7 +189,7 @@ class Excitation:
 
     def recent(self) -> Gram:
         """Return the matrix of late, with all up to now."""
-        kept = math.exp(-self._new[9] / self._memory)
+        kept = math.exp(-self._new[9] / self.memory)
         self._recent = tuple([kept * old + new for old, new in zip(self._recent, self._new)])
         self._older = tuple([old + new for old, new in zip(self._older, self._new)])
         self._new = [0.0] * 10

@@ -8,9 +8,9 @@ from typing import cast
 
 from rovid_core.dofs import Four
 from rovid_core.identifier import Scales, Step
-from rovid_core.methods import make
+from rovid_core.methods import make, retuned
 from rovid_core.plant import lumped
-from rovid_core.settings import Settings
+from rovid_core.settings import IdentifierSettings, Settings
 from rovid_core.status import DofStatus
 from rovid_core.values import DofEstimate
 from rovid_core.watch import TypicalSizes
@@ -44,9 +44,8 @@ class Identification:
                  warn: Callable[[str], None]) -> None:
         self._name = name = settings.dofs[i]
         dof, method = settings.dof[name], settings.identifier
-        gains = method.adaptation_gains
-        raw = gains[4 * i:4 * i + 4] if len(gains) > 4 else gains
-        self.identifier = make(method, dof, cast(Four, raw) if raw else None)
+        self._i = i
+        self.identifier = make(method, dof, _raw_gains(method, i))
         # raw gains have their own adaptation time
         self._status = DofStatus(Scales.of(dof), getattr(
             self.identifier, 'adaptation_time', method.adaptation_time))
@@ -56,6 +55,13 @@ class Identification:
         self._truth = None if true is None else lumped(
             true.mass, true.quadratic_drag, true.linear_drag, true.bias)
         self.refresh()
+
+    def change(self, settings: Settings) -> None:
+        """Take other gains from the next step on; what was found stays."""
+        method = settings.identifier
+        self.identifier = retuned(
+            self.identifier, method, settings.dof[self._name], _raw_gains(method, self._i))
+        self._status.retune(getattr(self.identifier, 'adaptation_time', method.adaptation_time))
 
     def refresh(self) -> None:
         """Let the estimate say what the identifier holds by now; no step has been made."""
@@ -87,3 +93,10 @@ class Identification:
             W=math.nan if truth is None else identifier.lyapunov(step.velocity[2], truth),
             covariance=identifier.covariance, delay=identifier.delay,
             delay_std=identifier.delay_std)
+
+
+def _raw_gains(method: IdentifierSettings, i: int) -> Four | None:
+    """Return the diagonal of Gamma of DOF number ``i``, None where there are no raw gains."""
+    gains = method.adaptation_gains
+    raw = gains[4 * i:4 * i + 4] if len(gains) > 4 else gains
+    return cast(Four, raw) if raw else None

@@ -100,6 +100,10 @@ class Identifier(Protocol):
     def reset(self) -> None:
         """Go back to the initial values."""
 
+    def retune(self, adaptation_time: float) -> None:
+        """Take another adaptation time [s] and keep what was found; some have none."""
+        return None
+
     def energy(self, dv: float, parameters: Four, truth: Four) -> float:
         """Return W of eq. 9 for a velocity error and parameters, NaN for a method without."""
         return math.nan

@@ -32,7 +32,7 @@ class InputSettings:
     field: str = ''
     stamp: str = ''  # 'header', 'receive', or '': header where the type has one
     latency: float = 0.0  # [s], subtracted from the stamp
-    qos: str = 'sensor_data'  # 'sensor_data' or 'reliable', of the live subscription
+    qos: str = 'sensor_data'  # 'sensor_data', 'reliable' or 'transient_local', of the subscription
 
 
 @dataclass(frozen=True)

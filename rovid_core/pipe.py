@@ -35,6 +35,9 @@ class Scorer(Protocol):
     def reference(self, time: int, value: tuple[float, ...]) -> None:
         """Take a reference velocity (six values)."""
 
+    def changed(self, cutoff: float) -> None:
+        """Take the cutoff [Hz] of the steps from now on."""
+
 
 class Pipe:
     """
@@ -70,7 +73,7 @@ class Pipe:
         self._dofs = [
             Identification(settings, i, reject, warn) for i in range(len(settings.dofs))]
         self.identifiers = [dof.identifier for dof in self._dofs]
-        self.adapt = True
+        self.adapt = settings.enable
         self._sign: tuple[float, ...] | None = None
         self._one_sided = OneSided(settings, warn)
 
@@ -82,6 +85,22 @@ class Pipe:
         """Let the estimates say what the identifiers hold by now; no step has been made."""
         for dof in self._dofs:
             dof.refresh()
+
+    def change(self, settings: Settings) -> None:
+        """Take other gains and limits; filters, histories and parameters stay."""
+        gains_change = settings.identifier != self._settings.identifier
+        self._settings = settings
+        self._max_gap = round(settings.max_gap / NS)
+        self._world.change(settings)
+        self._thrust.change(settings.thrusters.timeout)
+        for track in self._tracks:
+            track.change(settings)
+        if gains_change:
+            for dof in self._dofs:
+                dof.change(settings)
+            self.identifiers[:] = [dof.identifier for dof in self._dofs]
+        if self._scorer is not None:
+            self._scorer.changed(settings.cutoff)
 
     def restart(self) -> None:
         """Start times, filters and histories anew and keep the parameters."""

@@ -107,6 +107,10 @@ class RecursiveLeastSquares(Identifier):
         self._publish()
         self._begin(math.nan, math.nan)
 
+    def retune(self, adaptation_time: float) -> None:
+        """Take another memory: a hundred times ``adaptation_time`` [s]."""
+        self.adaptation_time = adaptation_time
+
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
         self._begin(velocity, velocity)

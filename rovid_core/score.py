@@ -63,6 +63,7 @@ class _Run:
 
     start: int
     velocity: float
+    cutoffs: list[tuple[int, float]]  # [Hz], each from the number of its first step
     ends: array[int] = field(default_factory=lambda: array('q'))
     middles: array[int] = field(default_factory=lambda: array('q'))
     first_forces: array[float] = field(default_factory=lambda: array('d'))
@@ -78,6 +79,12 @@ class _Run:
     def forces(self) -> Array:
         """Return the mean force before and after the middle of every step [N or N m]."""
         return np.stack([self.first_forces, self.last_forces], axis=1)
+
+    def cutoff(self) -> Array:
+        """Return the cutoff at the start and of every step [Hz]."""
+        firsts = [first for first, _ in self.cutoffs[1:]]
+        counts = np.diff([-1, *firsts, len(self.ends)])
+        return np.repeat([cutoff for _, cutoff in self.cutoffs], counts)
 
     def mean_forces(self) -> Array:
         """Return the mean force of every step [N or N m]."""
@@ -122,7 +129,14 @@ class ScoreLog:
 
     def restarted(self, dof: str, time: int, velocity: float) -> None:
         """Take the velocity that a DOF takes up from."""
-        self._runs[dof].append(_Run(time, velocity))
+        self._runs[dof].append(_Run(time, velocity, [(0, self._cutoff)]))
+
+    def changed(self, cutoff: float) -> None:
+        """Take the cutoff [Hz] of the steps from now on."""
+        self._cutoff = cutoff
+        for runs in self._runs.values():
+            for run in runs[-1:]:
+                run.cutoffs.append((len(run.ends), cutoff))
 
     def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
         """
@@ -206,4 +220,4 @@ class ScoreLog:
         means[:-1][averaged] = ((middle[:-1] + 4.0 * end[:-1] + middle[1:]) / 6.0)[averaged]
         dt = np.diff([run.start, run.start, *run.ends]) * NS
         with np.errstate(invalid='ignore'):  # of a model that runs away
-            return filtered(self._cutoff, dt, np.concatenate([[run.velocity], means]))[1:]
+            return filtered(run.cutoff(), dt, np.concatenate([[run.velocity], means]))[1:]

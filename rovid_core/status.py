@@ -49,6 +49,12 @@ class DofStatus:
         self._drift = _Drift(max(3.0 * adaptation_time, 3.0 * PERIOD))
         self.reset()
 
+    def retune(self, adaptation_time: float) -> None:
+        """Take another adaptation time [s] of the method."""
+        self._memory = min(max(60.0, 10.0 * adaptation_time), 1e9)
+        self._excitation.memory = self._memory
+        self._drift.window = max(3.0 * adaptation_time, 3.0 * PERIOD)
+
     def reset(self) -> None:
         """Forget the data."""
         self._excitation = Excitation(self._scales, self._memory)
@@ -110,7 +116,7 @@ class _Drift:
     """How far the mean of the parameters moves from one window of time to the next."""
 
     def __init__(self, window: float) -> None:
-        self._window = window
+        self.window = window
         self.reset()
 
     def reset(self) -> None:
@@ -122,7 +128,7 @@ class _Drift:
         """Take the parameters that stood for ``span`` [s]; return what is still open, or ''."""
         self._sum = [x + span * p for x, p in zip(self._sum, parameters)]
         self._time += span
-        if self._time >= self._window:
+        if self._time >= self.window:
             self._means = (*self._means[-1:], [x / self._time for x in self._sum])
             self._sum, self._time = [0.0] * 4, 0.0
         if len(self._means) < 2:
@@ -131,7 +137,7 @@ class _Drift:
         moved = gram.acceleration([b - a for a, b in zip(*self._means)])
         if not moved < limit * typical:
             share = _percent(moved / typical if typical > 0.0 else math.inf)
-            return f'the parameters move by {share} of the acceleration in {self._window:.3g} s'
+            return f'the parameters move by {share} of the acceleration in {self.window:.3g} s'
         return '' if gram.shows_mass else 'the mass does not show'
 
 

@@ -117,6 +117,12 @@ class Thrust:
         self._timeout = round(settings.timeout / NS)
         self.restart()
 
+    def change(self, timeout: float) -> None:
+        """Take another timeout [s]; it holds for the commands so far as well."""
+        later = round(timeout / NS) - self._timeout
+        self._timeout += later
+        self._good_until[:] = [time + later for time in self._good_until]
+
     def restart(self) -> None:
         """Forget all commands."""
         n = self._settings.count

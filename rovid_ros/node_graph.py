@@ -156,7 +156,8 @@ def _problem(publisher: Any, type_name: str, profile: QoSProfile, type_hash: Any
     compatibility, reason = qos_check_compatible(publisher.qos_profile, profile)
     if compatibility == QoSCompatibility.ERROR:
         words = reason.replace('ERROR: ', '').strip('; ').replace(';', ', ').lower()
-        return 'qos', f'the QoS of {node} does not fit: {words}'
+        return 'qos', (f'the QoS of {node} does not fit: {words}; with qos: sensor_data every '
+                       'publisher is heard')
     return '', ''
 
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 import time
 
 from rclpy.node import Node
-from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.values import Estimate
 from rovid_ros.limited_log import LimitedWarnings, RefusalLines
@@ -27,8 +26,6 @@ class Report:
     ----------
     node : Node
         Has the log, the clock and the graph.
-    settings : Settings
-        The run.
     stream : Stream
         What runs.
     recorder : Recorder, optional
@@ -45,13 +42,12 @@ class Report:
 
     """
 
-    def __init__(self, node: Node, settings: Settings, stream: Stream,
+    def __init__(self, node: Node, stream: Stream,
                  recorder: Recorder | None = None, *, live: bool = True,
                  steady: Callable[[], float] = time.monotonic) -> None:
         self.arrivals = Arrivals()
         self._node = node
         self._log = node.get_logger()
-        self._settings = settings
         self._stream = stream
         self._recorder = recorder
         self._live = live
@@ -60,7 +56,7 @@ class Report:
         self._recent = Recent(stream, now)
         self._refusals = RefusalLines(stream, now)
         self._warnings = LimitedWarnings()
-        self._summary = StartupSummary(settings)
+        self._summary = StartupSummary(stream.settings)
         self._steps: dict[str, float] = {}
         self._told: set[tuple[str, str]] = set()  # topic and problem
 
@@ -69,16 +65,16 @@ class Report:
         now = self._steady()
         for estimate in estimates:
             for index in estimate.stepped:
-                self._steps[self._settings.dofs[index]] = now
+                self._steps[self._stream.settings.dofs[index]] = now
         self._warn(self._stream.take_warnings(), now)
 
     def each_second(self, state: str = ACTIVE) -> Output:
         """Log what is due and return the message for ``/diagnostics``."""
         now = self._steady()
         self._recent.tick(now)
-        topics = graph_states(self._settings, self._node) if self._live else {}
+        topics = graph_states(self._stream.settings, self._node) if self._live else {}
         at = Situation(
-            self._settings, self._stream, self.arrivals, self._recent, topics,
+            self._stream.settings, self._stream, self.arrivals, self._recent, topics,
             self._node.get_clock().now().nanoseconds, now, self._steps)
         if self._live and state == ACTIVE:
             self._introduce(at, now - self._start)

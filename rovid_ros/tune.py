@@ -38,7 +38,10 @@ class _Motion(Stream):
 
     def control(self, name: str, value: str) -> list[Estimate]:
         """Follow time alone."""
-        return super().control(name, value) if name == 'time_jump' else []
+        return super().control(name, value) if name in ('time_jump', 'interrupt') else []
+
+    def change(self, settings: Settings, told: str) -> None:
+        """Stay with the settings that are tuned."""
 
 
 class TuneFeeder(PipeFeeder):

@@ -369,7 +369,7 @@ def test_what_the_graph_knows(other: OtherVehicle) -> None:
     qos = until(node, '/depth', lambda state: '/there/other' in state.text)
     assert qos.problem == 'qos'
     assert qos.text == ('the QoS of /there/other does not fit: best effort publisher and '
-                        'reliable subscription')
+                        'reliable subscription; with qos: sensor_data every publisher is heard')
     good = until(node, '/position', lambda state: state.publishers == 1)
     assert (good.problem, good.text) == ('', '')
     other.advertise('/depth', TYPES['/depth'], reliable(5))

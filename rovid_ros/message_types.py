@@ -22,6 +22,9 @@ import zstandard
 
 Decoder = Callable[[bytes], Any]
 
+WELL_KNOWN = {'mavros_msgs/msg/RCOut': 'std_msgs/Header header\nuint16[] channels\n'}
+"""Types of common vehicles that do not come with ROS 2."""
+
 _RULE = '=' * 80 + '\n'
 _ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}  # others: 0
 
@@ -32,8 +35,11 @@ class TypeUnknownError(ValueError):
 
 @cache
 def standard_types() -> Typestore:
-    """Return the types that come with ROS 2."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    """Return the types that come with ROS 2, and those that are well known."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, definition in WELL_KNOWN.items():
+        store.register(get_types_from_msg(definition, name))
+    return store
 
 
 def normalised(name: str) -> str:

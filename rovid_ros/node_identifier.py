@@ -17,6 +17,7 @@ from rovid_core.settings import Settings, SettingsError
 from rovid_core.stream import Stream
 from rovid_core.values import Estimate, Event
 from rovid_ros.convert import Converter, FieldError
+from rovid_ros.message_types import LARGEST_MESSAGE
 from rovid_ros.node_checkpoint import Checkpoint
 from rovid_ros.node_diagnostics import diagnostics
 from rovid_ros.node_inputs import inputs_of, message_classes, Subscriptions
@@ -151,6 +152,10 @@ class IdentifierNode(Node):
 
     def _decoded(self, received: Received) -> list[Event]:
         topic = received.topic
+        if len(received.cdr) > LARGEST_MESSAGE:
+            for name in inputs_of(self.settings, topic):
+                self.stream.reject(name, 'too_large')
+            return []
         try:
             message = deserialize_message(received.cdr, self._classes[topic])
             return self._events(

@@ -156,7 +156,7 @@ class _Run:
             name, value = _control(message)
             try:
                 self.write(self._feeder.control(name, value))
-            except ValueError as error:
+            except (ValueError, RecursionError) as error:
                 raise ReplayError(f'{CONTROL}: {error}') from None
             if name == 'reset':
                 self._put(self._outputs.reset(), self._last)  # as the node does

@@ -46,7 +46,8 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (share, ['package.xml']),
         (f'{share}/environment', ['resource/path.dsv']),  # colcon.pkg: puts rovid on PATH
-        (f'{share}/config', sorted(glob('config/*.yaml') + glob('config/*_layout.*'))),
+        (f'{share}/config', sorted(glob('config/*.yaml') + glob('config/*_layout.*')
+                                     + glob('config/sros2_*.xml'))),
         (f'{share}/launch', sorted(glob('launch/*.launch.py'))),
     ],
     python_requires='>=3.10',

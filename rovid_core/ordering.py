@@ -15,6 +15,9 @@ AHEAD = 1_000_000_000
 MOST_AHEAD = 4096
 """Events of one input that are held while they wait for a second input to agree."""
 
+MOST_HELD = 65536
+"""Events that are held while they wait for the slowest input; beyond, new ones are dropped."""
+
 ALONE = 20
 """So many events with nothing from the others, over more than AHEAD, need no agreement."""
 
@@ -51,7 +54,7 @@ class EventOrder:
         [s] A stamp back by more than this is a jump of time; by less, it is dropped.
     reject : callable
         Told input and reason of every event that is dropped: ``late``, ``duplicate``,
-        ``backward``, ``future``, ``discarded``.
+        ``backward``, ``future``, ``overload``, ``discarded``.
     warn : callable
         Told, in one line, of inputs whose stamps do not fit those of the others.
 
@@ -200,6 +203,9 @@ class EventOrder:
     def _hold_new(self, key: Key, event: Event) -> None:
         if not self._is_new(key, event):
             self._drop(event, 'duplicate' if event.time == self._last[key] else 'backward')
+            return
+        if len(self._held) >= MOST_HELD:
+            self._drop(event, 'overload')
             return
         for sample in event.samples:
             self._last[(sample.input, sample.part)] = event.time

@@ -12,7 +12,7 @@ from rovid_core.identifier import Step
 from rovid_core.motion import Motion
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
-from rovid_core.thrust import Thrust
+from rovid_core.thrust import are_commands, Thrust
 from rovid_core.track import Track
 from rovid_core.values import Estimate, Sample
 from rovid_core.watch import OneSided
@@ -180,6 +180,8 @@ class Pipe:
             if len(signs) > len(value):
                 signs = signs[part:part + 1]
             value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
+        if not are_commands(self._settings.thrusters, value, part):
+            return 'not_a_command'
         self._one_sided.command(value)
         # a span begins at most max_gap before a measurement that waited max_gap for the rest
         self._thrust.forget(time - 3 * self._max_gap)

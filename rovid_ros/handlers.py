@@ -16,6 +16,7 @@ from rovid_ros.command import (
     check_written,
     CommandError,
     naming,
+    printable,
     read_settings,
     read_values,
     UsageError,
@@ -205,4 +206,4 @@ def _node(args: argparse.Namespace, settings: Settings) -> Feeder:
 
 
 def _warn(prog: str, line: str) -> None:
-    print(f'{prog}: warning: {line}', file=sys.stderr)
+    print(f'{prog}: warning: {printable(line)}', file=sys.stderr)

@@ -116,7 +116,10 @@ def _thrusters() -> list[Key]:
                  ThrusterSettings),
         key('names', "picks and orders a JointState's entries; none: its own order"),
         key('offset', 'subtracted from the command first, such as 1500 for PWM'),
-        key('deadband', 'commands smaller than this count as 0', low=0.0),
+        key('scale', 'then multiplies the command: 0.0025 makes -1 to 1 of PWM'),
+        key('deadband', 'commands up to this size, after offset and scale, count as 0', low=0.0),
+        key('limit', 'commands beyond this size, after offset and scale, count as it; beyond '
+            'twice this size they are refused; 0: none', low=0.0),
         key('model', 'force of a command i: k i, k i|i|, polynomial or table',
             choices=('linear', 'quadratic', 'polynomial', 'table')),
         key('gain', 'k, one per thruster; their number is the number of thrusters', 'N/command'),

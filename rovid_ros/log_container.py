@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-import bz2
 from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 import struct
 from typing import Any
 
-import lz4.frame
 from mcap.exceptions import McapError
-import zstandard
 
 NEVER = (1 << 63) - 1
-_PIECE = 1024  # [bytes]; what one damaged piece costs when a chunk cannot be had whole
 _SECTOR = 512  # [bytes]; fewer zeros at the end of a file can well be data
 _STEP = 1 << 20
+
+LARGEST = 1 << 27
+"""[bytes] A block that is larger, packed or not, is not read; recorders make them of 1 to 4 MB."""
+MOST_DECLARED = 1 << 26
+"""[bytes] Of topics, types and metadata that are kept of a file; most have less than 1 MB."""
 
 
 MALFORMED = (
@@ -110,6 +111,7 @@ class Container(ABC):
         self.loaded = 0  # messages, since the reading began
         self._warnings: list[str] = []
         self._damaged = False
+        self._declared = 0  # [bytes]
 
     @abstractmethod
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
@@ -163,6 +165,23 @@ class Container(ABC):
         times = [message[0] for message in messages]
         self.add_block(min(times), max(times), set(numbers), where)
 
+    def keep(self, known: dict[Any, Any], key: Any, value: Any, size: int) -> None:
+        """
+        Keep what the file declares, if it is new.
+
+        Raises
+        ------
+        ValueError
+            If these ``size`` bytes are more than a file may declare.
+
+        """
+        if known.get(key) == value:
+            return
+        self._declared += size
+        if self._declared > MOST_DECLARED:
+            raise ValueError('more declarations than any log needs')
+        known[key] = value
+
     def damaged(self) -> None:
         """Take note of a chunk that is there but cannot be read as a whole."""
         self._damaged = True
@@ -188,50 +207,3 @@ def written_size(path: Path) -> int:
             if tail:
                 break
     return end if size - end >= _SECTOR else size
-
-
-def inflate(data: bytes, compression: str, name: str) -> bytes:
-    """
-    Decompress a chunk, or as much of it as can be had.
-
-    Parameters
-    ----------
-    data : bytes
-        May lack its end or be damaged.
-    compression : str
-        '', none, zstd, lz4 or bz2.
-    name : str
-        The file, for the error.
-
-    Raises
-    ------
-    LogError
-        If the compression is another.
-
-    """
-    if compression in ('', 'none'):
-        return data
-    if compression not in _DECOMPRESSORS:
-        raise LogError(f'{name}: its chunks are compressed as {compression!r}; '
-                       f'{", ".join(_DECOMPRESSORS)} can be read')
-    try:
-        whole: bytes = _DECOMPRESSORS[compression]().decompress(data)
-        return whole
-    except _DAMAGE:
-        pass
-    decompressor = _DECOMPRESSORS[compression]()
-    pieces = []
-    try:
-        for position in range(0, len(data), _PIECE):
-            pieces.append(decompressor.decompress(data[position:position + _PIECE]))
-    except _DAMAGE:
-        pass
-    return b''.join(pieces)
-
-
-_DAMAGE = (zstandard.ZstdError, RuntimeError, OSError, EOFError)
-_DECOMPRESSORS: dict[str, Any] = {
-    'zstd': lambda: zstandard.ZstdDecompressor().decompressobj(),
-    'lz4': lz4.frame.LZ4FrameDecompressor,
-    'bz2': bz2.BZ2Decompressor,
-}

@@ -16,12 +16,14 @@ import zlib
 from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
+from rovid_ros.log_compression import inflate
 from rovid_ros.log_container import (
     Block,
     Channel,
     Container,
-    inflate,
+    LARGEST,
     MALFORMED,
+    MOST_DECLARED,
     Raw,
     written_size,
 )
@@ -50,7 +52,7 @@ class McapFile(Container):
 
     def __init__(self, path: Path, name: str) -> None:
         super().__init__(path, name)
-        self._schemas: dict[int, records.Schema] = {}
+        self._schemas: dict[int, tuple[str, str, str]] = {}  # name, encoding, definition
         self._size = written_size(path)
         with path.open('rb') as file:
             try:
@@ -84,6 +86,8 @@ class McapFile(Container):
         footer = records.Footer.read(_stream(tail[9:]))
         if not 0 < footer.summary_start <= self._size - _FOOTER:
             return b''
+        if self._size - footer.summary_start > LARGEST:
+            return b''
         file.seek(footer.summary_start)
         summary = file.read(self._size - _FOOTER - footer.summary_start)
         crc = footer.summary_crc
@@ -105,11 +109,16 @@ class McapFile(Container):
                 self._declare(opcode, body)
         if statistics is None or not self._agrees(statistics, len(chunks), len(metadata)):
             return False
+        behind = 0
         for index in sorted(chunks, key=lambda index: index.chunk_start_offset):
+            if index.chunk_start_offset < behind:
+                return False  # two chunks in one place
+            behind = index.chunk_start_offset + index.chunk_length
             self._index_chunk(index)
         for entry in metadata:
             file.seek(min(entry.offset + 9, self._size))
-            self._declare(Opcode.METADATA, file.read(entry.length - 9))
+            self._declare(
+                Opcode.METADATA, file.read(max(min(entry.length - 9, MOST_DECLARED), 0)))
         return True
 
     def _agrees(self, statistics: records.Statistics, chunks: int, metadata: int) -> bool:
@@ -125,6 +134,8 @@ class McapFile(Container):
     def _index_chunk(self, index: records.ChunkIndex) -> None:
         if index.chunk_start_offset + index.chunk_length > self._size:
             raise ValueError('a chunk behind the end of the file')
+        if index.chunk_length > LARGEST:
+            raise ValueError('a chunk that is too large')
         channels = set(index.message_index_offsets)
         if channels or index.message_end_time:
             self.add_block(index.message_start_time, index.message_end_time, channels or None,
@@ -134,19 +145,19 @@ class McapFile(Container):
         """Take note of a schema, a channel or metadata."""
         if opcode == Opcode.SCHEMA:
             schema = records.Schema.read(_stream(body))
-            self._schemas[schema.id] = schema
+            known = schema.encoding in _ENCODINGS
+            self.keep(self._schemas, schema.id, (
+                normalised(schema.name), schema.encoding,
+                schema.data.decode(errors='replace') if known else ''), len(body))
         elif opcode == Opcode.CHANNEL:
             record = records.Channel.read(_stream(body))
-            found = self._schemas.get(record.schema_id, records.Schema(0, b'', '', 'unknown'))
-            known = found.encoding in _ENCODINGS
-            self.channels[record.id] = Channel(
-                record.id, '/' + record.topic.lstrip('/'), normalised(found.name),
-                record.message_encoding,
-                found.data.decode(errors='replace') if known else '',
-                _ENCODINGS.get(found.encoding, False))
+            name, encoding, text = self._schemas.get(record.schema_id, ('unknown', '', ''))
+            self.keep(self.channels, record.id, Channel(
+                record.id, '/' + record.topic.lstrip('/'), name, record.message_encoding, text,
+                _ENCODINGS.get(encoding, False)), len(body))
         elif opcode == Opcode.METADATA:
             entry = records.Metadata.read(_stream(body))
-            self.metadata[entry.name] = dict(entry.metadata)
+            self.keep(self.metadata, entry.name, dict(entry.metadata), len(body))
 
     def _declare_if_sound(self, opcode: int, body: bytes) -> None:
         try:
@@ -171,13 +182,15 @@ class McapFile(Container):
                 self._scan_run(file, run, offset)
                 run = end if is_chunk else offset
                 file.seek(offset + _RECORD.size)
-            if is_chunk:
+            if is_chunk and min(length, self._size) > LARGEST:
+                self.damaged()
+            elif is_chunk:
                 self._scan_chunk(
                     file, offset + _RECORD.size, min(end, self._size) - offset - _RECORD.size)
             if self.cut:
                 return
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
-                self._declare_if_sound(opcode, file.read(length))
+                self._declare_if_sound(opcode, file.read(min(length, MOST_DECLARED)))
             offset = end
             file.seek(offset)
         self._scan_run(file, run, offset)
@@ -185,6 +198,9 @@ class McapFile(Container):
         self.cut = file.read(len(MAGIC)) != MAGIC
 
     def _scan_run(self, file: BinaryIO, start: int, end: int) -> None:
+        if end - start > LARGEST:
+            self.damaged()  # one message, for others are read before there are so many
+            return
         file.seek(start)
         data = file.read(end - start)
         self.add_counted(
@@ -209,7 +225,7 @@ class McapFile(Container):
         compression = body[_CHUNK.size:start].decode(errors='replace')
         if len(body) < start + 8:
             return b'', False
-        data = inflate(body[start + 8:], compression, self.name)
+        data = inflate(body[start + 8:], compression, self.name, size)
         whole = len(data) == size and (not crc or zlib.crc32(data) == crc)
         if not whole and len(data) >= size and _length(data) == len(data):
             return b'', False  # every record is there, but some bits are wrong

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
@@ -14,9 +13,17 @@ from typing import Any, NamedTuple
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 from rovid_ros.field_paths import nearest
-from rovid_ros.log_container import Block, Channel, Container, LogError, MALFORMED, Raw
+from rovid_ros.log_container import Channel, LogError, MALFORMED
+from rovid_ros.log_order import as_written, in_time_order
 from rovid_ros.log_paths import open_all
-from rovid_ros.message_types import build, decoder, normalised, typestore, TypeUnknownError
+from rovid_ros.message_types import (
+    build,
+    decoder,
+    LARGEST_MESSAGE,
+    normalised,
+    typestore,
+    TypeUnknownError,
+)
 
 __all__ = ['Log', 'LogError', 'LogMessage', 'RawMessage', 'TopicInfo']
 
@@ -170,15 +177,17 @@ class Log:
                     self._typestore(channel), channel.type, channel.encoding)
         decoded: set[Channel] = set()
         for time, channel, raw in self.raw(topics, start, duration):
+            if len(raw) > LARGEST_MESSAGE:
+                self._warn_once(f'{self._name()}: {channel.topic} ({channel.type}) has messages '
+                                f'of more than {LARGEST_MESSAGE:,} bytes; they are left out')
+                continue
             try:
                 data = decoders[channel](raw)
             except (SerdeError, AssertionError, *MALFORMED) as error:  # by version of rosbags
                 line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
                 if channel not in decoded:
                     raise LogError(f'{line}: {error}') from None
-                line += ' everywhere; such messages are left out'
-                if line not in self._warnings:
-                    self._warnings.append(line)
+                self._warn_once(f'{line} everywhere; such messages are left out')
                 continue
             decoded.add(channel)
             yield LogMessage(channel.topic, channel.type, time, data)
@@ -203,7 +212,8 @@ class Log:
         span = max(last - first, 1)
         for container in self._containers:
             container.loaded = 0
-        for batch in self._batches(blocks, wanted):
+        batches = as_written if self.recorded else in_time_order
+        for batch in batches(blocks, wanted):
             for time, _, channel, data in batch:
                 if first <= time <= last:
                     yield RawMessage(time, channel, data)
@@ -224,23 +234,9 @@ class Log:
         """Close the log."""
         self.close()
 
-    def _batches(self, blocks: list[Block],
-                 wanted: Mapping[Container, Mapping[int, Channel]]) -> Iterator[list[Raw]]:
-        """Yield all messages in order, holding only blocks that overlap in time."""
-        if self.recorded:
-            for block in blocks:
-                yield block.container.read(block, wanted[block.container])
-            return
-        blocks.sort(key=lambda block: block.start)
-        held: list[Raw] = []
-        for block, following in zip(blocks, [*blocks[1:], None]):
-            held += block.container.read(block, wanted[block.container])
-            held.sort()
-            if following is not None:
-                complete = bisect_left(held, (following.start,))
-                yield held[:complete]
-                del held[:complete]
-        yield held
+    def _warn_once(self, line: str) -> None:
+        if line not in self._warnings:
+            self._warnings.append(line)
 
     def _channels(self, topic: str) -> list[Channel]:
         return [channel for container in self._containers

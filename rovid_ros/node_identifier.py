@@ -19,6 +19,7 @@ from rovid_core.values import Estimate, Event
 from rovid_ros.controls import apply, changes_of, PARAMETERS, repeat
 from rovid_ros.convert import Converter, FieldError
 from rovid_ros.input_topics import inputs_of
+from rovid_ros.message_types import LARGEST_MESSAGE
 from rovid_ros.node_changes import ParameterNode
 from rovid_ros.node_checkpoint import Checkpoint
 from rovid_ros.node_inputs import message_classes, Subscriptions
@@ -227,6 +228,10 @@ class IdentifierNode(ParameterNode):
 
     def _decoded(self, received: Received) -> list[Event]:
         topic = received.topic
+        if len(received.cdr) > LARGEST_MESSAGE:
+            for name in inputs_of(self.settings, topic):
+                self.stream.reject(name, 'too_large')
+            return []
         try:
             message = deserialize_message(received.cdr, self._classes[topic])
             return self._events(

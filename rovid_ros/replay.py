@@ -153,9 +153,12 @@ class _Run:
         self._last = max(self._last, message.time)
         self._messages += 1
         if message.topic == CONTROL:
-            control = json.loads(message.data.data)
-            self.write(self._feeder.control(control['control'], control['value']))
-            if control['control'] == 'reset':
+            name, value = _control(message)
+            try:
+                self.write(self._feeder.control(name, value))
+            except (ValueError, RecursionError) as error:
+                raise ReplayError(f'{CONTROL}: {error}') from None
+            if name == 'reset':
                 self._put(self._outputs.reset(), self._last)  # as the node does
         else:
             topic = self.topics[message.topic]
@@ -222,11 +225,20 @@ def _topics(log: Log, converter: Converter, settings: Settings,
     return names
 
 
+def _control(message: LogMessage) -> tuple[str, str]:
+    """Return name and value of a recorded control."""
+    try:
+        control = json.loads(message.data.data)
+        return str(control['control']), str(control['value'])
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise ReplayError(f'{CONTROL}: has what is no control of a node') from None
+
+
 def _restore(log: Log, stream: Stream) -> None:
     """Begin where the node began when it recorded this log."""
     state = log.metadata[RECORD].get('state')
     if state:
         try:
             stream.restore(json.loads(state))
-        except ValueError as error:
+        except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
             raise ReplayError(f'the state that the recording began with: {error}') from None

@@ -34,9 +34,11 @@ def ros_peer() -> Iterator[Peer]:
     """Start ROS in this process, with a peer."""
     rclpy.init(args=[])
     peer = Peer()
-    yield peer
-    peer.close()
-    rclpy.shutdown()
+    try:
+        yield peer
+    finally:
+        peer.close()
+        rclpy.shutdown()
 
 
 @contextmanager
@@ -53,9 +55,11 @@ def starting(environment: dict[str, str], folder: Path, repository: Path) -> Ite
             ['--ros-args', '--params-file', file, *arguments], environment, own, repository))
         return started[-1]
 
-    yield begin
-    for node in started:
-        node.kill()
+    try:
+        yield begin
+    finally:
+        for node in started:
+            node.kill()
 
 
 def assert_same(got: list[list[Status]], expected: list[list[Status]]) -> None:

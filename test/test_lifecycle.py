@@ -172,12 +172,21 @@ def test_the_record_of_pauses_replays_to_the_same_bits(
     assert_same(heard(estimates), replayed_record(record, changed(UNSTAMPED), environment))
 
 
+def topics(peer: Peer) -> set[str]:
+    """Return what the node publishes, as far as it has been discovered."""
+    if 'identifier_node' not in peer.node.get_node_names():
+        return set()
+    return {name for name, _ in peer.node.get_publisher_names_and_types_by_node(
+        'identifier_node', '/')}
+
+
 def test_never_configured(peer: Peer, start: Start) -> None:
     node = start(WAITING)
     assert state(peer) == 'unconfigured'
-    topics = {name for name, _ in peer.node.get_publisher_names_and_types_by_node(
-        'identifier_node', '/')}
-    assert topics == {'/parameter_events', '/rosout', f'{NAME}/transition_event'}
+    least = {'/parameter_events', '/rosout', f'{NAME}/transition_event'}
+    peer.until(lambda: topics(peer) >= least)
+    peer.spin(0.5)
+    assert topics(peer) == least
     assert node.stop(signal.SIGINT, signal.SIGINT) == 0
     assert not node.output
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from io import BufferedWriter, FileIO
+import os
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -141,6 +142,12 @@ class LogWriter:
     def flush(self) -> None:
         """Hand everything so far to the operating system, in a form that can be read."""
         self._writer.flush()
+
+    def sync(self) -> None:
+        """Bring everything so far to the disk, so that it outlasts a loss of power."""
+        self.flush()
+        self._file.flush()
+        os.fsync(self._file.fileno())
 
     def close(self) -> None:
         """Write the index and close the file."""

@@ -6,14 +6,16 @@ from bisect import bisect_left
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
+import os
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import gettempdir, TemporaryDirectory
 from types import TracebackType
 from typing import Any, NamedTuple
 
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 from rovid_ros.field_paths import nearest
+from rovid_ros.leftovers import remove_leftovers
 from rovid_ros.log_container import Block, Channel, Container, LogError, MALFORMED, Raw
 from rovid_ros.log_paths import open_all
 from rovid_ros.message_types import build, decoder, normalised, typestore, TypeUnknownError
@@ -78,7 +80,8 @@ class Log:
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        self._scratch = TemporaryDirectory(prefix='rovid-')
+        remove_leftovers(Path(gettempdir()), 'rovid-')
+        self._scratch = TemporaryDirectory(prefix=f'rovid-{os.getpid()}-')
         try:
             self._containers, self._warnings = open_all(paths, Path(self._scratch.name))
             self._containers.sort(key=lambda container: container.start)
@@ -106,6 +109,11 @@ class Log:
     def warnings(self) -> list[str]:
         """Return what is wrong with the log; damage only shows when it is read."""
         return [*self._warnings, *chain(*(one.warnings for one in self._containers))]
+
+    @property
+    def files(self) -> list[tuple[str, Path]]:
+        """Return the name of every file and where it can be read, unpacked, in time order."""
+        return [(container.name, container.path) for container in self._containers]
 
     @property
     def progress(self) -> float:

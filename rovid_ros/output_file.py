@@ -97,6 +97,7 @@ class OutputFile(LogWriter):
         try:
             self._take(source, earlier[0])
             if (self.count, self.checksum) == earlier:
+                self.flush()
                 self.sync()
                 copy.replace(self.part)
                 return True

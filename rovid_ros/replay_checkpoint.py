@@ -160,6 +160,7 @@ class ReplayCheckpoint:
 
         """
         if output is not None:
+            output.flush()
             output.sync()
             self.written = output.count, output.checksum
         content = {

@@ -58,7 +58,7 @@ class Score:
 
 
 @dataclass
-class Run:
+class _Run:
     """The steps of one DOF between two interruptions."""
 
     start: int
@@ -116,13 +116,13 @@ class ScoreLog:
 
     def __init__(self, settings: Settings) -> None:
         self._cutoff = settings.cutoff
-        self._runs: dict[str, list[Run]] = {dof: [] for dof in settings.dofs}
+        self._runs: dict[str, list[_Run]] = {dof: [] for dof in settings.dofs}
         self._reference_times = array('q')
         self._references = [array('d') for _ in DOFS]
 
     def restarted(self, dof: str, time: int, velocity: float) -> None:
         """Take the velocity that a DOF takes up from."""
-        self._runs[dof].append(Run(time, velocity))
+        self._runs[dof].append(_Run(time, velocity))
 
     def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
         """
@@ -196,7 +196,7 @@ class ScoreLog:
         return Score.of(np.concatenate([nothing, *simulated]),
                         np.concatenate([nothing, *measured]))
 
-    def _as_measured(self, run: Run, parameters: Sequence[float]) -> Array:
+    def _as_measured(self, run: _Run, parameters: Sequence[float]) -> Array:
         """Return the prediction at every step, averaged and filtered like the measurement."""
         v = run.predicted(parameters)
         middle, end = v[1::2], v[2::2]

@@ -37,6 +37,10 @@ class Snapshots:
         self._classes = Classes({
             class_name(cls): (cls, frozenset(f.name for f in fields(cls)))
             for cls in appearing})
+        self.learn()
+
+    def learn(self) -> None:
+        """Take also what the roots are made of now, where other settings made it different."""
         walk = Walk(self._classes, learning=True)
         for name, root in self._roots.items():
             walk.plain(root, name)

@@ -106,8 +106,7 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
         log = stack.enter_context(Log(logs))
         run = _Run(feeder, settings, _topics(log, feeder.converter, settings, warn))
         if checkpoint is not None:
-            checkpoint.begin(
-                log, settings, (start, duration), run.read, run.memory(), output)
+            checkpoint.begin(log, (start, duration), feeder, run.read, run.memory(), output)
         if log.recorded and not run.read.messages:
             _restore(log, feeder.stream)
         interrupt = stack.enter_context(Interrupt(part_of(output) if output else None))
@@ -131,7 +130,8 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
 
 def _interrupted(run: _Run, output: Path | None, checkpoint: ReplayCheckpoint | None) -> str:
     """Return what is left of an interrupted replay."""
-    kept = f'; {part_of(output)} holds what came of it' if output else ''
+    part = part_of(output) if output else None
+    kept = f'; {part} holds what came of it' if part and part.exists() else ''
     more = f'; {checkpoint.path} is where it goes on' if checkpoint else ''
     return f'interrupted after {run.duration:.1f} s of the log{kept}{more}'
 
@@ -148,9 +148,8 @@ class _Run:
         self._outputs = Outputs(settings)
 
     def memory(self) -> dict[str, object]:
-        """Return the objects that a replay remembers something in, beside ``read``."""
-        return {'stream': self._feeder.stream, 'outputs': self._outputs,
-                'details': self._feeder.converter.details}
+        """Return what remembers something, beside the feeder and ``read``."""
+        return {'outputs': self._outputs}
 
     @property
     def duration(self) -> float:

@@ -12,23 +12,22 @@ from typing import Any
 
 from rovid_core.identifier import Step
 from rovid_core.motion import Motion
-from rovid_core.score import Run
-from rovid_core.settings import Settings
+from rovid_core.score import _Run as ScoredRun
 from rovid_core.snapshot import Snapshots
 from rovid_core.values import DofEstimate, Estimate, Event, Sample
 from rovid_ros import __version__
 from rovid_ros.checkpoint import CheckpointError
+from rovid_ros.feeder import Feeder
 from rovid_ros.fingerprint import decides_bits, difference, fingerprint
 from rovid_ros.json_file import write_text
+from rovid_ros.log_identity import ends, identity, names
 from rovid_ros.logs import Log
 from rovid_ros.output_file import OutputFile
 
 VERSION = 1
 
-APPEARING = (DofEstimate, Estimate, Event, Motion, Run, Sample, Step)
+APPEARING = (DofEstimate, Estimate, Event, Motion, Sample, ScoredRun, Step)
 """Of which there is none before the first message."""
-
-_ENDS = 1 << 16  # [bytes] at both ends of a log, by which it is known again
 
 
 @dataclass
@@ -95,8 +94,8 @@ class ReplayCheckpoint:
     earlier: list[str] = field(default_factory=list)
     written: tuple[int, int] = (0, 0)
 
-    def begin(self, log: Log, settings: Settings, part: tuple[float, float | None],
-              read: Read, roots: Mapping[str, object], output: Path | None) -> None:
+    def begin(self, log: Log, part: tuple[float, float | None], feeder: Feeder, read: Read,
+              roots: Mapping[str, object], output: Path | None) -> None:
         """
         Go on from the file, if it is there.
 
@@ -104,10 +103,10 @@ class ReplayCheckpoint:
         ----------
         log : Log
             What is going to be read.
-        settings : Settings
-            The run.
         part : tuple
             Start and duration [s] of what is asked for.
+        feeder : Feeder
+            What takes the messages, as it was made; its stream is part of the state.
         read : Read
             How far the replay has come; part of its state.
         roots : mapping
@@ -121,10 +120,13 @@ class ReplayCheckpoint:
             If the file cannot be read or does not fit; the text says in what.
 
         """
-        self._run = _Run(fingerprint(settings, decides_bits), list(part), _identity(log))
+        self._feeder = feeder
+        self._run = _Run(self._settings(), list(part), identity(log))
         self._read = read
         self._output = output is not None
-        self._snapshots = Snapshots({'read': read, **roots}, APPEARING)
+        self._snapshots = Snapshots({
+            'stream': feeder.stream, 'details': feeder.converter.details, 'read': read, **roots},
+            APPEARING)
         self._due = time.monotonic() + self.period
         if self.path.exists():
             try:
@@ -159,6 +161,9 @@ class ReplayCheckpoint:
             If that fails.
 
         """
+        changes = self._changes()
+        if changes:
+            self._snapshots.learn()
         if output is not None:
             output.flush()
             output.sync()
@@ -166,7 +171,7 @@ class ReplayCheckpoint:
         content = {
             'rovid_replay': VERSION, 'version': __version__, 'settings': self._run.settings,
             'part': self._run.part, 'logs': self._run.logs, 'earlier': self.earlier,
-            'last': self._read.last, 'complete': complete,
+            'last': self._read.last, 'complete': complete, 'changes': changes,
             'output': [*self.written] if self._output else None,
             'state': self._snapshots.take()}
         lines = [f'{json.dumps(key)}: {json.dumps(value, allow_nan=False)}'
@@ -179,7 +184,7 @@ class ReplayCheckpoint:
         differs = difference(content['settings'], self._run.settings)
         if differs:
             raise CheckpointError(differs)
-        is_same = content['part'] == self._run.part and _ends(content['logs']) == _ends(
+        is_same = content['part'] == self._run.part and ends(content['logs']) == ends(
             self._run.logs)
         if not is_same:
             self._check_append(content, log)
@@ -187,6 +192,9 @@ class ReplayCheckpoint:
             raise CheckpointError('was made without --output, which would lack its beginning')
         earlier = [*content['earlier']]
         count, checksum = map(int, content['output'] or (0, 0))
+        if content['changes']:  # that a control in the log made
+            self._feeder.control('parameters', json.dumps(content['changes']))
+            self._snapshots.learn()
         self._snapshots.put_back(content['state'])
         if is_same:
             self.earlier, self.written = earlier, (count, checksum)
@@ -194,12 +202,20 @@ class ReplayCheckpoint:
             self.earlier = [*earlier, *(one['path'] for one in content['logs'])]
             self._read.here = 0
 
+    def _settings(self) -> dict[str, Any]:
+        return fingerprint(self._feeder.stream.settings, decides_bits)
+
+    def _changes(self) -> dict[str, Any]:
+        """Return what the settings have become, by key, where it is not as at first."""
+        return {key: value for key, value in self._settings().items()
+                if value != self._run.settings.get(key)}
+
     def _check_append(self, content: Mapping[str, Any], log: Log) -> None:
         """Refuse a state of other logs that cannot be gone on from with these."""
-        theirs, mine = _names(content['logs']), _names(self._run.logs)
+        theirs, mine = names(content['logs']), names(self._run.logs)
         if not self.append:
             what = (f'start and duration {content["part"]}, not {self._run.part}'
-                    if _ends(content['logs']) == _ends(self._run.logs)
+                    if ends(content['logs']) == ends(self._run.logs)
                     else f'{theirs}, not of {mine} as it is')
             raise CheckpointError(f'is of {what}; --append goes on with a further log')
         if not content['complete']:
@@ -227,24 +243,3 @@ def _content(path: Path) -> dict[str, Any]:
 
 def _digest(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
-
-
-def _identity(log: Log) -> list[dict[str, Any]]:
-    """Return by what the files of a log are known again: size, beginning and end."""
-    found = []
-    for name, path in log.files:
-        size = path.stat().st_size
-        with path.open('rb') as file:
-            ends = file.read(_ENDS)
-            file.seek(max(size - _ENDS, 0))
-            ends += file.read(_ENDS)
-        found.append({'path': name, 'bytes': size, 'ends': hashlib.sha256(ends).hexdigest()})
-    return found
-
-
-def _ends(logs: Sequence[Mapping[str, Any]]) -> list[tuple[int, str]]:
-    return [(one['bytes'], one['ends']) for one in logs]
-
-
-def _names(logs: Sequence[Mapping[str, Any]]) -> str:
-    return ', '.join(Path(one['path']).name for one in logs)

@@ -318,7 +318,8 @@ def test_a_signal_leaves_a_whole_file(
         command('replay', log, '--params-file', config, '--output', output),
         env=child, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60.0
-    while not part.exists() and process.poll() is None and time.monotonic() < deadline:
+    while (not (part.exists() and part.stat().st_size) and process.poll() is None
+           and time.monotonic() < deadline):  # until the first chunk is in it
         time.sleep(0.01)
     process.send_signal(number)
     out, err = process.communicate(timeout=60)

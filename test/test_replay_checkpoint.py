@@ -124,7 +124,8 @@ def test_an_interrupted_replay_goes_on(
         out, err = capsys.readouterr()
         assert out == ''
         assert err.count('\n') == 1
-        assert f'{call.folder / "out.part.mcap"} holds what came of it' in err
+        if count > 2:
+            assert f'{call.folder / "out.part.mcap"} holds what came of it' in err
         assert f'{call.state} is where it goes on' in err
         assert not call.output.exists()
         assert not call.json.exists()

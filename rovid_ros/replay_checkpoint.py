@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 import hashlib
 import json
@@ -130,7 +130,7 @@ class ReplayCheckpoint:
         self._due = time.monotonic() + self.period
         if self.path.exists():
             try:
-                self._go_on(_content(self.path), log)
+                self._go_on(read_state(self.path), log)
             except ValueError as error:
                 raise CheckpointError(f'{self.path}: {error}') from None
             except (KeyError, TypeError, RecursionError) as error:
@@ -224,8 +224,8 @@ class ReplayCheckpoint:
             raise CheckpointError(f'{mine} begins before the end of {theirs}')
 
 
-def _content(path: Path) -> dict[str, Any]:
-    """Return what a file holds; raises ValueError if it is not whole or of another kind."""
+def read_state(path: Path) -> dict[str, Any]:
+    """Return what a state file holds; raises ValueError if it is not whole or of another kind."""
     try:
         content = json.loads(path.read_text(encoding='utf-8'))
     except OSError as error:

@@ -14,7 +14,7 @@ from rovid_ros.feeder import PipeFeeder
 from rovid_ros.log_writer import LogWriter
 from rovid_ros.logs import LogMessage
 from rovid_ros.output_file import OutputFile
-from rovid_ros.replay_checkpoint import _content
+from rovid_ros.replay_checkpoint import read_state
 
 DURATION = 20  # [s]
 
@@ -239,7 +239,7 @@ def test_another_file_is_refused(
 def test_a_damaged_file_is_refused(
         half_way: Call, log: Path, capsys: pytest.CaptureFixture[str]) -> None:
     good = half_way.state.read_bytes()
-    content = _content(half_way.state)
+    content = read_state(half_way.state)
     chance = random.Random(7)
     for _ in range(40):
         damaged = bytearray(good)
@@ -248,7 +248,7 @@ def test_a_damaged_file_is_refused(
             del damaged[chance.randrange(len(good)):]
         half_way.state.write_bytes(damaged)
         try:
-            assert _content(half_way.state) == content
+            assert read_state(half_way.state) == content
         except ValueError:
             pass
     changed = json.loads(good)

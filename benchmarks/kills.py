@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import os
 from pathlib import Path
 import random
+import signal
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
@@ -128,14 +129,15 @@ class Replays:
         """Start or go on, kill it after so many seconds, and look at what is there."""
         process = self._start()
         try:
-            finished = process.wait(delay) == 0
+            process.wait(delay)
         except subprocess.TimeoutExpired:
             process.kill()
-            finished = process.wait() == 0
-        if finished:
+        code = process.wait()
+        if code == 0:
             self._check_end()
             return
         self.tally.kills += 1
+        self.tally.check(code == -signal.SIGKILL, f'it had ended with {code}')
         self._look()
 
     def finish(self) -> None:

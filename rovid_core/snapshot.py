@@ -35,7 +35,7 @@ class Snapshots:
     def __init__(self, roots: Mapping[str, object], appearing: Iterable[type] = ()) -> None:
         self._roots = dict(roots)
         self._classes = Classes({
-            class_name(cls): (cls, frozenset(f.name for f in fields(cls)))
+            class_name(cls): (cls, {frozenset(f.name for f in fields(cls))})
             for cls in appearing})
         self.learn()
 

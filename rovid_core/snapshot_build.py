@@ -124,8 +124,8 @@ class Build:
 
     def _value(self, body: Any, place: _Place) -> Any:
         name, *values = body
-        cls, names = self._classes[name]
-        if not is_frozen(cls) or len(values) != len(names):
+        cls = self._classes[name][0]
+        if not is_frozen(cls) or len(values) != len(fields(cls)):
             raise SnapshotError(f'{place.path} is no {name}')
         return cls(*[self._make(x, _Place(getattr(place.old, f.name, None), place.path))
                      for x, f in zip(values, fields(cls))])
@@ -165,11 +165,11 @@ class Build:
 
     def _object(self, body: Any, place: _Place) -> Any:
         name, content = body
-        cls, names = self._classes[name]
-        if is_frozen(cls) or content.keys() != names:
-            raise SnapshotError(f'{place.path} is no {name} of this version')
+        cls, known = self._classes[name]
         target, was_there = self._target(cls, place, lambda: object.__new__(cls))
         olds, new = dict(vars(target)), {}
+        if is_frozen(cls) or frozenset(content) not in ([olds.keys()] if was_there else known):
+            raise SnapshotError(f'{place.path} is no {name} of this version')
         for attribute, node in content.items():
             path, before = f'{place.path}.{attribute}', olds.get(attribute)
             new[attribute] = self._make(node, _Place(before, path))

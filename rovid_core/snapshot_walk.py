@@ -15,8 +15,8 @@ import numpy as np
 OWN = 'rovid_'
 """What the packages begin with whose objects are walked."""
 
-Classes = dict[str, tuple[type, frozenset[str]]]
-"""What can be in a snapshot: class and its attributes, by name."""
+Classes = dict[str, tuple[type, set[frozenset[str]]]]
+"""What can be in a snapshot, by name: a class and the sets of attributes that it can have."""
 
 
 def class_name(cls: type) -> str:
@@ -126,12 +126,12 @@ class Walk:
     def _note(self, kind: type, attributes: frozenset[str], path: str) -> None:
         name = class_name(kind)
         if self._learning:
-            self._classes[name] = kind, attributes
+            self._classes.setdefault(name, (kind, set()))[1].add(attributes)
         if name not in self._classes:
             raise TypeError(f'{path} is {name}, of which there was none at first: it would not '
                             'come back')
-        if self._classes[name] != (kind, attributes):
-            odd = attributes ^ self._classes[name][1]
+        if attributes not in self._classes[name][1]:
+            odd = attributes ^ min(self._classes[name][1], key=lambda x: len(x ^ attributes))
             raise TypeError(f'{path} has not always had the same attributes: '
                             f'{", ".join(sorted(odd))}')
 

@@ -16,7 +16,7 @@ from typing import Any, cast
 from rovid_core.dofs import Four
 from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
 from rovid_core.factored import FactoredCovariance
-from rovid_core.identifier import finite, Identifier, Scales, Step
+from rovid_core.identifier import Identifier, Scales, Step
 from rovid_core.plant import advance
 from rovid_core.regression_noise import RegressionNoise
 
@@ -37,6 +37,9 @@ PRIOR = 5.0
 
 STEADY = 3.0
 """Time [s] after which thrust and velocity that do not change tell nothing new."""
+
+ABSURD = 1e100
+"""No number of a state comes near it, and its square is finite."""
 
 MOST = 1e6
 """A larger velocity or force, in typical ones, is refused."""
@@ -182,7 +185,8 @@ class RecursiveLeastSquares(Identifier):
         if not all(low <= p <= high for low, p, high in zip(
                 self.bounds[0], parameters, self.bounds[1])):
             raise ValueError(f'parameters {parameters} are out of bounds')
-        if not finite((*theta, *d, *filters, *noise, *steady, *sum(u, []), excitation, learned)) \
+        numbers = (*theta, *d, *filters, *noise, *steady, *sum(u, []), excitation, learned)
+        if not all(abs(x) < ABSURD for x in numbers) \
                 or min(*d, *noise[:2]) <= 0.0 or math.isinf(v_hat) or math.isinf(velocity):
             raise ValueError('the state holds numbers that are out of range')
         self.parameters = cast(Four, tuple(parameters))

@@ -28,6 +28,13 @@ def add_replay(commands: Any) -> None:
         '--json', type=Path, metavar='OUT.json', help='write the result for a program to read')
     _add_part(command)
     command.add_argument(
+        '--checkpoint', type=Path, metavar='STATE.json',
+        help='save the state every checkpoint.period and at the end or Ctrl-C; where the file is '
+             'there, go on from it')
+    command.add_argument(
+        '--append', action='store_true',
+        help='with --checkpoint: the state is of earlier logs, and these follow them')
+    command.add_argument(
         '--ros', action='store_true', help='go through the real node and publish')
     command.add_argument(
         '--rate', type=positive, metavar='R',

@@ -86,17 +86,24 @@ def replay(args: argparse.Namespace) -> None:
     from rovid_ros.feeder import PipeFeeder
     from rovid_ros.json_file import write_json
     from rovid_ros.replay import replay as run_replay
+    from rovid_ros.replay_checkpoint import ReplayCheckpoint
     from rovid_ros.report import report
     if args.rate is not None and not args.ros:
         raise UsageError('--rate goes with --ros')
-    check_written([args.output, args.json], [*args.logs, args.params_file])
+    if args.checkpoint and args.ros:
+        raise UsageError('--checkpoint does not go with --ros')
+    if args.append and not args.checkpoint:
+        raise UsageError('--append goes with --checkpoint')
+    check_written([args.output, args.json, args.checkpoint], [*args.logs, args.params_file])
     settings = read_settings(args.params_file, args.method)
+    checkpoint = ReplayCheckpoint(
+        args.checkpoint, args.append, settings.checkpoint_period) if args.checkpoint else None
 
     with naming(args.params_file):
         feeder = _node(args, settings) if args.ros else PipeFeeder(settings)
         result = run_replay(
             args.logs, settings, feeder, output=args.output, start=args.start,
-            duration=args.duration, warn=partial(_warn, args.prog))
+            duration=args.duration, checkpoint=checkpoint, warn=partial(_warn, args.prog))
     print(report(result))  # first: it is not lost where the JSON cannot be written
     if args.json:
         write_json(args.json, result.document())

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
+import os
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import gettempdir, TemporaryDirectory
 from types import TracebackType
 from typing import Any, NamedTuple
 
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 from rovid_ros.field_paths import nearest
+from rovid_ros.leftovers import remove_leftovers
 from rovid_ros.log_container import Channel, LogError, MALFORMED
 from rovid_ros.log_order import as_written, in_time_order
 from rovid_ros.log_paths import open_all
@@ -85,7 +87,8 @@ class Log:
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        self._scratch = TemporaryDirectory(prefix='rovid-')
+        remove_leftovers(Path(gettempdir()), 'rovid-')
+        self._scratch = TemporaryDirectory(prefix=f'rovid-{os.getpid()}-')
         try:
             self._containers, self._warnings = open_all(paths, Path(self._scratch.name))
             self._containers.sort(key=lambda container: container.start)
@@ -113,6 +116,11 @@ class Log:
     def warnings(self) -> list[str]:
         """Return what is wrong with the log; damage only shows when it is read."""
         return [*self._warnings, *chain(*(one.warnings for one in self._containers))]
+
+    @property
+    def files(self) -> list[tuple[str, Path]]:
+        """Return the name of every file and where it can be read, unpacked, in time order."""
+        return [(container.name, container.path) for container in self._containers]
 
     @property
     def progress(self) -> float:

@@ -272,7 +272,7 @@ def test_save_and_go_on(messages: list[Raw], peer: Peer, start: Start, tmp_path:
     assert 'dofs' in node.output
     assert json.loads(path.read_text()) == saved
     assert node.stop() == 0
-    assert json.loads(path.read_text())['dofs'] == ['surge', 'yaw']
+    assert json.loads(path.read_text())['settings']['dofs'] == ['surge', 'yaw']
     assert json.loads((path.parent / 'checkpoint-1.json').read_text()) == saved
     assert 'checkpoint-1.json' in node.output
 
@@ -285,7 +285,7 @@ def test_a_damaged_checkpoint_is_kept(peer: Peer, start: Start, tmp_path: Path) 
     for _ in range(2):
         assert peer.call(Trigger, '/identifier_node/save').success
     assert node.stop() == 0
-    assert json.loads(path.read_text())['dofs'] == ['surge', 'heave', 'yaw']
+    assert json.loads(path.read_text())['settings']['dofs'] == ['surge', 'heave', 'yaw']
     assert (tmp_path / 'checkpoint-1.json').read_text() == 'of before'
     assert (tmp_path / 'checkpoint-2.json').read_text() == '{"rovid'
     assert not (tmp_path / 'checkpoint-3.json').exists()

@@ -136,8 +136,10 @@ class Follower:
             raise ValueError('the state of the filter does not fit')
         if not (np.isfinite(covariance).all() and all(map(math.isfinite, nominal))):
             raise ValueError('the state of the filter is not finite')
+        path, fix, ahead = (float(state[name]) for name in ('path', 'fix', 'ahead'))
+        if not all(map(math.isfinite, (path, fix, ahead))):
+            raise ValueError('the path is not finite')
         self.filter = Linearised(nominal, covariance)
         self._impulses.restore(state['impulses'])
         self.moving = bool(state['moving'])
-        self._path, self._fix, self._ahead = (
-            float(state[name]) for name in ('path', 'fix', 'ahead'))
+        self._path, self._fix, self._ahead = path, fix, ahead

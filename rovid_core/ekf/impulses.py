@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+import math
 
 KEPT = 4.0
 """[s] that are kept, at least."""
@@ -67,6 +68,7 @@ class Impulses:
     def restore(self, state: Sequence[Sequence[float]]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         times, values = ([float(x) for x in column] for column in state)
-        if not len(times) == len(values) > 0 or sorted(set(times)) != times:
+        if not len(times) == len(values) > 0 or sorted(set(times)) != times or not all(
+                map(math.isfinite, (*times, *values))):
             raise ValueError('the impulses do not fit')
         self._times, self._values = times, values

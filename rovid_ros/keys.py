@@ -67,7 +67,7 @@ def _run() -> list[Key]:
         key_of('checkpoint.path', 'checkpoint_path', Settings,
                'file of the saved state, read at the start; empty: none'),
         key_of('checkpoint.period', 'checkpoint_period', Settings,
-               'time between two saves, also of rovid replay --checkpoint', 's', 0.1, 86400.0),
+               'time between two saves', 's', 0.1, 86400.0),
     ]
 
 

@@ -207,24 +207,10 @@ class Stream:
             values that are out of bounds.
 
         """
+        version = state.get('version') if isinstance(state, Mapping) else None
+        if version != STATE_VERSION:
+            raise ValueError(f'version {version}, not {STATE_VERSION}')
         mine = self.state()
-        dofs = self._states(state, mine)
-        try:
-            for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers):
-                identifier.restore(dofs[dof])
-        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-            for name, identifier in zip(self.settings.dofs, self._pipe.identifiers):
-                identifier.restore(mine['dofs'][name])
-            raise ValueError(f'{dof}: {error}') from error
-        self._adapt(bool(state.get('adapt', True)))
-        self._pipe.refresh()
-
-    def _states(self, state: Mapping[str, Any], mine: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return the state of each DOF, or refuse one of another run."""
-        if not isinstance(state, Mapping):
-            raise ValueError('no state')
-        if state.get('version') != STATE_VERSION:
-            raise ValueError(f'version {state.get("version")}, not {STATE_VERSION}')
         if state.get('method') != mine['method']:
             raise ValueError(f'method {state.get("method")}, not {mine["method"]}')
         dofs = state.get('dofs')
@@ -235,7 +221,15 @@ class Stream:
                 raise ValueError(f'no state of {dof}')
             if dofs[dof].get('terms') != list(self.settings.dof[dof].terms):
                 raise ValueError(f'other terms of {dof}')
-        return dofs
+        try:
+            for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers):
+                identifier.restore(dofs[dof])
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+            for name, identifier in zip(self.settings.dofs, self._pipe.identifiers):
+                identifier.restore(mine['dofs'][name])
+            raise ValueError(f'{dof}: {error}') from error
+        self._adapt(bool(state.get('adapt', True)))
+        self._pipe.refresh()
 
     def _handle(self, events: list[Event]) -> list[Estimate]:
         estimates: list[Estimate] = []

@@ -19,6 +19,7 @@ from rovid_core.factored import FactoredCovariance
 from rovid_core.identifier import finite, Identifier, Scales, Step
 from rovid_core.plant import advance
 from rovid_core.regression_noise import RegressionNoise
+from rovid_core.uncertainty import Stated
 
 CORNER = 3.0
 """c [rad/s]: faster than the vehicle, and slow enough to leave fixes of 10 Hz white noise."""
@@ -88,7 +89,6 @@ class RecursiveLeastSquares(Identifier):
         self._low, self._high = (
             [b[i] * u for i, u in zip(self._active, self._unit)] for b in self.bounds)
         self.adaptation_time = adaptation_time
-        self.delay = self.delay_std = math.nan
         self.v_hat = math.nan
         self._age = 0.0  # of the filters [s]
         self.reset()
@@ -249,8 +249,7 @@ class RecursiveLeastSquares(Identifier):
             for k, m in enumerate(self._active):
                 covariance[4 * i + m] = p[j][k] / unit[j] / unit[k]
         self.parameters = cast(Four, tuple(values))
-        self.std = cast(Four, tuple(std))
-        self.covariance = tuple(covariance)
+        self.uncertainty = Stated(tuple(covariance), cast(Four, tuple(std)))
 
     def _inside(self, p: list[list[float]]) -> list[float]:
         """Return the estimate, given that what is out of bounds lies on them."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import math
 from typing import Any, cast
 
-from rovid_core.coupled_step import Moved
+from rovid_core.coupled_step import general, Moved, Unrolled
 from rovid_core.dofs import Four, PARAMETERS
 from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
 from rovid_core.identifier import finite, Scales, Step
@@ -129,6 +129,7 @@ class AdaptiveIdentifier:
         self.adaptation_time = 1.0 / rate if rate > 0.0 else math.inf  # of the fastest [s]
         self._advance = INTEGRATORS[integrator]
         self._rates: Rates = rates
+        self._unrolled: Unrolled = general
         self.bounds = scales.bounds()
         self.reset()
 
@@ -155,11 +156,15 @@ class AdaptiveIdentifier:
         square = force * force
         rest = (square < LEAST_EXCITATION and self.excitation < LEAST_EXCITATION
                 and speed * speed < LEAST_MOTION)
-        gamma = (0.0,) * len(self._gamma) if not adapt else self._resting if rest else self._gamma
-        moved = self._moved(step, gamma)
+        gamma = self._gamma
+        if rest or not adapt:
+            gamma = self._resting if adapt else (0.0,) * len(gamma)
+        moved = self._unrolled(self._a, gamma, v_hat, self.theta_hat, step, self.bounds)
         if moved is None:
-            self.v_hat = step.velocity[2]
-            return 'unstable_step'
+            moved = self._moved(step, gamma)
+            if moved is None:
+                self.v_hat = step.velocity[2]
+                return 'unstable_step'
         self.v_hat, self.theta_hat = moved
         # the mean square of the normalised thrust over about one adaptation time
         if not square < MOST_EXCITATION:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rovid_core.aid import Gains
 from rovid_core.coupled import CoupledIdentifier, inverse
-from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION, Products
+from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION, LOT, NO_SUMS, summed, Sums
 from rovid_core.identifier import finite, Scales, Step
 
 FIRST = 20.0
@@ -72,8 +72,9 @@ class AveragedIdentifier(CoupledIdentifier):
     def reset(self) -> None:
         """Go back to the initial values and gains."""
         super().reset()
-        self._products = Products(1.0, 1.0)
-        self._time = 0.0  # of what is in there [s]
+        self._sums: Sums = NO_SUMS  # of phi phi' dt
+        self._new: list[Step] = []  # steps that are not in there yet
+        self._time = 0.0  # of all of them [s]
         self._next = FIRST
         self._couple(self._start)
 
@@ -81,7 +82,7 @@ class AveragedIdentifier(CoupledIdentifier):
         """Return all that is needed to go on from here."""
         return {**super().state(), 'parameters': list(self.parameters),
                 'theta_hat': list(self.theta_hat), 'gamma': [list(row) for row in self._rows],
-                'sums': list(self._products.total()), 'next': self._next}
+                'sums': list(self._summed()), 'next': self._next}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -98,7 +99,7 @@ class AveragedIdentifier(CoupledIdentifier):
         published = self._allowed(state['parameters'])
         super().restore({**state, 'parameters': state['theta_hat']})
         self.parameters = published
-        self._products = Products(1.0, 1.0, sums)
+        self._sums, self._new = tuple(sums), []
         self._time, self._next = sums[9], after
         self._couple(gamma)
 
@@ -106,8 +107,10 @@ class AveragedIdentifier(CoupledIdentifier):
         dt = step.dt
         if not rest and (abs(step.force[1]) <= self._most_force
                          and abs(step.velocity[1]) <= self._most_velocity):
-            self._products.add(step)
             self._time += dt
+            self._new.append(step)
+            if len(self._new) == LOT:
+                self._summed()
         memory = SHARE * (self._time if self._time > dt else dt)
         share = dt / (dt + (memory if memory < MEMORY else MEMORY))
         a, b, c, d = self.parameters
@@ -118,10 +121,15 @@ class AveragedIdentifier(CoupledIdentifier):
         if self._time >= self._next:
             self._learn()
 
+    def _summed(self) -> Sums:
+        self._sums = summed(self._sums, self._new)
+        self._new.clear()
+        return self._sums
+
     def _learn(self) -> None:
         """Take Gamma from the data so far."""
         mean = np.zeros((4, 4))
-        mean[np.triu_indices(4)] = np.array(self._products.total()) / self._time
+        mean[np.triu_indices(4)] = np.array(self._summed()) / self._time
         mean += np.triu(mean, 1).T
         gamma = -0.5 * self._a / self.adaptation_time * inverse(
             mean, self._scales, LEAST_SQUARES, LEAST_SHARE)

@@ -7,9 +7,9 @@ from typing import cast
 
 import numpy as np
 from rovid_core.aid import AdaptiveIdentifier, Gains, MOST_PIECES
-from rovid_core.coupled_step import Moved, UNROLLED
+from rovid_core.coupled_step import general, UNROLLED
 from rovid_core.dofs import Four
-from rovid_core.identifier import finite, Scales, Step
+from rovid_core.identifier import Scales, Step
 from rovid_core.integrators import coupled_rates
 from rovid_core.trial import Array
 
@@ -43,7 +43,8 @@ class CoupledIdentifier(AdaptiveIdentifier):
             scales, Gains(-feedback, cast(Four, tuple(np.diag(gamma).tolist()))), integrator)
         self._rates = coupled_rates
         self._least_pieces = least_pieces
-        self._unrolled = UNROLLED.get(integrator) if least_pieces == 1 else None
+        if least_pieces == 1:
+            self._unrolled = UNROLLED.get(integrator, general)
         self._couple(gamma)
         self._resting = self._gamma
 
@@ -58,17 +59,6 @@ class CoupledIdentifier(AdaptiveIdentifier):
         on = np.diag(matrix) > 0.0
         wrong = (np.array(parameters) - np.array(truth))[on]
         return float(0.5 * (dv * dv + wrong @ np.linalg.solve(matrix[np.ix_(on, on)], wrong)))
-
-    def _moved(self, step: Step, gamma: tuple[float, ...]) -> Moved:
-        if self._unrolled is not None:
-            moved = self._unrolled(self._a, gamma, self.v_hat, self.theta_hat, step)
-            if moved is not None:
-                v_hat, theta_hat = moved
-                inside = self._inside(theta_hat)
-                # what was inside the bounds is finite
-                sound = inside is theta_hat or finite(inside)
-                return (v_hat, inside) if sound and v_hat - v_hat == 0.0 else None
-        return super()._moved(step, gamma)  # in pieces
 
     def _pieces(self, step: Step, gamma: tuple[float, ...]) -> int:
         tau, v, (p0, p1, p2, p3) = step.force[1], self.v_hat, self.theta_hat

@@ -13,10 +13,13 @@ from rovid_core.dofs import Four
 from rovid_core.identifier import Step
 
 Moved = tuple[float, Four] | None
-"""v_hat and theta_hat after a step; None where it has to be divided."""
+"""v_hat and theta_hat after a step; None where it has to be divided, or leaves the bounds."""
+
+Bounds = tuple[Four, Four]
 
 
-def euler(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step) -> Moved:
+def euler(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
+          bounds: Bounds) -> Moved:
     """
     Return v_hat and theta_hat after a step.
 
@@ -32,6 +35,8 @@ def euler(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step)
         theta_hat.
     step : Step
         What was measured.
+    bounds : tuple of 2 tuples
+        Lowest and highest parameters.
 
     """
     h, tau, dv = step.dt, step.force[1], v - step.velocity[0]
@@ -48,11 +53,19 @@ def euler(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step)
             and h * (-a - 2.0 * p1 * size - p2) < 1.0):  # p1 and p2 are drag: not above 0
         return None
     e = h * dv
-    return v + h * (a * dv + p0 * tau + p1 * drag + p2 * v + p3), (
-        p0 - e * q0, p1 - e * q1, p2 - e * q2, p3 - e * q3)
+    v += h * (a * dv + p0 * tau + p1 * drag + p2 * v + p3)
+    p0 -= e * q0
+    p1 -= e * q1
+    p2 -= e * q2
+    p3 -= e * q3
+    (l0, l1, l2, l3), (h0, h1, h2, h3) = bounds
+    if l0 <= p0 <= h0 and l1 <= p1 <= h1 and l2 <= p2 <= h2 and l3 <= p3 <= h3 and v - v == 0.0:
+        return v, (p0, p1, p2, p3)
+    return None
 
 
-def heun(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step) -> Moved:
+def heun(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
+         bounds: Bounds) -> Moved:
     """Return v_hat and theta_hat after a step of constant force; as ``euler``."""
     h, (start, _, end), (tau, _, last) = step.dt, step.velocity, step.force
     g00, g01, g02, g03, g11, g12, g13, g22, g23, g33 = gamma
@@ -80,10 +93,22 @@ def heun(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step) 
     half = 0.5 * h
     e, f = half * (dv + dw), half * dw
     b, c = f * (drag_w - drag), f * (w - v)
-    return v + half * (rate + rate_w), (
-        p0 - e * q0 - b * g01 - c * g02, p1 - e * q1 - b * g11 - c * g12,
-        p2 - e * q2 - b * g12 - c * g22, p3 - e * q3 - b * g13 - c * g23)
+    v += half * (rate + rate_w)
+    p0 -= e * q0 + b * g01 + c * g02
+    p1 -= e * q1 + b * g11 + c * g12
+    p2 -= e * q2 + b * g12 + c * g22
+    p3 -= e * q3 + b * g13 + c * g23
+    (l0, l1, l2, l3), (h0, h1, h2, h3) = bounds
+    if l0 <= p0 <= h0 and l1 <= p1 <= h1 and l2 <= p2 <= h2 and l3 <= p3 <= h3 and v - v == 0.0:
+        return v, (p0, p1, p2, p3)
+    return None
 
 
-UNROLLED: dict[str, Callable[[float, tuple[float, ...], float, Four, Step], Moved]] = {
-    'euler': euler, 'heun': heun}
+def general(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
+            bounds: Bounds) -> Moved:
+    """Leave a step to ``integrators``."""
+    return None
+
+
+Unrolled = Callable[[float, tuple[float, ...], float, Four, Step, Bounds], Moved]
+UNROLLED: dict[str, Unrolled] = {'euler': euler, 'heun': heun}

@@ -28,12 +28,13 @@ At 5 mm of noise in 10 Hz fixes, thrust of 0.02 to 0.1 Hz reaches it for both dr
 FLOOR = 1e-12
 """Share of a mean square below which what is left of it is rounding."""
 
+Sums = tuple[float, ...]
+NO_SUMS: Sums = (0.0,) * 10
+
 LOT = 64
 """Steps that are added up at once, at most."""
 
 ALPHA, BETA, GAMMA, DELTA = range(4)
-
-Sums = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -136,70 +137,57 @@ class Gram:
 
     def _left(self, i: int, terms: Sequence[int]) -> float:
         """Return what the other terms leave of mean square ``i``, by Gaussian elimination."""
-        rows = [list(row) for row in self.matrix]
-        order = [k for k in terms if k != i]
-        order.append(i)
-        for at, k in enumerate(order[:-1]):
-            pivot = rows[k][k]
-            if pivot <= FLOOR * self.matrix[k][k]:
+        a, ab, ac, ad, b, bc, bd, c, cd, d = self.sums
+        rows = [[a, ab, ac, ad], [ab, b, bc, bd], [ac, bc, c, cd], [ad, bd, cd, d]]
+        squares = (a, b, c, d)
+        rest = [k for k in terms if k != i]
+        rest.append(i)
+        while len(rest) > 1:
+            k = rest.pop(0)
+            row = rows[k]
+            pivot = row[k]
+            if pivot <= FLOOR * squares[k]:
                 continue  # those before it have explained it all
-            for r in order[at + 1:]:
-                factor = rows[r][k] / pivot
-                for c in order[at + 1:]:
-                    rows[r][c] -= factor * rows[k][c]
-        return max(rows[i][i], 0.0)
+            for r in rest:
+                own, factor = rows[r], row[r] / pivot
+                for s in rest:
+                    own[s] -= factor * row[s]
+        return max(rows[i][i], 0.0) / (d or 1.0)
 
 
-class Products:
+def summed(sums: Sums, steps: Sequence[Step], force_scale: float = 1.0,
+           velocity_scale: float = 1.0) -> Sums:
     """
-    Sums of phi phi' dt: the upper triangle by rows; the last, of 1, is the time.
-
-    Steps are added in lots, in their order: one by one they would cost twice as much.
+    Return sums of phi phi' dt with those of some steps added, in their order.
 
     Parameters
     ----------
-    force, velocity : float
-        What these are multiplied by.
-    sums : sequence of 10 floats
-        To begin with.
+    sums : tuple of 10 floats
+        The upper triangle by rows; the last, of 1, is the time [s].
+    steps : sequence of Step
+        Many at once cost half as much as one by one.
+    force_scale, velocity_scale : float
+        What force and velocity are multiplied by.
 
     """
-
-    def __init__(self, force: float, velocity: float,
-                 sums: Sequence[float] = (0.0,) * 10) -> None:
-        self._force, self._velocity = force, velocity
-        self._sums: Sums = tuple(sums)
-        self._new: list[Step] = []
-
-    def add(self, step: Step) -> None:
-        """Take a step."""
-        self._new.append(step)
-        if len(self._new) == LOT:
-            self.total()
-
-    def total(self) -> Sums:
-        """Return the sums."""
-        force_scale, velocity_scale = self._force, self._velocity
-        a, ab, ac, ad, b, bc, bd, c, cd, d = self._sums
-        for step in self._new:
-            dt = step.dt
-            force = step.force[1] * force_scale
-            velocity = step.velocity[1] * velocity_scale
-            drag = velocity * abs(velocity)
-            force_dt, drag_dt, velocity_dt = force * dt, drag * dt, velocity * dt
-            a += force * force_dt
-            ab += drag * force_dt
-            ac += velocity * force_dt
-            ad += force_dt
-            b += drag * drag_dt
-            bc += velocity * drag_dt
-            bd += drag_dt
-            c += velocity * velocity_dt
-            cd += velocity_dt
-            d += dt
-        self._new.clear()
-        self._sums = (a, ab, ac, ad, b, bc, bd, c, cd, d)
-        return self._sums
+    a, ab, ac, ad, b, bc, bd, c, cd, d = sums
+    for step in steps:
+        dt = step.dt
+        force = step.force[1] * force_scale
+        velocity = step.velocity[1] * velocity_scale
+        drag = velocity * abs(velocity)
+        force_dt, drag_dt, velocity_dt = force * dt, drag * dt, velocity * dt
+        a += force * force_dt
+        ab += drag * force_dt
+        ac += velocity * force_dt
+        ad += force_dt
+        b += drag * drag_dt
+        bc += velocity * drag_dt
+        bd += drag_dt
+        c += velocity * velocity_dt
+        cd += velocity_dt
+        d += dt
+    return a, ab, ac, ad, b, bc, bd, c, cd, d
 
 
 class Excitation:
@@ -220,24 +208,32 @@ class Excitation:
         self._force, _, self._velocity, _ = self._scale
         self._active = tuple([i for i, on in enumerate(scales.active) if on])
         self._memory = memory
-        self._recent: Sums = (0.0,) * 10
-        self._older: Sums = (0.0,) * 10
-        self._new = Products(self._force, self._velocity)  # not yet in the two others
+        self._recent: Sums = NO_SUMS
+        self._older: Sums = NO_SUMS
+        self._sums: Sums = NO_SUMS  # not yet in the two others
+        self._new: list[Step] = []  # not yet in any
 
     def step(self, step: Step) -> None:
         """Take a step; this is all that is done at each of them."""
-        self._new.add(step)
+        self._new.append(step)
+        if len(self._new) == LOT:
+            self._summed()
 
     def recent(self) -> Gram:
         """Return the matrix of late, with all up to now."""
-        sums = self._new.total()
+        sums = self._summed()
         kept = math.exp(-sums[9] / self._memory)
         self._recent = tuple([kept * old + new for old, new in zip(self._recent, sums)])
         self._older = tuple([old + new for old, new in zip(self._older, sums)])
-        self._new = Products(self._force, self._velocity)
+        self._sums = NO_SUMS
         return Gram(self._recent, self._active, self._scale)
 
     def whole(self) -> Gram:
         """Return the matrix of everything since the start."""
-        return Gram(tuple([old + new for old, new in zip(self._older, self._new.total())]),
+        return Gram(tuple([old + new for old, new in zip(self._older, self._summed())]),
                     self._active, self._scale)
+
+    def _summed(self) -> Sums:
+        self._sums = summed(self._sums, self._new, self._force, self._velocity)
+        self._new.clear()
+        return self._sums

@@ -119,8 +119,8 @@ class DofStatus:
             open_ = self._drift.open(gram, parameters, self._since, limit)
         # where a covariance says that all is known, the regressors may look as they like
         shapes = None if covariance and not open_ else gram
-        return Judgement('converging' if open_ else 'converged',
-                         tuple(filter(None, (identifier.note, open_))), shapes)
+        said = [text for text in (identifier.note, open_) if text]
+        return Judgement('converging' if open_ else 'converged', tuple(said), shapes)
 
 
 def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit: float) -> str:

@@ -93,10 +93,13 @@ class Gram:
 
     def uncertainty(self, covariance: Sequence[float]) -> float:
         """Return the root mean variance of theta . phi for a covariance, 16 by rows."""
-        s = self.scale
-        return math.sqrt(max(0.0, sum(
-            covariance[4 * i + j] * g / (s[i] * s[j])
-            for i, row in enumerate(self.matrix) for j, g in enumerate(row))))
+        p, pq, pr, ps, _, q, qr, qs, _, _, r, rs, _, _, _, s = covariance
+        t, u, v, w = self.scale
+        a, ab, ac, ad, b, bc, bd, c, cd, d = self.sums
+        square = (p * a / (t * t) + q * b / (u * u) + r * c / (v * v) + s * d / (w * w) + 2.0 * (
+            pq * ab / (t * u) + pr * ac / (t * v) + ps * ad / (t * w)
+            + qr * bc / (u * v) + qs * bd / (u * w) + rs * cd / (v * w)))
+        return math.sqrt(square / d) if square > 0.0 else 0.0
 
     @property
     def shows_mass(self) -> bool:

@@ -11,7 +11,7 @@ from rovid_core.identifier import Scales, Step
 from rovid_core.methods import make, retuned
 from rovid_core.plant import lumped
 from rovid_core.settings import IdentifierSettings, Settings
-from rovid_core.status import DofStatus
+from rovid_core.status import DofStatus, Judgement
 from rovid_core.values import DofEstimate
 from rovid_core.watch import TypicalSizes
 
@@ -66,11 +66,11 @@ class Identification:
     def refresh(self) -> None:
         """Let the estimate say what the identifier holds by now; no step has been made."""
         self._status.reset()
+        self._steps = 0
         identifier = self.identifier
         self.estimate = DofEstimate(
-            self._name, identifier.parameters, identifier.std, reasons=('no step yet',),
-            covariance=identifier.covariance, delay=identifier.delay,
-            delay_std=identifier.delay_std)
+            self._name, identifier.parameters, identifier.uncertainty,
+            Judgement('waiting', ('no step yet',)), delay=identifier.delay)
 
     def verdict(self) -> str:
         """Return what all data leave open, '' if nothing."""
@@ -78,21 +78,20 @@ class Identification:
 
     def step(self, time: int, step: Step, adapt: bool) -> None:
         """Take a step that ends at ``time`` [ns]; without ``adapt`` the parameters stay."""
-        identifier, before = self.identifier, self.estimate
+        identifier = self.identifier
         refused = identifier.step(step, adapt)
         if refused:
             self._reject(self._name, refused)
+        else:
+            self._steps += 1
         self._sizes.step(step)
-        status, reasons = self._status.after(identifier, step, refused, adapt)
-        truth = self._truth
-        self.estimate = DofEstimate(
-            dof=self._name, parameters=identifier.parameters, std=identifier.std,
-            status=status, reasons=reasons, time=time,
-            steps=before.steps + (not refused), velocity=step.velocity[2],
-            v_hat=identifier.v_hat, force=step.force[1], excitation=identifier.excitation,
-            W=math.nan if truth is None else identifier.lyapunov(step.velocity[2], truth),
-            covariance=identifier.covariance, delay=identifier.delay,
-            delay_std=identifier.delay_std)
+        velocity = step.velocity[2]
+        w = math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth)
+        # by position: it is made at every step, and names would cost as much as the step
+        self.estimate = DofEstimate._make((
+            self._name, identifier.parameters, identifier.uncertainty,
+            self._status.after(identifier, step, refused, adapt), time, self._steps, velocity,
+            identifier.v_hat, step.force[1], identifier.excitation, w, identifier.delay))
 
 
 def _raw_gains(method: IdentifierSettings, i: int) -> Four | None:

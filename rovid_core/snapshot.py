@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import fields
 from typing import Any
 
 from rovid_core.snapshot_build import Build, SnapshotError
-from rovid_core.snapshot_walk import class_name, Classes, Walk
+from rovid_core.snapshot_walk import class_name, Classes, parts, Walk
 
 __all__ = ['SnapshotError', 'Snapshots']
 
@@ -27,7 +26,7 @@ class Snapshots:
     ----------
     roots : mapping of str to object
         The objects, as they were made: nothing has happened to them yet.
-    appearing : iterable of dataclasses
+    appearing : iterable of dataclasses and named tuples
         Classes of which the roots have no object at first.
 
     """
@@ -35,7 +34,7 @@ class Snapshots:
     def __init__(self, roots: Mapping[str, object], appearing: Iterable[type] = ()) -> None:
         self._roots = dict(roots)
         self._classes = Classes({
-            class_name(cls): (cls, {frozenset(f.name for f in fields(cls))})
+            class_name(cls): (cls, {frozenset(parts(cls) or cls.__annotations__)})
             for cls in appearing})
         self.learn()
 

@@ -6,13 +6,12 @@ from array import array
 from base64 import b64decode
 from collections import deque
 from collections.abc import Callable
-from dataclasses import fields
 import re
 import struct
 from typing import Any, NamedTuple
 
 import numpy as np
-from rovid_core.snapshot_walk import class_name, Classes, is_frozen, kept
+from rovid_core.snapshot_walk import class_name, Classes, kept, parts
 
 NUMBERS = (bool, int, float)
 DTYPE = re.compile(r'[<>|][biuf][1248]')
@@ -125,10 +124,11 @@ class Build:
     def _value(self, body: Any, place: _Place) -> Any:
         name, *values = body
         cls = self._classes[name][0]
-        if not is_frozen(cls) or len(values) != len(fields(cls)):
+        names = parts(cls)
+        if not names or len(values) != len(names):
             raise SnapshotError(f'{place.path} is no {name}')
-        return cls(*[self._make(x, _Place(getattr(place.old, f.name, None), place.path))
-                     for x, f in zip(values, fields(cls))])
+        return cls(*[self._make(x, _Place(getattr(place.old, part, None), place.path))
+                     for x, part in zip(values, names)])
 
     def _list(self, body: Any, place: _Place) -> Any:
         target, was_there = self._target(list, place, list)
@@ -168,7 +168,7 @@ class Build:
         cls, known = self._classes[name]
         target, was_there = self._target(cls, place, lambda: object.__new__(cls))
         olds, new = dict(vars(target)), {}
-        if is_frozen(cls) or frozenset(content) not in ([olds.keys()] if was_there else known):
+        if parts(cls) or frozenset(content) not in ([olds.keys()] if was_there else known):
             raise SnapshotError(f'{place.path} is no {name} of this version')
         for attribute, node in content.items():
             path, before = f'{place.path}.{attribute}', olds.get(attribute)

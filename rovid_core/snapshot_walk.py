@@ -29,9 +29,13 @@ def is_own(value: object) -> bool:
     return type(value).__module__.startswith(OWN)
 
 
-def is_frozen(cls: type) -> bool:
-    """Tell whether a class is a frozen value."""
-    return is_dataclass(cls) and bool(getattr(cls, '__dataclass_params__').frozen)  # noqa: B009
+def parts(cls: type) -> tuple[str, ...]:
+    """Return the attributes of a frozen value: a dataclass or a named tuple; else nothing."""
+    if issubclass(cls, tuple):
+        return tuple(getattr(cls, '_fields', ()))
+    if is_dataclass(cls) and getattr(cls, '__dataclass_params__').frozen:  # noqa: B009
+        return tuple([field.name for field in fields(cls)])
+    return ()
 
 
 def kept(value: object) -> str:
@@ -82,8 +86,7 @@ class Walk:
             return {'kept': kept(value)}
         if isinstance(value, np.generic):
             return {'scalar': _bits(np.asarray(value), path)}
-        if is_own(value) and is_frozen(kind):
-            names = [f.name for f in fields(kind)]
+        if is_own(value) and (names := parts(kind)):
             self._note(kind, frozenset(names), path)
             return {'value': [class_name(kind), *(
                 self.plain(getattr(value, name), f'{path}.{name}') for name in names)]}

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from rovid_core.dofs import DOFS, Four, PARAMETERS, PHYSICAL
+from rovid_core.dofs import DOFS, Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.identifier import Scales
 from rovid_core.plant import physical
 from rovid_core.settings import Settings
-from rovid_core.values import DofEstimate, Estimate, NAN4
+from rovid_core.values import DofEstimate, Estimate
 
 ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
 DIAGNOSTIC_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'

@@ -18,7 +18,7 @@ from rovid_ros.outputs import DIAGNOSTIC_TYPE
 
 from benchmarks.fault_edits import Messages, SECOND
 from benchmarks.fault_runs import Bench, cdr, Outcome, step_text
-from benchmarks.live import Peer, write_parameters
+from benchmarks.live import Peer, rejected_in, write_parameters
 from benchmarks.processes import child_environment, NodeProcess, REPOSITORY
 
 WAIT = 5.0
@@ -102,7 +102,7 @@ class _Live:
         told = len(self._health)
         self._settle(1 << 62)
         self.peer.until(lambda: len(self._own(told)) > 1)  # the first may be older
-        rejected = _rejected(self._own(told)[-1])
+        rejected = rejected_in(self._own(told)[-1])
         code = self.node.stop()
         self._settle(1 << 62)
         outcome = Outcome(rejected, _warnings(self.node.output))
@@ -142,12 +142,6 @@ def _values(bench: Bench, namespace: str) -> tuple[dict[str, Any], dict[str, str
             values[f'{name}.qos'] = 'reliable'
             topics[namespace + value] = bench.values[f'{name}.type']
     return values, topics
-
-
-def _rejected(message: Any) -> dict[str, int]:
-    """Return the counts of refused samples and steps in a message of ``/diagnostics``."""
-    return {entry.key: int(entry.value) for status in message.status for entry in status.values
-            if re.fullmatch(r'[a-z_]+\.[a-z_]+', entry.key) and entry.value.isdigit()}
 
 
 def _warnings(output: str) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+import re
 import time
 from typing import Any
 
@@ -46,6 +47,12 @@ def level(value: Any) -> int:
     return value[0] if isinstance(value, bytes) else value
 
 
+def rejected_in(message: Any) -> dict[str, int]:
+    """Return the counts of refused samples and steps in a message of ``/diagnostics``."""
+    return {entry.key: int(entry.value) for status in message.status for entry in status.values
+            if re.fullmatch(r'[a-z_]+\.[a-z_]+', entry.key) and entry.value.isdigit()}
+
+
 class Peer:
     """The rest of the vehicle: publishes sensors, listens to the node, calls services."""
 
@@ -59,9 +66,14 @@ class Peer:
                raw: bool = False) -> list[Any]:
         """Subscribe; the list grows with what comes, as it was on the wire if ``raw``."""
         messages: list[Any] = []
-        self.node.create_subscription(
-            import_type(type_name), topic, messages.append, qos or reliable(10_000), raw=raw)
+        self.tap(topic, type_name, messages.append, qos, raw=raw)
         return messages
+
+    def tap(self, topic: str, type_name: str, take: Callable[[Any], object],
+            qos: QoSProfile | None = None, *, raw: bool = True) -> None:
+        """Subscribe; ``take`` gets each message as it comes."""
+        self.node.create_subscription(
+            import_type(type_name), topic, take, qos or reliable(10_000), raw=raw)
 
     def advertise(self, types: Mapping[str, str], qos: QoSProfile | None = None) -> None:
         """Make the publishers and wait until each has found the node."""

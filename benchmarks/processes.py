@@ -45,14 +45,14 @@ def cpu_time(pid: int | str = 'self') -> float:
 
 
 class NodeProcess:
-    """The node as its own process."""
+    """The node, or another module that takes its arguments, as its own process."""
 
     def __init__(self, arguments: Sequence[str | Path], environment: dict[str, str],
-                 folder: Path, repository: Path) -> None:
+                 folder: Path, repository: Path, module: str = 'rovid_ros.node') -> None:
         self._stderr = folder / 'stderr'
         with self._stderr.open('w') as stderr:
             self.process = subprocess.Popen(
-                [sys.executable, '-m', 'rovid_ros.node', *map(str, arguments)],
+                [sys.executable, '-m', module, *map(str, arguments)],
                 env=environment, cwd=repository, stdout=stderr, stderr=stderr)
 
     @property

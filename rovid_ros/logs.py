@@ -17,6 +17,7 @@ from rovid_ros.field_paths import nearest
 from rovid_ros.log_container import Block, Channel, Container, LogError, MALFORMED, Raw
 from rovid_ros.log_paths import open_all
 from rovid_ros.message_types import build, decoder, normalised, typestore, TypeUnknownError
+from zstandard import ZstdError
 
 __all__ = ['Log', 'LogError', 'LogMessage', 'RawMessage', 'TopicInfo']
 
@@ -172,7 +173,7 @@ class Log:
         for time, channel, raw in self.raw(topics, start, duration):
             try:
                 data = decoders[channel](raw)
-            except (SerdeError, AssertionError, *MALFORMED) as error:  # by version of rosbags
+            except (SerdeError, ZstdError, AssertionError, *MALFORMED) as error:  # by version
                 line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
                 if channel not in decoded:
                     raise LogError(f'{line}: {error}') from None

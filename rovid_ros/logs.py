@@ -26,6 +26,7 @@ from rovid_ros.message_types import (
     typestore,
     TypeUnknownError,
 )
+from zstandard import ZstdError
 
 __all__ = ['Log', 'LogError', 'LogMessage', 'RawMessage', 'TopicInfo']
 
@@ -191,7 +192,7 @@ class Log:
                 continue
             try:
                 data = decoders[channel](raw)
-            except (SerdeError, AssertionError, *MALFORMED) as error:  # by version of rosbags
+            except (SerdeError, ZstdError, AssertionError, *MALFORMED) as error:  # by version
                 line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
                 if channel not in decoded:
                     raise LogError(f'{line}: {error}') from None

@@ -9,6 +9,7 @@ from typing import cast, Protocol
 from rovid_core.dofs import Quaternion
 from rovid_core.identification import Identification
 from rovid_core.identifier import Step
+from rovid_core.inlet import Inlet, TAKEN_ANEW
 from rovid_core.motion import Motion
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
@@ -60,6 +61,8 @@ class Pipe:
         self._warn = warn
         self._scorer = scorer
         self._max_gap = round(settings.max_gap / NS)
+        self._memory = 3 * round(settings.longest_timeout / NS)
+        self._sign_timeout = round(settings.timeout_of('sign') / NS)
         self._world = World(settings)
         self._thrust = Thrust(settings.thrusters, settings.dofs)
         used = settings.used_inputs()
@@ -67,11 +70,14 @@ class Pipe:
             track for track in (Track(settings, name, self._world, warn) for name in SOURCES)
             if track.source.dofs or track.source.input in used
             and track.source.input in ('position', 'depth')]
+        self._inlets = {name: Inlet(settings, name, self._thrust, warn)
+                        for name in SOURCES if name in used}
         self._dofs = [
             Identification(settings, i, reject, warn) for i in range(len(settings.dofs))]
         self.identifiers = [dof.identifier for dof in self._dofs]
         self.adapt = True
         self._sign: tuple[float, ...] | None = None
+        self._sign_time = 0
         self._one_sided = OneSided(settings, warn)
 
     def verdict(self, i: int) -> str:
@@ -88,6 +94,8 @@ class Pipe:
         self._world.restart()
         self._thrust.restart()
         self._sign = None
+        for inlet in self._inlets.values():
+            inlet.restart()
         for track in self._tracks:
             track.source.restart()
             track.interrupt()
@@ -140,30 +148,42 @@ class Pipe:
         if name == 'thrusters':
             return self._take_command(time, value, sample.part)
         if name == 'sign':
-            self._sign = value
+            self._sign, self._sign_time = value, time
             return ''
         if name == 'attitude':
             try:
                 value = rotation = normalised(cast(Quaternion, value))
             except (ValueError, OverflowError):
                 return 'not_a_rotation'
-            self._world.attitude.add(time, rotation)
+        inlet = self._inlets[name]
+        reason = inlet.take(time, value)
+        anew = reason if reason in TAKEN_ANEW else ''
+        if reason and not anew:
+            return reason
+        if name == 'attitude':
+            if anew:
+                self._world.attitude.take_up(time, rotation)
+            else:
+                self._world.attitude.add(time, rotation, inlet.gate.change)
         for track in self._tracks:
             if track.source.input == name:
-                track.source.add(time, value)
-        return ''
+                track.source.add(time, value, anew)
+                return ''
+        return anew
 
     def _take_command(self, time: int, value: tuple[float, ...], part: int) -> str:
         if self._settings.sign.topic:
             if self._sign is None:
                 return 'no_sign'
+            if time - self._sign_time > self._sign_timeout:
+                return 'stale_sign'
             signs = self._sign if len(self._sign) > 1 else self._sign * len(value)
             if len(signs) > len(value):
                 signs = signs[part:part + 1]
             value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
         self._one_sided.command(value)
-        # a span begins at most max_gap before a measurement that waited max_gap for the rest
-        self._thrust.forget(time - 3 * self._max_gap)
+        # a span begins at most a timeout before a measurement that waited as long for the rest
+        self._thrust.forget(time - self._memory)
         return '' if self._thrust.command(time, value, part) else 'force_out_of_range'
 
     def _run(self, track: Track, now: int, estimates: list[Estimate]) -> None:
@@ -193,7 +213,7 @@ class Pipe:
 
     def _step(self, track: Track, motion: Motion, estimates: list[Estimate]) -> None:
         last = track.last
-        if last is not None and motion.time - last.time > self._max_gap:
+        if last is not None and motion.time - last.time > track.timeout:
             self._skip(track, 'gap')
             last = None
         missing = self._thrust.missing(last.time if last else motion.time, motion.time)

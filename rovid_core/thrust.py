@@ -204,6 +204,10 @@ class Thrust:
                             + transient * lag * (1.0 - decay))
         return tuple(lagged), tuple(impulses)
 
+    def newest(self, i: int) -> float:
+        """Return the newest commanded force on DOF number ``i``, 0 before the first."""
+        return self._forces[-1][i] if self._forces else 0.0
+
     def known(self, time: int) -> bool:
         """Tell whether the force up to ``time`` [ns] needs no command that is still to come."""
         if not self._linear:

@@ -9,6 +9,8 @@ from rovid_core.motion import Motion, MotionSource
 from rovid_core.settings import Settings
 from rovid_core.world import World
 
+NS = 1e-9
+
 
 class Track:
     """
@@ -37,6 +39,7 @@ class Track:
         self.last: Motion | None = None  # where the next step begins
         self._warn: Callable[[str], None] | None = warn
         self._gaps = 0
+        self.timeout = round(settings.timeout_of(input) / NS)  # between two steps [ns]
 
     def interrupt(self) -> None:
         """Take up from the next measurement."""

@@ -15,6 +15,9 @@ AHEAD = 1_000_000_000
 MOST_AHEAD = 4096
 """Events of one input that are held while they wait for a second input to agree."""
 
+MOST_HELD = 65536
+"""Events that wait for the other inputs; of more, the oldest is released at once."""
+
 ALONE = 20
 """So many events with nothing from the others, over more than AHEAD, need no agreement."""
 
@@ -37,8 +40,9 @@ class EventOrder:
     input, in order of arrival.
 
     A stamp far ahead is put aside until the other inputs have come as far, or a second one
-    leaps as far, or nothing else comes for a while. A stamp far back is put aside until
-    the next one of its input, or one of another input, confirms that time jumped.
+    leaps as far, or nothing else comes for a while. A stamp far back is put aside until all
+    other inputs have gone back as well, or have been silent for a second: then time jumped.
+    As long as another input goes on, only the clock of that one has.
 
     Parameters
     ----------
@@ -73,7 +77,8 @@ class EventOrder:
         self._newest: int | None = None  # newest accepted event time of all
         self._held: list[tuple[int, int, int, Event]] = []
         self._ahead: dict[Key, list[Event]] = {}  # not believed yet
-        self._behind: dict[Key, Event] = {}  # a jump of time, if confirmed
+        self._behind: dict[Key, list[Event]] = {}  # a jump of time, if confirmed
+        self._gone_back: dict[Key, int] = {}
         self._arrivals = 0
         self._late: dict[Key, int] = {}
         self._alone: tuple[Key | None, int, int] = (None, 0, 0)  # input, since when, how many
@@ -96,15 +101,12 @@ class EventOrder:
         if last is None or event.time >= last - self._time_jump:
             self._take(key, event)
             return self._release(), False
-        confirmed = [e for e in self._behind.values() if abs(e.time - event.time) <= self._far]
-        if not confirmed:
-            self._replace_behind(key, event)
+        self._put_behind(key, event)
+        if not self._has_jumped(key):
             return [], False
-        for other in self._behind.values():
-            if other not in confirmed:
-                self._drop(other, 'backward')
+        confirmed = [e for events in self._behind.values() for e in events]
         self._discard()
-        for doubted in (*sorted(confirmed, key=lambda e: e.time), event):
+        for doubted in sorted(confirmed, key=lambda e: e.time):
             self._take(_key(doubted), doubted)
         return self._release(), True
 
@@ -117,7 +119,7 @@ class EventOrder:
         return [heappop(self._held)[3] for _ in range(len(self._held))]
 
     def _take(self, key: Key, event: Event) -> None:
-        self._replace_behind(key, None)
+        self._go_on(key, event)
         alone, since, count = self._alone
         self._alone = (key, since, count + 1) if key == alone else (key, event.time, 1)
         if self._is_doubtful(key, event):
@@ -207,22 +209,60 @@ class EventOrder:
         if self._last.keys() >= self._inputs:
             until = max(until, min(self._last[key] for key in self._inputs))
         released = []
-        while self._held and self._held[0][0] <= until:
+        while self._held and (self._held[0][0] <= until or len(self._held) > MOST_HELD):
             released.append(heappop(self._held)[3])
         return released
 
     def _note_late(self, key: Key, lag: int) -> None:
         count = self._late[key] = self._late.get(key, 0) + 1
-        if count == TELLING:
+        if count == TELLING and lag > self._far:
+            self._warn(f'the stamps of {key[0]} are {lag / 1e9:.1f} s behind those of the other '
+                       'inputs; they are refused as late until its clock is right')
+        elif count == TELLING:
             self._warn(f'messages of {key[0]} come up to {lag / 1e9:.2f} s after newer ones of '
                        'other inputs and are refused as late: raise max_wait, or give the '
                        'latency of the inputs')
 
-    def _replace_behind(self, key: Key, event: Event | None) -> None:
-        if key in self._behind:
-            self._drop(self._behind.pop(key), 'backward')
-        if event is not None:
-            self._behind[key] = event
+    def _put_behind(self, key: Key, event: Event) -> None:
+        """Put an event aside that would be a jump of time."""
+        for other, events in list(self._behind.items()):
+            if abs(events[-1].time - event.time) > self._far:
+                self._drop_behind(other)  # they do not jump to the same time
+        events = self._behind.setdefault(key, [])
+        if events and event.time <= events[-1].time:
+            self._drop(event, 'duplicate' if event.time == events[-1].time else 'backward')
+            return
+        events.append(event)
+        if len(events) > MOST_AHEAD:
+            self._drop(events.pop(0), 'backward')
+
+    def _has_jumped(self, key: Key) -> bool:
+        """Tell whether nothing is left that goes on at the old time."""
+        own = self._behind[key]
+        if own[-1].time - own[0].time > self._far:
+            return True
+        pending = [e for events in self._behind.values() for e in events]
+        back = {(s.input, s.part) for e in pending for s in e.samples}
+        return len(pending) > 1 and back >= self._last.keys() & self._inputs
+
+    def _go_on(self, key: Key, event: Event) -> None:
+        """Take an event as a sign that it is not time that jumped."""
+        if not self._behind or key not in self._inputs and key not in self._behind:
+            return
+        self._drop_behind(key)
+        if self._newest is not None and event.time >= self._newest - self._far:
+            for other in list(self._behind):
+                lag = event.time - self._behind[other][-1].time
+                self._drop_behind(other)
+                count = self._gone_back[other] = self._gone_back.get(other, 0) + 1
+                if count == TELLING:
+                    self._warn(f'the stamps of {other[0]} have gone back by '
+                               f'{lag / 1e9:.1f} s and those of the others '
+                               'have not: they are refused until its clock is right again')
+
+    def _drop_behind(self, key: Key) -> None:
+        for event in self._behind.pop(key, ()):
+            self._drop(event, 'backward')
 
     def _discard(self) -> None:
         for item in self._held:

@@ -146,12 +146,13 @@ class Gate:
         self._seen = time
         dt = (time - path.time) * NS
         change = self.change = self._between(path.value, value)
-        missed = self._miss(path, dt, change)
+        x, y, z = rest = _unexpected(change, path.rate, dt)
+        missed = math.sqrt(x * x + y * y + z * z)
         good = missed <= self._allowed(path, dt) or self._learned < ENOUGH
         self._learn(dt, missed, good)
         if good:
             self._other = None
-            self._advance(path, time, value, change)
+            self._advance(path, time, value, dt, rest)
             return ''
         speed = math.hypot(*(value if self._is_rate else change))
         return self._refuse(time, value, 'outlier' if speed <= self._max_speed * (
@@ -163,12 +164,6 @@ class Gate:
         if self._axes == 1:
             return (b[0] - a[0], 0.0, 0.0)
         return (b[0] - a[0], b[1] - a[1], b[2] - a[2] if self._axes == 3 else 0.0)
-
-    def _miss(self, path: Path, dt: float, change: Vector) -> float:
-        """Return by how much a measurement misses what a path predicts."""
-        (x, y, z), (u, v, w) = change, path.rate
-        x, y, z = x - u * dt, y - v * dt, z - w * dt
-        return math.sqrt(x * x + y * y + z * z)
 
     def _allowed(self, path: Path, dt: float) -> float:
         """Return by how much a measurement may miss what a path predicts."""
@@ -185,29 +180,28 @@ class Gate:
         # the rate lags behind by 1.75 periods, see _advance
         return noise + self._acceleration * span * (0.5 * span + 1.75 * period)
 
-    def _advance(self, path: Path, time: int, value: Floats, change: Vector) -> None:
+    def _advance(self, path: Path, time: int, value: Floats, dt: float, rest: Vector) -> None:
         """Go on to a good measurement; a short interval says little of the rate."""
         if not self._is_rate:
-            dt = (time - path.time) * NS
             h = dt + 0.5 * self._period
             share = 1.0 / dt if path.count == 1 else dt / (h * h)
-            (x, y, z), (u, v, w) = change, path.rate
-            path.rate = (
-                u + share * (x - u * dt), v + share * (y - v * dt), w + share * (z - w * dt))
+            u, v, w = path.rate
+            path.rate = (u + share * rest[0], v + share * rest[1], w + share * rest[2])
         path.time, path.value = time, value
         path.count += 1
 
     def _learn(self, dt: float, missed: float, good: bool) -> None:
+        period = self._period
+        if self._other is None:
+            longest = 2.0 * period or dt
+            self._period += ((dt if dt < longest else longest) - period) * (
+                GAIN if period else 1.0)
+        if self.change == STILL:
+            return
         n = self._learned = self._learned + 1
         weight = GAIN if n > 60 else 3.0 / n
         if not good:
             weight *= DOUBT
-        period = self._period
-        if self._other is None:
-            longest = 2.0 * period if n > 1 else dt
-            self._period += ((dt if dt < longest else longest) - period) * min(1.0, weight)
-        if self.change == STILL:
-            return
         if dt > period > 0.0:
             missed *= period / dt
         scale = self._scale or missed
@@ -218,12 +212,18 @@ class Gate:
         """Refuse a measurement, unless it is the last of many that agree."""
         other = self._other
         if other is not None:
-            dt, change = (time - other.time) * NS, self._between(other.value, value)
-            if self._miss(other, dt, change) <= self._allowed(other, dt):
-                self._advance(other, time, value, change)
+            dt = (time - other.time) * NS
+            rest = _unexpected(self._between(other.value, value), other.rate, dt)
+            if math.hypot(*rest) <= self._allowed(other, dt):
+                self._advance(other, time, value, dt, rest)
                 if other.count >= AGREEING:
                     self._path, self._other = other, None
                     return 'shifted'
                 return reason
         self._other = Path(time, value)
         return reason
+
+
+def _unexpected(change: Vector, rate: Vector, dt: float) -> Vector:
+    """Return what a rate leaves of a change."""
+    return (change[0] - rate[0] * dt, change[1] - rate[1] * dt, change[2] - rate[2] * dt)

@@ -11,6 +11,7 @@ from rovid_core.identifier import Scales, Step
 from rovid_core.methods import make
 from rovid_core.plant import lumped
 from rovid_core.settings import Settings
+from rovid_core.slips import Sign
 from rovid_core.status import DofStatus
 from rovid_core.values import DofEstimate
 from rovid_core.watch import TypicalSizes
@@ -51,6 +52,7 @@ class Identification:
         self._status = DofStatus(Scales.of(dof), getattr(
             self.identifier, 'adaptation_time', method.adaptation_time))
         self._sizes = TypicalSizes(name, dof, warn)
+        self._sign = Sign(name, Scales.of(dof).force, settings.source(name), warn)
         self._reject = reject
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
         self._truth = None if true is None else lumped(
@@ -77,6 +79,7 @@ class Identification:
         if refused:
             self._reject(self._name, refused)
         self._sizes.step(step)
+        self._sign.step(step)
         status, reasons = self._status.after(identifier, step, refused, adapt)
         truth = self._truth
         self.estimate = DofEstimate(

@@ -8,6 +8,7 @@ from rovid_core.dofs import ANGULAR_DOFS, LINEAR_DOFS
 from rovid_core.gate import Floats, Gate
 from rovid_core.identifier import Scales
 from rovid_core.settings import Settings
+from rovid_core.slips import Units
 from rovid_core.thrust import Thrust
 
 STUCK = 10
@@ -55,6 +56,7 @@ class Inlet:
         self._warn = warn
         self._gated = settings.gate > 0.0
         self.gate = Gate(settings, input)
+        self._units = Units(settings, input, warn)
         names = ANGULAR_DOFS if input in ('attitude', 'angular_velocity') else (
             ('heave',) if input == 'depth' else LINEAR_DOFS)
         own = [i for i, d in enumerate(settings.dofs) if d in names]
@@ -66,6 +68,7 @@ class Inlet:
     def restart(self) -> None:
         """Forget everything."""
         self.gate.restart()
+        self._units.restart()
         self._value: Floats | None = None
         self._count = self._repeats = self._run = 0
         self._stuck = False
@@ -93,7 +96,9 @@ class Inlet:
                 self._stuck = False
                 self.gate.take_up(time, value)
                 return 'gap'
-        return self.gate.take(time, value) if self._gated else ''
+        reason = self.gate.take(time, value) if self._gated else ''
+        self._units.take(time, value, None if reason else self.gate.change)
+        return reason
 
     def _is_stuck(self) -> bool:
         """Take a value that is exactly the one before."""

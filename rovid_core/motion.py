@@ -9,7 +9,7 @@ import math
 from rovid_core.dofs import ANGULAR_DOFS, DOFS, Quaternion, Vector
 from rovid_core.rotation import rotate, rotate_back, rotation_between
 from rovid_core.settings import Settings
-from rovid_core.world import World
+from rovid_core.world import MOST_KEPT, World
 
 NS = 1e-9
 
@@ -94,9 +94,29 @@ class MotionSource:
         self._refused: Fix | None = None
         self._attitude: Quaternion | None = None  # of the last interval
 
-    def add(self, time: int, value: tuple[float, ...], anew: str = '') -> None:
-        """Take a measurement at ``time`` [ns]; with a reason ``anew`` it is taken up from there."""
+    def add(self, time: int, value: tuple[float, ...], anew: str = '') -> bool:
+        """
+        Take a measurement.
+
+        Parameters
+        ----------
+        time : int
+            [ns]
+        value : tuple of float
+            What was measured.
+        anew : str
+            A reason to take up from there, '' for none.
+
+        Returns
+        -------
+        bool
+            False if too many wait already for their attitude.
+
+        """
+        if len(self._waiting) >= MOST_KEPT:
+            return False
         self._waiting.append((time, value, anew))
+        return True
 
     def take(self, now: int) -> Motion | str | None:
         """

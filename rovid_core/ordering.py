@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from heapq import heappop, heappush
 
 from rovid_core.settings import INPUTS
+from rovid_core.time_jump import Key, TELLING, TimeJump
 from rovid_core.values import Event
 
 AHEAD = 1_000_000_000
@@ -21,12 +22,7 @@ MOST_HELD = 65536
 ALONE = 20
 """So many events with nothing from the others, over more than AHEAD, need no agreement."""
 
-TELLING = 20
-"""So many misplaced stamps of one input are a warning, not an accident."""
-
 NEVER = -(1 << 62)
-
-Key = tuple[str, int]
 
 
 class EventOrder:
@@ -40,9 +36,9 @@ class EventOrder:
     input, in order of arrival.
 
     A stamp far ahead is put aside until the other inputs have come as far, or a second one
-    leaps as far, or nothing else comes for a while. A stamp far back is put aside until all
-    other inputs have gone back as well, or have been silent for a second: then time jumped.
-    As long as another input goes on, only the clock of that one has.
+    leaps as far, or nothing else comes for a while. An input that was in step with the others
+    and then stays ahead of them, however far they come, has a wrong clock. What comes of a
+    stamp far back is told by ``TimeJump``.
 
     Parameters
     ----------
@@ -69,6 +65,7 @@ class EventOrder:
         self._time_jump = round(time_jump * 1e9)
         self._reject = reject
         self._warn = warn
+        self._jump = TimeJump(self._far, self._drop, warn)
         self.restart()
 
     def restart(self) -> None:
@@ -77,10 +74,11 @@ class EventOrder:
         self._newest: int | None = None  # newest accepted event time of all
         self._held: list[tuple[int, int, int, Event]] = []
         self._ahead: dict[Key, list[Event]] = {}  # not believed yet
-        self._behind: dict[Key, list[Event]] = {}  # a jump of time, if confirmed
-        self._gone_back: dict[Key, int] = {}
+        self._jump.restart()
         self._arrivals = 0
         self._late: dict[Key, int] = {}
+        self._doubted: dict[Key, int] = {}
+        self._in_step: dict[Key, bool] = {}  # with the others, at some time
         self._alone: tuple[Key | None, int, int] = (None, 0, 0)  # input, since when, how many
 
     def push(self, event: Event) -> tuple[list[Event], bool]:
@@ -101,12 +99,15 @@ class EventOrder:
         if last is None or event.time >= last - self._time_jump:
             self._take(key, event)
             return self._release(), False
-        self._put_behind(key, event)
-        if not self._has_jumped(key):
+        if key not in self._inputs:  # decides nothing
+            self._drop(event, 'backward')
             return [], False
-        confirmed = [e for events in self._behind.values() for e in events]
+        self._jump.put(key, event)
+        if not self._jump.has_happened(key, self._last.keys() & self._inputs):
+            return [], False
+        confirmed = self._jump.take()
         self._discard()
-        for doubted in sorted(confirmed, key=lambda e: e.time):
+        for doubted in confirmed:
             self._take(_key(doubted), doubted)
         return self._release(), True
 
@@ -119,7 +120,9 @@ class EventOrder:
         return [heappop(self._held)[3] for _ in range(len(self._held))]
 
     def _take(self, key: Key, event: Event) -> None:
-        self._go_on(key, event)
+        if key in self._inputs:
+            self._jump.go_on(key, event.time, self._newest is not None
+                             and event.time >= self._newest - self._far)
         alone, since, count = self._alone
         self._alone = (key, since, count + 1) if key == alone else (key, event.time, 1)
         if self._is_doubtful(key, event):
@@ -145,13 +148,18 @@ class EventOrder:
         events.append(event)
         if len(events) > MOST_AHEAD:
             self._drop(events.pop(0), 'future')
-        others = [t for k, t in self._last.items() if k != key]
+        count = self._doubted[key] = self._doubted.get(key, 0) + 1
+        others = self._others(key)
         silent = self._alone[2] >= TELLING  # then it is they who are behind
-        if (len(events) == TELLING and not silent and others
-                and event.time > max(others) + self._far):
-            self._warn(f'the stamps of {key[0]} are {(event.time - max(others)) / 1e9:.1f} s '
-                       'ahead of those of the other inputs; they wait until the others have '
-                       'come as far')
+        if (count == TELLING and not silent and others != NEVER
+                and event.time > others + self._far):
+            fate = ('they are refused until its clock is right again' if key in self._in_step
+                    else 'they wait until the others have come as far')
+            self._warn(f'the stamps of {key[0]} are {(event.time - others) / 1e9:.1f} s ahead of '
+                       f'those of the other inputs; {fate}')
+
+    def _others(self, key: Key) -> int:
+        return max([t for k, t in self._last.items() if k != key], default=NEVER)
 
     def _believe(self, now: int) -> None:
         """Accept the doubted events that something stands for by now."""
@@ -164,11 +172,16 @@ class EventOrder:
         while True:
             believed: list[Event] = []
             for key, events in list(self._ahead.items()):
-                own = events[-1].time if key == alone else NEVER
-                until = max([common, own, *(t for k, t in self._last.items() if k != key)])
-                count = bisect_right(events, until, key=lambda e: e.time)
+                until = max(common, events[-1].time if key == alone else NEVER)
+                others = self._others(key)
+                # once in step with the others, and now ahead however far they come: its clock
+                leapt = key in self._in_step and events[-1].time > max(until, others + self._far)
+                count = bisect_right(events, until if leapt else max(until, others),
+                                     key=lambda e: e.time)
                 believed += events[:count]
                 del events[:count]
+                while leapt and events and events[0].time <= others:
+                    self._drop(events.pop(0), 'future')
                 if not events:
                     del self._ahead[key]
             if not believed:
@@ -179,6 +192,8 @@ class EventOrder:
 
     def _accept(self, key: Key, event: Event) -> None:
         assert self._newest is not None
+        self._doubted[key] = 0
+        self._in_step[key] = True
         for doubted in self._ahead.pop(key, ()):
             self._drop(doubted, 'future')
         if event.time < self._newest - self._max_wait and self._is_new(key, event):
@@ -222,47 +237,6 @@ class EventOrder:
             self._warn(f'messages of {key[0]} come up to {lag / 1e9:.2f} s after newer ones of '
                        'other inputs and are refused as late: raise max_wait, or give the '
                        'latency of the inputs')
-
-    def _put_behind(self, key: Key, event: Event) -> None:
-        """Put an event aside that would be a jump of time."""
-        for other, events in list(self._behind.items()):
-            if abs(events[-1].time - event.time) > self._far:
-                self._drop_behind(other)  # they do not jump to the same time
-        events = self._behind.setdefault(key, [])
-        if events and event.time <= events[-1].time:
-            self._drop(event, 'duplicate' if event.time == events[-1].time else 'backward')
-            return
-        events.append(event)
-        if len(events) > MOST_AHEAD:
-            self._drop(events.pop(0), 'backward')
-
-    def _has_jumped(self, key: Key) -> bool:
-        """Tell whether nothing is left that goes on at the old time."""
-        own = self._behind[key]
-        if own[-1].time - own[0].time > self._far:
-            return True
-        pending = [e for events in self._behind.values() for e in events]
-        back = {(s.input, s.part) for e in pending for s in e.samples}
-        return len(pending) > 1 and back >= self._last.keys() & self._inputs
-
-    def _go_on(self, key: Key, event: Event) -> None:
-        """Take an event as a sign that it is not time that jumped."""
-        if not self._behind or key not in self._inputs and key not in self._behind:
-            return
-        self._drop_behind(key)
-        if self._newest is not None and event.time >= self._newest - self._far:
-            for other in list(self._behind):
-                lag = event.time - self._behind[other][-1].time
-                self._drop_behind(other)
-                count = self._gone_back[other] = self._gone_back.get(other, 0) + 1
-                if count == TELLING:
-                    self._warn(f'the stamps of {other[0]} have gone back by '
-                               f'{lag / 1e9:.1f} s and those of the others '
-                               'have not: they are refused until its clock is right again')
-
-    def _drop_behind(self, key: Key) -> None:
-        for event in self._behind.pop(key, ()):
-            self._drop(event, 'backward')
 
     def _discard(self) -> None:
         for item in self._held:

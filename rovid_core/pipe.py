@@ -6,6 +6,7 @@ from collections.abc import Callable
 import math
 from typing import cast, Protocol
 
+from rovid_core.commands import Commands
 from rovid_core.dofs import Quaternion
 from rovid_core.identification import Identification
 from rovid_core.identifier import Step
@@ -16,7 +17,6 @@ from rovid_core.settings import Settings
 from rovid_core.thrust import Thrust
 from rovid_core.track import Track
 from rovid_core.values import Estimate, Sample
-from rovid_core.watch import OneSided
 from rovid_core.world import World
 
 NS = 1e-9
@@ -61,10 +61,9 @@ class Pipe:
         self._warn = warn
         self._scorer = scorer
         self._max_gap = round(settings.max_gap / NS)
-        self._memory = 3 * round(settings.longest_timeout / NS)
-        self._sign_timeout = round(settings.timeout_of('sign') / NS)
         self._world = World(settings)
         self._thrust = Thrust(settings.thrusters, settings.dofs)
+        self._commands = Commands(settings, self._thrust, warn)
         used = settings.used_inputs()
         self._tracks = [  # position and depth need each other, also without a DOF of their own
             track for track in (Track(settings, name, self._world, warn) for name in SOURCES)
@@ -76,9 +75,6 @@ class Pipe:
             Identification(settings, i, reject, warn) for i in range(len(settings.dofs))]
         self.identifiers = [dof.identifier for dof in self._dofs]
         self.adapt = True
-        self._sign: tuple[float, ...] | None = None
-        self._sign_time = 0
-        self._one_sided = OneSided(settings, warn)
 
     def verdict(self, i: int) -> str:
         """Return what all data leave open of DOF number ``i``, '' if nothing."""
@@ -93,7 +89,7 @@ class Pipe:
         """Start times, filters and histories anew and keep the parameters."""
         self._world.restart()
         self._thrust.restart()
-        self._sign = None
+        self._commands.restart()
         for inlet in self._inlets.values():
             inlet.restart()
         for track in self._tracks:
@@ -141,15 +137,17 @@ class Pipe:
             not math.isinf(x) for x in value)
         if not all(sound):
             return 'non_finite'
-        if name == 'reference':
-            if self._scorer is not None:
-                self._scorer.reference(time, value)
-            return ''
+        if name in self._inlets:
+            return self._measure(time, name, value)
         if name == 'thrusters':
-            return self._take_command(time, value, sample.part)
+            return self._commands.take(time, value, sample.part)
         if name == 'sign':
-            self._sign, self._sign_time = value, time
-            return ''
+            self._commands.sign(time, value)
+        elif self._scorer is not None:
+            self._scorer.reference(time, value)
+        return ''
+
+    def _measure(self, time: int, name: str, value: tuple[float, ...]) -> str:
         if name == 'attitude':
             try:
                 value = rotation = normalised(cast(Quaternion, value))
@@ -167,24 +165,8 @@ class Pipe:
                 self._world.attitude.add(time, rotation, inlet.gate.change)
         for track in self._tracks:
             if track.source.input == name:
-                track.source.add(time, value, anew)
-                return ''
+                return '' if track.source.add(time, value, anew) else 'overflow'
         return anew
-
-    def _take_command(self, time: int, value: tuple[float, ...], part: int) -> str:
-        if self._settings.sign.topic:
-            if self._sign is None:
-                return 'no_sign'
-            if time - self._sign_time > self._sign_timeout:
-                return 'stale_sign'
-            signs = self._sign if len(self._sign) > 1 else self._sign * len(value)
-            if len(signs) > len(value):
-                signs = signs[part:part + 1]
-            value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
-        self._one_sided.command(value)
-        # a span begins at most a timeout before a measurement that waited as long for the rest
-        self._thrust.forget(time - self._memory)
-        return '' if self._thrust.command(time, value, part) else 'force_out_of_range'
 
     def _run(self, track: Track, now: int, estimates: list[Estimate]) -> None:
         while True:
@@ -240,7 +222,7 @@ class Pipe:
                  _mean(impulses[1][i], impulses[2][i], parts[1])), motion.turn,
                 motion.slips[j] if motion.slips else 0.0)
             self._dofs[i].step(motion.time, step, self.adapt)
-            self._one_sided.velocity(i, step.velocity[2])
+            self._commands.one_sided.velocity(i, step.velocity[2])
             if self._scorer is not None:
                 self._scorer.stepped(self._settings.dofs[i], span, step)
         track.last = motion

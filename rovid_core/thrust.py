@@ -14,6 +14,9 @@ NS = 1e-9
 LARGEST_FORCE = 1e12
 """[N or N m] Beyond any vehicle in any unit, and far from overflow."""
 
+MOST_KEPT = 65536
+"""Commands that are kept, however close their stamps are."""
+
 
 def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
     """
@@ -239,6 +242,7 @@ class Thrust:
     def forget(self, time: int) -> None:
         """Drop what is not needed for times from ``time`` [ns] on."""
         i = bisect_right(self._times, time) - 1
+        i = max(i, len(self._times) - MOST_KEPT)
         if i < 256:  # in lumps: cutting a list costs as much as a step
             return
         for column in self._columns():

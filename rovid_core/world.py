@@ -13,6 +13,9 @@ from rovid_core.settings import Settings
 NS = 1e-9
 
 
+MOST_KEPT = 65536
+"""Attitudes and depths that are kept, however close their stamps are."""
+
 SHARE = 0.01
 """Of a new sample in the mean that tells the noise of the attitude."""
 
@@ -56,7 +59,8 @@ class AttitudeHistory:
 
         """
         if len(self._times) > 1024:
-            cut = bisect_left(self._times, time - self._memory)
+            cut = max(bisect_left(self._times, time - self._memory),
+                      len(self._times) - MOST_KEPT)
             del self._times[:cut], self._values[:cut]
         if self._times and time > self._times[-1]:
             self._note_noise((time - self._times[-1]) * NS,
@@ -109,7 +113,7 @@ class World:
     def restart(self) -> None:
         """Forget everything."""
         self.attitude.restart()
-        self._depths: deque[tuple[int, float]] = deque()
+        self._depths: deque[tuple[int, float]] = deque(maxlen=MOST_KEPT)
         self._horizontal: tuple[int, float, float] | None = None
 
     def forget_depths(self) -> None:

@@ -224,6 +224,20 @@ def test_a_clock_that_is_ahead_is_told_and_hurts_nobody():
     assert 'thrusters are 7.0 s ahead' in order.warnings[0]
 
 
+def test_a_clock_that_steps_ahead_alone_is_refused_and_told():
+    order, released = Order(), []
+    for k in range(1000):
+        for name, _ in INPUTS:
+            released += order.push(20 * k + (
+                7000 if name == 'thrusters' and 100 <= k < 900 else 0), name)
+    assert set(order.rejected) == {('thrusters', 'future')}
+    assert len(order.rejected) == 800
+    assert len(order.warnings) == 1
+    assert 'thrusters are 7.0 s ahead' in order.warnings[0]
+    assert 'refused until its clock is right' in order.warnings[0]
+    assert len(released) > 2190
+
+
 def test_a_clock_that_is_behind_is_told():
     order = Order()
     for k in range(100):

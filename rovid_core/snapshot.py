@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+import sys
 from typing import Any
 
 from rovid_core.snapshot_build import Build, SnapshotError
@@ -20,23 +21,19 @@ class Snapshots:
     Values come back bit for bit, what several attributes share is shared again, and objects,
     lists, dicts, deques and sets that were there from the start stay the same ones, so that a
     bound method such as ``list.append`` still reaches them. Code and settings are not state:
-    they stay what they are in the objects that a snapshot is put back into. Only classes that
-    the objects are made of at first can be in a snapshot, and those of ``appearing``.
+    they stay what they are in the objects that a snapshot is put back into. Only classes of the
+    modules that the objects at first come from can be in a snapshot.
 
     Parameters
     ----------
     roots : mapping of str to object
         The objects, as they were made: nothing has happened to them yet.
-    appearing : iterable of dataclasses
-        Classes of which the roots have no object at first.
 
     """
 
-    def __init__(self, roots: Mapping[str, object], appearing: Iterable[type] = ()) -> None:
+    def __init__(self, roots: Mapping[str, object]) -> None:
         self._roots = dict(roots)
-        self._classes = Classes({
-            class_name(cls): (cls, {frozenset(f.name for f in fields(cls))})
-            for cls in appearing})
+        self._classes: Classes = {}
         self.learn()
 
     def learn(self) -> None:
@@ -44,6 +41,11 @@ class Snapshots:
         walk = Walk(self._classes, learning=True)
         for name, root in self._roots.items():
             walk.plain(root, name)
+        for module in {cls.__module__ for cls, _ in self._classes.values()}:
+            for cls in vars(sys.modules[module]).values():
+                if isinstance(cls, type) and cls.__module__ == module:
+                    names = [frozenset(f.name for f in fields(cls))] if is_dataclass(cls) else []
+                    self._classes.setdefault(class_name(cls), (cls, set(names)))
 
     def take(self) -> dict[str, Any]:
         """

@@ -243,7 +243,7 @@ def damaged(data: st.DataObject, text: str, times: int = 3) -> Any:
 
 
 HOSTILE = hypothesis_settings(  # what to shrink is the whole state of a run: that takes for ever
-    max_examples=150, deadline=None, phases=[Phase.generate],
+    max_examples=80, deadline=None, phases=[Phase.generate],
     suppress_health_check=list(HealthCheck))
 
 

@@ -18,7 +18,7 @@ from rovid_ros.simulate import simulate_log
 
 from benchmarks.kills import configured, environment, REPOSITORY, Tally
 
-SPEED = 4.0
+SPEED = 2.0
 """Times real time at which the messages are sent, so that more of them are on the way."""
 
 SHORTEST, LONGEST = 0.3, 5.0

@@ -51,6 +51,16 @@ SPOILT = {
 }
 
 
+def test_noise_is_no_speed_however_high_the_rate():
+    settings = vehicle()
+    fast = replace(settings.simulation, position_rate=1000.0, position_noise=0.005,
+                   attitude_rate=500.0, attitude_noise=0.002)
+    settings = replace(settings, simulation=fast, max_speed=5.0)
+    events = [Event(time, (Sample(name, value),)) for time, name, value in simulate(
+        settings, 3.0, seed=1)]
+    assert run(settings, events).rejected == {}
+
+
 @pytest.mark.parametrize('method', METHODS)
 @pytest.mark.parametrize('name', SPOILT)
 def test_outliers_cost_no_method_its_model(method, name):

@@ -19,7 +19,7 @@ REASONS = {
     'duplicate': 'its stamp is that of the message before',
     'backward': 'its stamp is before that of the message before',
     'future': 'its stamp was far ahead and no other input came as far',
-    'overload': 'too many wait for the slowest input',
+    'overload': 'more came than could be taken, or waited for the slowest input',
     'discarded': 'it waited for the other inputs when time jumped back',
     # values
     'non_finite': 'not a number, or infinite',

@@ -293,7 +293,7 @@ def backwards(message: Message) -> Message:
     (without_vertical, WARNING, 'thrusters', 'thruster 3 (vertical) is always at 0'),
     (with_a_hole, WARNING, 'position', 'is above max_gap 1 s'),
     (with_nan, WARNING, 'depth', 'are no numbers'),
-    (with_nan, WARNING, 'depth', 'refused as non_finite; NaN or infinite'),
+    (with_nan, WARNING, 'depth', 'refused as non_finite; not a number, or infinite'),
     (downwards, WARNING, 'depth', 'depth.scale has to be negative'),
     (backwards, WARNING, 'attitude', 'are not after the one before'),
 ])

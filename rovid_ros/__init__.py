@@ -1,8 +1,12 @@
 """Everything around ``rovid_core``: the ROS 2 node, recorded logs, configuration, commands."""
 
-from importlib.metadata import PackageNotFoundError, version
 
-try:
-    __version__ = version('rovid_ros')
-except PackageNotFoundError:  # run from the source folder without an installation
-    __version__ = 'unknown'
+def __getattr__(name: str) -> str:
+    """Look the version up when it is asked for, which takes as long as all of ``--help``."""
+    if name != '__version__':
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    from importlib.metadata import PackageNotFoundError, version
+    try:
+        return version('rovid_ros')
+    except PackageNotFoundError:  # run from the source folder without an installation
+        return 'unknown'

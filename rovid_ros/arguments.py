@@ -31,6 +31,16 @@ class Parser(argparse.ArgumentParser):
         wrong_usage(self.prog, message + hint)
 
 
+class Version(argparse.Action):
+    """Print the version, which only then is looked up."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *given: Any) -> NoReturn:
+        """Print it and exit."""
+        from rovid_ros import __version__
+        print(f'{parser.prog} {__version__}')
+        parser.exit()
+
+
 def wrong_usage(prog: str, message: str) -> NoReturn:
     """End with a line about the command line."""
     print(f'{prog}: {message} (see {prog} --help)', file=sys.stderr)

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 import sys
 
-from rovid_ros import __version__, cli_check, cli_logs, cli_models
-from rovid_ros.arguments import Parser, wrong_usage
+from rovid_ros import cli_check, cli_logs, cli_models
+from rovid_ros.arguments import Parser, Version, wrong_usage
 from rovid_ros.command import DONE, guarded, USAGE
 
 
@@ -49,7 +49,7 @@ def _parser() -> Parser:
     parser = Parser(
         prog='rovid', description='Identify mass, drag and bias of an underwater vehicle '
         'from a log of its positions and thruster commands.')
-    parser.add_argument('--version', action='version', version=f'rovid {__version__}')
+    parser.add_argument('--version', action=Version, nargs=0, help='show the version and exit')
     parser.set_defaults(run=None, prog=parser.prog)
     commands = parser.add_subparsers(title='commands', metavar='COMMAND')
     cli_check.add_check(commands)

@@ -7,10 +7,12 @@ from contextlib import contextmanager
 import os
 from pathlib import Path
 import sys
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-from rovid_core.settings import Settings, SettingsError
 from rovid_ros.interrupt import Interrupted
+
+if TYPE_CHECKING:
+    from rovid_core.settings import Settings
 
 LONGEST_LINE = 2000
 """[characters] What a foreign log makes of an error message can be longer than of use."""
@@ -66,8 +68,8 @@ def read_settings(path: Path, method: str = '') -> Settings:
     with naming(path):
         try:
             return settings_from(read_values(path, method))
-        except SettingsError as error:
-            if method and error.key == 'identifier.method':
+        except ValueError as error:
+            if method and getattr(error, 'key', '') == 'identifier.method':
                 raise UsageError(f'--method: {str(error).partition(": ")[2]}') from None
             raise
 

@@ -12,6 +12,7 @@ from rovid_core.settings import Settings
 from rovid_ros.convert import Converter
 from rovid_ros.input_topics import inputs_of
 from rovid_ros.node_publishers import best_effort
+from rovid_ros.outputs import TOPICS
 
 MOST = 3
 """Names of what others publish that are listed; there could be any number."""
@@ -169,9 +170,10 @@ def _differs(one: Any, other: Any) -> bool:
 
 def _hint(name: str, type_name: str, node: Graph) -> str:
     """Return a topic that could be meant, '' if none is near."""
+    own = {name, *map(node.resolve_topic_name, TOPICS)}
     topics: Mapping[str, Sequence[str]] = {
         other: types for other, types in node.get_topic_names_and_types()
-        if other != name and node.count_publishers(other)}
+        if other not in own and node.count_publishers(other)}
     same = [other for other, types in topics.items() if type_name in types]
     near = difflib.get_close_matches(name, same, 1, NEAR) or (same if len(same) == 1 else [])
     if near:

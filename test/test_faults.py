@@ -1,6 +1,5 @@
 """Some faults of the campaign: each is said, nothing breaks, and the model recovers."""
 
-from collections.abc import Iterator
 from pathlib import Path
 import re
 
@@ -68,23 +67,21 @@ def test_a_fault_in_the_tank(data: Path) -> None:
         assert bench.ratio(outcome, usual)[0] < 1.2
 
 
-class TestLive:
-    """The same over DDS, in the process of the node."""
+@pytest.fixture(scope='module')
+def short() -> Bench:
+    pytest.importorskip('rclpy')
+    return simulated(30.0, 8.0)
 
-    @pytest.fixture(scope='class')
-    def short(self) -> Iterator[Bench]:
-        pytest.importorskip('rclpy')
-        yield simulated(30.0, 8.0)
 
-    @pytest.mark.parametrize('name', ['position nan', 'everything twice', 'random bytes'])
-    def test_live_gives_the_steps_of_a_replay(self, name: str, short: Bench) -> None:
-        from benchmarks.fault_live import live, WAIT
-        fault = BY_NAME[name]
-        messages = fault.edit(short.recording, fault.span(short.recording))
-        expected = replayed(messages, short.method('ekf', WAIT))
-        outcome = live(messages, short, expected)
-        assert not outcome.failed
-        assert not outcome.not_finite
-        assert len(outcome.steps) > 500
-        assert outcome.steps == expected.steps
-        assert re.search(fault.says, '\n'.join([*outcome.rejected, *outcome.warnings]))
+@pytest.mark.parametrize('name', ['position nan', 'everything twice', 'random bytes'])
+def test_live_gives_the_steps_of_a_replay(name: str, short: Bench) -> None:
+    from benchmarks.fault_live import live, WAIT
+    fault = BY_NAME[name]
+    messages = fault.edit(short.recording, fault.span(short.recording))
+    expected = replayed(messages, short.method('ekf', WAIT))
+    outcome = live(messages, short, expected)
+    assert not outcome.failed
+    assert not outcome.not_finite
+    assert len(outcome.steps) > 500
+    assert outcome.steps == expected.steps
+    assert re.search(fault.says, '\n'.join([*outcome.rejected, *outcome.warnings]))

@@ -30,7 +30,7 @@ import yaml
 
 from benchmarks.sensors import at_rates, sensed
 
-EXAMPLES = int(os.environ.get('ROVID_EXAMPLES', '200'))
+EXAMPLES = int(os.environ.get('ROVID_EXAMPLES', '100'))
 PATIENCE = 60
 """[s] after which an example hangs."""
 

@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from rovid_ros.keys import KEYS
 from rovid_ros.node_identifier import IdentifierNode
 
-EXAMPLES = int(os.environ.get('ROVID_EXAMPLES', '200'))
+EXAMPLES = int(os.environ.get('ROVID_EXAMPLES', '100'))
 
 many = settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=[
     HealthCheck.too_slow, HealthCheck.function_scoped_fixture])

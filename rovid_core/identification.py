@@ -88,13 +88,15 @@ class Identification:
             self._steps += 1
         self._sizes.step(step)
         self._sign.step(step)
-        velocity = step.velocity[2]
+        velocity, v_hat = step.velocity[2], identifier.v_hat
+        if v_hat != v_hat:  # lost its way: it takes up from what is measured
+            v_hat = velocity
         w = math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth)
         # by position: it is made at every step, and names would cost as much as the step
         self.estimate = DofEstimate._make((
             self._name, identifier.parameters, identifier.uncertainty,
             self._status.after(identifier, step, refused, adapt), time, self._steps, velocity,
-            identifier.v_hat, step.force[1], identifier.excitation, w, identifier.delay))
+            v_hat, step.force[1], identifier.excitation, w, identifier.delay))
 
 
 def _raw_gains(method: IdentifierSettings, i: int) -> Four | None:

@@ -66,7 +66,7 @@ class AttitudeHistory:
             cut = max(bisect_left(self._times, time - self._memory),
                       len(self._times) - MOST_KEPT)
             del self._times[:cut], self._values[:cut]
-        if self._times and time > self._times[-1]:
+        if self._times and 0 < time - self._times[-1] <= self._timeout:  # a gap says nothing
             self._note_noise((time - self._times[-1]) * NS,
                              turn or rotation_between(self._values[-1], q))
         self._times.append(time)

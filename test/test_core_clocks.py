@@ -16,9 +16,11 @@ from injected_faults import (
     worse,
 )
 import pytest
+from rovid_core.rotation import from_yaw
 from rovid_core.settings import InputSettings
 from rovid_core.stream import Stream
 from rovid_core.values import Event, Sample
+from rovid_core.world import AttitudeHistory
 
 ALL = ('position', 'depth', 'attitude', 'thrusters')
 UNHEARD = {'no_attitude', 'stale_thrust', 'no_thrust', 'gap'}
@@ -199,3 +201,13 @@ def test_memory_does_not_grow_under_an_hour_of_faults():
             *(track.source._waiting for track in pipe._tracks)))))
     assert max(largest) < 4000
     assert len(stream.rejected) < 60
+
+
+def test_a_gap_says_nothing_of_the_noise_of_the_attitude():
+    history, random = AttitudeHistory(1_000_000_000, 2_000_000_000), Random(1)
+    for k in range(200):
+        history.add(k * 50_000_000, from_yaw(random.gauss(0.0, 0.002)))
+    before = history.wander
+    assert 0.0 < before < 1e-5
+    history.add(1_700_000_000_000_000_000, from_yaw(1.0))  # the clock has been set
+    assert history.wander == before

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-import bz2
 from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 import struct
-from typing import Any
+from typing import Any, BinaryIO
 
-import lz4.frame
 from mcap.exceptions import McapError
-import zstandard
 
 NEVER = (1 << 63) - 1
-_PIECE = 1024  # [bytes]; what one damaged piece costs when a chunk cannot be had whole
 _SECTOR = 512  # [bytes]; fewer zeros at the end of a file can well be data
 _STEP = 1 << 20
 
@@ -33,7 +29,7 @@ class LogError(ValueError):
         super().__init__(' '.join(message.splitlines()))  # a damaged name can hold a new line
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)  # by identity: it is looked up for every message
 class Channel:
     """One topic with one type, as a file declares it."""
 
@@ -100,6 +96,13 @@ class Container(ABC):
         self.path = path
         self.name = name  # what to call it in messages
         self.order = 0  # among the files that are read as one log
+        self.loaded = 0  # messages, since the reading began
+        self.forget()
+        self.look_through()
+        self._finish()
+
+    def forget(self) -> None:
+        """Know nothing of the file."""
         self.channels: dict[int, Channel] = {}
         self.counts: dict[int, int] | None = {}
         self.metadata: dict[str, dict[str, str]] = {}
@@ -107,9 +110,12 @@ class Container(ABC):
         self.start = NEVER
         self.end = -1
         self.cut = False
-        self.loaded = 0  # messages, since the reading began
         self._warnings: list[str] = []
         self._damaged = False
+
+    @abstractmethod
+    def look_through(self) -> None:
+        """Take note of channels, counts, metadata and blocks."""
 
     @abstractmethod
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
@@ -136,7 +142,7 @@ class Container(ABC):
         return [*self._warnings,
                 f'{self.name}: damaged; some of its messages are left out{read}']
 
-    def finish(self) -> None:
+    def _finish(self) -> None:
         """Say what is missing, after the file has been looked through."""
         if self.cut and not self.blocks:
             self._warnings.append(f'{self.name}: cut off before its first message')
@@ -172,6 +178,30 @@ class Container(ABC):
         return self.order << 60 | block.number << 40
 
 
+class IndexedContainer(Container):
+    """A file that says at its end what it holds, if it was closed."""
+
+    def look_through(self) -> None:
+        """Read the index, or the whole file."""
+        self.size = written_size(self.path)
+        with self.path.open('rb') as file:
+            try:
+                indexed = self.read_index(file)
+            except MALFORMED:
+                indexed = False
+            if not indexed:
+                self.forget()
+                self.scan(file)
+
+    @abstractmethod
+    def read_index(self, file: BinaryIO) -> bool:
+        """Return whether the index at the end tells all; note what it tells."""
+
+    @abstractmethod
+    def scan(self, file: BinaryIO) -> None:
+        """Look through the whole file, up to its end or to where it stops making sense."""
+
+
 def written_size(path: Path) -> int:
     """
     Return the size of a file [bytes] without the zeros at its end that were never written.
@@ -188,50 +218,3 @@ def written_size(path: Path) -> int:
             if tail:
                 break
     return end if size - end >= _SECTOR else size
-
-
-def inflate(data: bytes, compression: str, name: str) -> bytes:
-    """
-    Decompress a chunk, or as much of it as can be had.
-
-    Parameters
-    ----------
-    data : bytes
-        May lack its end or be damaged.
-    compression : str
-        '', none, zstd, lz4 or bz2.
-    name : str
-        The file, for the error.
-
-    Raises
-    ------
-    LogError
-        If the compression is another.
-
-    """
-    if compression in ('', 'none'):
-        return data
-    if compression not in _DECOMPRESSORS:
-        raise LogError(f'{name}: its chunks are compressed as {compression!r}; '
-                       f'{", ".join(_DECOMPRESSORS)} can be read')
-    try:
-        whole: bytes = _DECOMPRESSORS[compression]().decompress(data)
-        return whole
-    except _DAMAGE:
-        pass
-    decompressor = _DECOMPRESSORS[compression]()
-    pieces = []
-    try:
-        for position in range(0, len(data), _PIECE):
-            pieces.append(decompressor.decompress(data[position:position + _PIECE]))
-    except _DAMAGE:
-        pass
-    return b''.join(pieces)
-
-
-_DAMAGE = (zstandard.ZstdError, RuntimeError, OSError, EOFError)
-_DECOMPRESSORS: dict[str, Any] = {
-    'zstd': lambda: zstandard.ZstdDecompressor().decompressobj(),
-    'lz4': lz4.frame.LZ4FrameDecompressor,
-    'bz2': bz2.BZ2Decompressor,
-}

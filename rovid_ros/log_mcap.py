@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from io import BytesIO
-from pathlib import Path
 import struct
 from typing import BinaryIO
 import zlib
@@ -16,28 +15,27 @@ import zlib
 from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
+from rovid_ros.log_compression import inflate
 from rovid_ros.log_container import (
     Block,
     Channel,
-    Container,
-    inflate,
+    IndexedContainer,
     MALFORMED,
     Raw,
-    written_size,
 )
 from rovid_ros.message_types import normalised
 
 MAGIC = b'\x89MCAP0\r\n'
 
 _RECORD = struct.Struct('<BQ')  # opcode, length
-_MESSAGE = struct.Struct('<H4xQ8x')  # channel, (sequence,) log time, (publish time)
+_MESSAGE = struct.Struct('<BQH4xQ8x')  # a record; channel, (sequence,) log time, (publish time)
 _CHUNK = struct.Struct('<QQQII')  # start, end, uncompressed size and CRC, length of a name
 _FOOTER = 9 + 20 + len(MAGIC)
 _RUN = 1 << 20  # [bytes] of messages outside chunks that are read as one block
 _ENCODINGS = {'ros2msg': False, 'ros1msg': False, 'ros2idl': True, 'omgidl': True}
 
 
-class McapFile(Container):
+class McapFile(IndexedContainer):
     """
     An MCAP file.
 
@@ -48,20 +46,10 @@ class McapFile(Container):
 
     """
 
-    def __init__(self, path: Path, name: str) -> None:
-        super().__init__(path, name)
+    def forget(self) -> None:
+        """Know nothing of the file."""
+        super().forget()
         self._schemas: dict[int, records.Schema] = {}
-        self._size = written_size(path)
-        with path.open('rb') as file:
-            try:
-                indexed = self._read_summary(file)
-            except MALFORMED:
-                indexed = False
-            if not indexed:
-                super().__init__(path, name)
-                self._schemas.clear()
-                self._scan(file)
-        self.finish()
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
         """Return the messages of these channels in a block, in the order of the file."""
@@ -77,19 +65,19 @@ class McapFile(Container):
 
     def _summary(self, file: BinaryIO) -> bytes:
         """Return the records of the index at the end of the file; none if it is damaged."""
-        file.seek(max(self._size - _FOOTER, 0))
+        file.seek(max(self.size - _FOOTER, 0))
         tail = file.read(_FOOTER)
         if len(tail) < _FOOTER or tail[-8:] != MAGIC or tail[0] != Opcode.FOOTER:
             return b''
         footer = records.Footer.read(_stream(tail[9:]))
-        if not 0 < footer.summary_start <= self._size - _FOOTER:
+        if not 0 < footer.summary_start <= self.size - _FOOTER:
             return b''
         file.seek(footer.summary_start)
-        summary = file.read(self._size - _FOOTER - footer.summary_start)
+        summary = file.read(self.size - _FOOTER - footer.summary_start)
         crc = footer.summary_crc
         return b'' if crc and crc != zlib.crc32(summary + tail[:25]) else summary
 
-    def _read_summary(self, file: BinaryIO) -> bool:
+    def read_index(self, file: BinaryIO) -> bool:
         """Return whether the index at the end tells all; note what it tells."""
         statistics: records.Statistics | None = None
         chunks: list[records.ChunkIndex] = []
@@ -108,7 +96,7 @@ class McapFile(Container):
         for index in sorted(chunks, key=lambda index: index.chunk_start_offset):
             self._index_chunk(index)
         for entry in metadata:
-            file.seek(min(entry.offset + 9, self._size))
+            file.seek(min(entry.offset + 9, self.size))
             self._declare(Opcode.METADATA, file.read(entry.length - 9))
         return True
 
@@ -123,7 +111,7 @@ class McapFile(Container):
             and (chunks > 0 or statistics.message_count == 0))
 
     def _index_chunk(self, index: records.ChunkIndex) -> None:
-        if index.chunk_start_offset + index.chunk_length > self._size:
+        if index.chunk_start_offset + index.chunk_length > self.size:
             raise ValueError('a chunk behind the end of the file')
         channels = set(index.message_index_offsets)
         if channels or index.message_end_time:
@@ -154,18 +142,18 @@ class McapFile(Container):
         except MALFORMED:
             self.damaged()
 
-    def _scan(self, file: BinaryIO) -> None:
+    def scan(self, file: BinaryIO) -> None:
         """Look through the whole file, up to its end or to where it stops making sense."""
         offset = len(MAGIC)
         run = offset  # where the messages outside chunks begin that no block holds yet
         file.seek(offset)
         while True:
-            there = offset + _RECORD.size <= self._size
+            there = offset + _RECORD.size <= self.size
             opcode, length = _RECORD.unpack(file.read(_RECORD.size)) if there else (0, 0)
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 break
             end = offset + _RECORD.size + length
-            self.cut = opcode == 0 or Opcode.DATA_END < opcode < 0x80 or end > self._size
+            self.cut = opcode == 0 or Opcode.DATA_END < opcode < 0x80 or end > self.size
             is_chunk = opcode == Opcode.CHUNK
             if is_chunk or self.cut or end - run > _RUN:
                 self._scan_run(file, run, offset)
@@ -173,7 +161,7 @@ class McapFile(Container):
                 file.seek(offset + _RECORD.size)
             if is_chunk:
                 self._scan_chunk(
-                    file, offset + _RECORD.size, min(end, self._size) - offset - _RECORD.size)
+                    file, offset + _RECORD.size, min(end, self.size) - offset - _RECORD.size)
             if self.cut:
                 return
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
@@ -181,7 +169,7 @@ class McapFile(Container):
             offset = end
             file.seek(offset)
         self._scan_run(file, run, offset)
-        file.seek(max(self._size - len(MAGIC), 0))
+        file.seek(max(self.size - len(MAGIC), 0))
         self.cut = file.read(len(MAGIC)) != MAGIC
 
     def _scan_run(self, file: BinaryIO, start: int, end: int) -> None:
@@ -241,15 +229,15 @@ def _messages(data: bytes, wanted: Mapping[int, Channel], place: int) -> list[Ra
     """Return the whole messages of these channels."""
     found: list[Raw] = []
     position, size = 0, len(data)
-    record, message = _RECORD.unpack_from, _MESSAGE.unpack_from
-    while position + 9 <= size:
-        opcode, length = record(data, position)
+    head, channel_of = _MESSAGE.unpack_from, wanted.get
+    while position + 31 <= size:  # no message is shorter
+        opcode, length, number, time = head(data, position)
         end = position + 9 + length
         if end > size or not opcode:
             break
         if opcode == 5 and length >= 22:
-            number, time = message(data, position + 9)
-            if number in wanted:
-                found.append((time, place | position, wanted[number], data[position + 31:end]))
+            channel = channel_of(number)
+            if channel is not None:
+                found.append((time, place | position, channel, data[position + 31:end]))
         position = end
     return found

@@ -2,51 +2,32 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 from rovid_ros.field_paths import nearest
-from rovid_ros.log_container import Block, Channel, Container, LogError, MALFORMED, Raw
+from rovid_ros.log_container import Channel, LogError, MALFORMED, Raw
+from rovid_ros.log_messages import LogMessage, Maker, RawMessage, Take, TopicInfo
+from rovid_ros.log_order import parts
 from rovid_ros.log_paths import open_all
-from rovid_ros.message_types import build, decoder, normalised, typestore, TypeUnknownError
+from rovid_ros.message_types import (
+    build,
+    decoder,
+    normalised,
+    typestore,
+    TypeUnknownError,
+    WireType,
+)
 
-__all__ = ['Log', 'LogError', 'LogMessage', 'RawMessage', 'TopicInfo']
+__all__ = ['Log', 'LogError', 'LogMessage', 'Maker', 'RawMessage', 'Take', 'TopicInfo']
 
 RECORD = 'rovid_record'  # metadata of the logs that the node writes itself
-
-
-@dataclass(frozen=True)
-class TopicInfo:
-    """What a log holds of a topic."""
-
-    type: str
-    count: int | None  # None: the log does not say
-
-
-@dataclass(frozen=True, slots=True)
-class LogMessage:
-    """A decoded message; ``time`` is when it was received [ns]."""
-
-    topic: str
-    type: str
-    time: int
-    data: Any
-
-
-class RawMessage(NamedTuple):
-    """A message as it is in the file."""
-
-    time: int  # [ns]
-    channel: Channel
-    data: bytes
 
 
 class Log:
@@ -143,7 +124,8 @@ class Log:
         return build(self._typestore(channel), channel.type, {})
 
     def messages(self, topics: Collection[str], start: float = 0.0,
-                 duration: float | None = None) -> Iterator[LogMessage]:
+                 duration: float | None = None, take: Take | None = None
+                 ) -> Iterator[LogMessage]:
         """
         Yield the decoded messages of some topics.
 
@@ -153,6 +135,9 @@ class Log:
             Those that the log does not have are left out.
         start, duration : float
             Part of the log [s], from its first message on any topic.
+        take : callable, optional
+            Gets a topic, how its messages are written and their decoder; returns what makes
+            the data of bytes and log time. Without it, they are decoded as a whole.
 
         Raises
         ------
@@ -160,56 +145,25 @@ class Log:
             If a topic cannot be decoded.
 
         """
-        decoders = {}
-        for topic in topics:
-            for channel in self._channels(topic):
-                if channel.encoding not in ('cdr', 'ros1'):
-                    raise LogError(f'{self._name()}: {topic} is encoded as {channel.encoding!r}; '
-                                   'cdr and ros1 can be read')
-                decoders[channel] = decoder(
-                    self._typestore(channel), channel.type, channel.encoding)
+        makers = {channel: self._maker(channel, take)
+                  for topic in topics for channel in self._channels(topic)}
         decoded: set[Channel] = set()
-        for time, channel, raw in self.raw(topics, start, duration):
-            try:
-                data = decoders[channel](raw)
-            except (SerdeError, AssertionError, *MALFORMED) as error:  # by version of rosbags
-                line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
-                if channel not in decoded:
-                    raise LogError(f'{line}: {error}') from None
-                line += ' everywhere; such messages are left out'
-                if line not in self._warnings:
-                    self._warnings.append(line)
-                continue
-            decoded.add(channel)
-            yield LogMessage(channel.topic, channel.type, time, data)
+        for part in self._parts(topics, start, duration):
+            for time, _, channel, raw in part:
+                try:
+                    data = makers[channel](raw, time)
+                except (SerdeError, AssertionError, *MALFORMED) as error:  # by version of rosbags
+                    self._leave_out(channel, decoded, error)
+                    continue
+                decoded.add(channel)
+                yield LogMessage(channel.topic, channel.type, time, data)
 
     def raw(self, topics: Collection[str], start: float = 0.0,
             duration: float | None = None) -> Iterator[RawMessage]:
         """Yield the messages as they are in the files; parameters as in ``messages``."""
-        first = self.start + round(start * 1e9)
-        if first > self.end:
-            raise LogError(f'{self._name()}: is {(self.end - self.start) * 1e-9:.1f} s long; '
-                           f'nothing is left from {start:g} s on')
-        last = self.end if duration is None else min(
-            self.end, first + round(duration * 1e9) - 1)
-        wanted = {
-            container: {number: channel for number, channel in container.channels.items()
-                        if channel.topic in topics}
-            for container in self._containers}
-        blocks = [
-            block for container in self._containers for block in container.blocks
-            if block.end >= first and block.start <= last and wanted[container]
-            and not (block.channels and block.channels.isdisjoint(wanted[container]))]
-        span = max(last - first, 1)
-        for container in self._containers:
-            container.loaded = 0
-        for batch in self._batches(blocks, wanted):
-            for time, _, channel, data in batch:
-                if first <= time <= last:
-                    yield RawMessage(time, channel, data)
-            if batch:
-                self._position = min(max(batch[-1][0] - first, 0) / span, 1.0)
-        self._position = 1.0
+        for part in self._parts(topics, start, duration):
+            for time, _, channel, data in part:
+                yield RawMessage(time, channel, data)
 
     def close(self) -> None:
         """Remove unpacked copies."""
@@ -224,23 +178,43 @@ class Log:
         """Close the log."""
         self.close()
 
-    def _batches(self, blocks: list[Block],
-                 wanted: Mapping[Container, Mapping[int, Channel]]) -> Iterator[list[Raw]]:
-        """Yield all messages in order, holding only blocks that overlap in time."""
-        if self.recorded:
-            for block in blocks:
-                yield block.container.read(block, wanted[block.container])
-            return
-        blocks.sort(key=lambda block: block.start)
-        held: list[Raw] = []
-        for block, following in zip(blocks, [*blocks[1:], None]):
-            held += block.container.read(block, wanted[block.container])
-            held.sort()
-            if following is not None:
-                complete = bisect_left(held, (following.start,))
-                yield held[:complete]
-                del held[:complete]
-        yield held
+    def _parts(self, topics: Collection[str], start: float,
+               duration: float | None) -> Iterator[list[Raw]]:
+        """Yield the messages in order, some at a time, and note how far they are."""
+        first = self.start + round(start * 1e9)
+        if first > self.end:
+            raise LogError(f'{self._name()}: is {(self.end - self.start) * 1e-9:.1f} s long; '
+                           f'nothing is left from {start:g} s on')
+        last = self.end if duration is None else min(
+            self.end, first + round(duration * 1e9) - 1)
+        wanted = {
+            container: {number: channel for number, channel in container.channels.items()
+                        if channel.topic in topics}
+            for container in self._containers}
+        for part in parts(self._containers, wanted, first, last, self.recorded):
+            yield part
+            if part:
+                self._position = min(max(part[-1][0] - first, 0) / max(last - first, 1), 1.0)
+        self._position = 1.0
+
+    def _maker(self, channel: Channel, take: Take | None) -> Maker:
+        if channel.encoding not in ('cdr', 'ros1'):
+            raise LogError(f'{self._name()}: {channel.topic} is encoded as '
+                           f'{channel.encoding!r}; cdr and ros1 can be read')
+        wire = WireType(self._typestore(channel), channel.type, channel.encoding)
+        decode = decoder(*wire)
+        return take(channel.topic, wire, decode) if take else lambda raw, time: decode(raw)
+
+    def _leave_out(self, channel: Channel, decoded: Collection[Channel], error: Exception
+                   ) -> None:
+        """Say that a message cannot be decoded; refuse a topic that begins with one."""
+        line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
+        if not any((channel.topic, channel.type, channel.definition)
+                   == (other.topic, other.type, other.definition) for other in decoded):
+            raise LogError(f'{line}: {error}') from None
+        line += ' everywhere; such messages are left out'
+        if line not in self._warnings:
+            self._warnings.append(line)
 
     def _channels(self, topic: str) -> list[Channel]:
         return [channel for container in self._containers

@@ -16,7 +16,8 @@ from rovid_ros.convert import Converter
 from rovid_ros.feeder import Feeder
 from rovid_ros.interrupt import Interrupt, Interrupted
 from rovid_ros.log_writer import LogWriter
-from rovid_ros.logs import Log, LogMessage, RECORD
+from rovid_ros.logs import Log, LogMessage, Maker, RECORD
+from rovid_ros.message_types import Decoder, WireType
 from rovid_ros.outputs import LATCHED, Output, Outputs
 from rovid_ros.progress import Progress
 from rovid_ros.summary import summary
@@ -108,7 +109,7 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
         span = min((log.end - begin) * 1e-9, duration or float('inf')) or 1.0
         progress = stack.enter_context(Progress('replay', lambda: run.until(begin) / span))
         wanted = [*run.topics, CONTROL] if log.recorded else [*run.topics]
-        for message in log.messages(wanted, start, duration):
+        for message in log.messages(wanted, start, duration, run.maker):
             if interrupt.asked:
                 break
             run.take(message)
@@ -146,6 +147,12 @@ class _Run:
         """Return the time [s] from ``begin`` [ns] to the last message."""
         return (self._last - begin) * 1e-9
 
+    def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
+        """Return what makes the data of the messages of a topic."""
+        if topic == CONTROL:
+            return lambda data, time: decode(data)
+        return self._feeder.take(self.topics[topic], wire, decode)
+
     def take(self, message: LogMessage) -> None:
         """Feed one message and write what it released."""
         if self._messages == 0:
@@ -159,8 +166,9 @@ class _Run:
                 self._put(self._outputs.reset(), self._last)  # as the node does
         else:
             topic = self.topics[message.topic]
-            self.write(self._feeder.feed(
-                LogMessage(topic, message.type, message.time, message.data)))
+            if topic != message.topic:
+                message = message._replace(topic=topic)
+            self.write(self._feeder.feed(message))
 
     def write(self, estimates: Sequence[Estimate]) -> None:
         """Count the estimates and write the output topics."""

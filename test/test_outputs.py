@@ -1,6 +1,5 @@
 """The messages of an estimate: layout, exact numbers, and what is held while invalid."""
 
-from dataclasses import replace
 import json
 import math
 from typing import Any
@@ -34,7 +33,7 @@ def estimate(**surge: Any) -> Estimate:
         force=7.25, excitation=0.5)
     second = DofEstimate('yaw', (0.02, -0.2, 0.0, 0.0), std=(0.1, 0.2, math.nan, math.nan),
                          reasons=('no step yet', 'no thrust'))
-    return Estimate(TIME, (replace(first, **surge), second), (0,))
+    return Estimate(TIME, (first._replace(**surge), second), (0,))
 
 
 def by_topic(outputs: list[Output]) -> dict[str, dict[str, Any]]:
@@ -137,7 +136,7 @@ def test_the_summary_has_intervals_delay_and_verdict() -> None:
     assert surge['delay_s'] == {'value': 0.25, 'std': 0.01}
     assert (surge['verdict'], yaw['verdict']) == ('no thrust', '')
     assert (yaw['intervals'], yaw['delay_s']) == (None, None)
-    wide = replace(known().dofs[0], covariance=(1.0, *[0.0] * 15))
+    wide = known().dofs[0]._replace(covariance=(1.0, *[0.0] * 15))
     opened = summary(settings(), Estimate(TIME, (wide,), (0,)))['surge']['intervals']
     assert opened['mass'][1] is None  # as far as the data go it is anything above
 

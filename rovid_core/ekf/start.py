@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, fields
 from math import fsum, sqrt
 from statistics import median
 from typing import Any
@@ -112,7 +111,7 @@ class Start:
 
     def state(self) -> list[list[Any]]:
         """Return all that is needed to go on from here."""
-        return [[list(astuple(piece)) if isinstance(piece, Step) else piece, outlier]
+        return [[list(piece) if isinstance(piece, Step) else piece, outlier]
                 for piece, outlier in self._pieces]
 
     def restore(self, state: Sequence[Sequence[Any]]) -> None:
@@ -132,7 +131,7 @@ def _level(sizes: Sequence[float]) -> float:
 
 
 def _step(values: Sequence[Any]) -> Step:
-    if len(values) != len(fields(Step)):
+    if len(values) != len(Step._fields):
         raise ValueError('a step does not fit')
     return Step(*[
         tuple(x) if isinstance(x, list) else float(x) for x in values])  # type: ignore[arg-type]

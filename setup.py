@@ -11,8 +11,8 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 ROS_PACKAGES = (
-    'diagnostic-msgs', 'geometry-msgs', 'nav-msgs', 'rcl-interfaces', 'rclpy',
-    'rmw-fastrtps-cpp', 'rosgraph-msgs', 'sensor-msgs', 'std-msgs', 'std-srvs',
+    'diagnostic-msgs', 'geometry-msgs', 'lifecycle-msgs', 'nav-msgs', 'rcl-interfaces',
+    'rclpy', 'rmw-fastrtps-cpp', 'rosgraph-msgs', 'sensor-msgs', 'std-msgs', 'std-srvs',
 )
 PACKAGE = ElementTree.parse('package.xml').getroot()
 
@@ -46,7 +46,8 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (share, ['package.xml']),
         (f'{share}/environment', ['resource/path.dsv']),  # colcon.pkg: puts rovid on PATH
-        (f'{share}/config', sorted(glob('config/*.yaml') + glob('config/*_layout.*'))),
+        (f'{share}/config', sorted(glob('config/*.yaml') + glob('config/*_layout.*')
+                                     + glob('config/sros2_*.xml'))),
         (f'{share}/launch', sorted(glob('launch/*.launch.py'))),
     ],
     python_requires='>=3.10',

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import exp
 import sys
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from rovid_core.dofs import Four
@@ -124,6 +125,108 @@ def padasip_rls(trial: Trial, scales: Scales) -> Peer:
             filter.adapt(z, chi)
     parameters = filter.w / unit
     return Peer(tuple(parameters.tolist()), (perf_counter() - began) / len(steps))
+
+
+def filterpy_ekf7(trial: Trial) -> float:
+    """
+    Return the time per step [s] of filterpy's filter with the states that ``ekf`` has.
+
+    That is, with the delay of the thrust as the seventh. The prediction is of the same kind:
+    Runge-Kutta, with a force that is a straight line over the step. It is given force and
+    slope; ``ekf`` looks them up at the delay that it has found. Outliers are left out, and
+    nothing is learned of the noise.
+    """
+    filter, fixes = _seven(trial)
+    dt = np.diff(trial.time)
+    impulse = trial.impulse(trial.time)
+    force = np.diff(impulse) / dt
+    middle = trial.impulse(0.5 * (trial.time[1:] + trial.time[:-1]))
+    rise = 2.0 * (impulse[:-1] + impulse[1:] - 2.0 * middle) / dt
+    began = perf_counter()
+    for span, thrust, half, fix in zip(
+            dt.tolist(), force.tolist(), rise.tolist(), fixes[1:]):
+        transition = filter.F
+        transition[:2] = _rows(filter.x, thrust, half, span)
+        moved = _moved7(filter.x, thrust, half, span)
+        filter.predict()
+        filter.x = moved
+        if (fix[0] - moved[0])**2 > GATE**2 * (filter.P[0, 0] + NOISE**2):
+            continue
+        filter.update(fix, _position_row, _position)
+        filter.x[2] = max(filter.x[2], 1e-5)
+        filter.x[3:5] = np.minimum(filter.x[3:5], 0.0)  # drags do not push
+    return (perf_counter() - began) / len(dt)
+
+
+def filterpy_update(trial: Trial) -> float:
+    """Return the time [s] of the measurement update alone, with 7 states."""
+    filter, fixes = _seven(trial)
+    began = perf_counter()
+    for fix in fixes:
+        filter.update(fix, _position_row, _position)
+    return (perf_counter() - began) / len(fixes)
+
+
+def padasip_adapt(trial: Trial) -> float:
+    """Return the time [s] of padasip's step alone, with regressors that are there already."""
+    from padasip.filters import FilterRLS
+    filter = FilterRLS(4, mu=1.0, eps=0.01)
+    steps = [piece for piece in trial.pieces() if isinstance(piece, Step)]
+    regressors = [np.array([step.force[1] / 100.0, v * abs(v), v, 1.0])
+                  for step in steps for v in step.velocity[1:2]]
+    change = [(step.velocity[2] - step.velocity[0]) / step.dt for step in steps]
+    began = perf_counter()
+    for value, regressor in zip(change, regressors):
+        filter.adapt(value, regressor)
+    return (perf_counter() - began) / len(steps)
+
+
+def _seven(trial: Trial) -> tuple[Any, list[Array]]:
+    """Return a filter at its initial values, and the fixes."""
+    from filterpy.kalman import ExtendedKalmanFilter
+    filter = ExtendedKalmanFilter(dim_x=7, dim_z=1)
+    filter.x = np.array([trial.fixes[0], 0.0, 1.0 / 290.0, -1.0, -0.1, 0.0, 0.0])
+    filter.P = np.diag(np.square([NOISE, 0.1, 1.0 / 290.0, 1.0, 0.1, 0.1, 0.05]))
+    filter.R = np.array([[NOISE**2]])
+    filter.Q = np.diag([0.0, 1e-8, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return filter, list(trial.fixes[:, None])
+
+
+_ROW = np.eye(1, 7)
+
+
+def _position_row(_: Array) -> Array:
+    return _ROW
+
+
+def _position(x: Array) -> Array:
+    return x[:1]
+
+
+def _moved7(x: Array, force: float, half: float, h: float) -> Array:
+    """Return the state a step on, by Runge-Kutta; the force rises by twice ``half``."""
+    position, v, alpha, beta, gamma, delta, delay = x.tolist()
+    u, du = alpha * force + delta, alpha * half
+    k1 = u - du + (beta * abs(v) + gamma) * v
+    w = v + 0.5 * h * k1
+    k2 = u + (beta * abs(w) + gamma) * w
+    w = v + 0.5 * h * k2
+    k3 = u + (beta * abs(w) + gamma) * w
+    w = v + h * k3
+    k4 = u + du + (beta * abs(w) + gamma) * w
+    return np.array([position + h * v + h * h / 6 * (k1 + k2 + k3),
+                     v + h / 6 * (k1 + 2 * (k2 + k3) + k4), alpha, beta, gamma, delta, delay])
+
+
+def _rows(x: Array, force: float, half: float, h: float) -> tuple[tuple[float, ...], ...]:
+    """Return the derivatives of position and velocity a step on."""
+    _, v, alpha, beta, gamma, delta, _ = x.tolist()
+    v += 0.5 * h * (alpha * force + (beta * abs(v) + gamma) * v + delta)
+    decay = h * (2.0 * beta * abs(v) + gamma)
+    share, bent = h * (1.0 + 0.5 * decay), 0.5 * h * h
+    phi = (force, v * abs(v), v, 1.0, -2.0 * alpha * half / h)
+    return ((1.0, share, *[bent * y for y in phi]),
+            (0.0, 1.0 + decay * (1.0 + 0.5 * decay), *[share * y for y in phi]))
 
 
 PEERS = {'filterpy ExtendedKalmanFilter': filterpy_ekf, 'padasip FilterRLS': padasip_rls}

@@ -13,12 +13,13 @@ from dataclasses import dataclass
 import math
 from typing import Any, cast
 
+from rovid_core.coupled_step import general, Moved, Unrolled
 from rovid_core.dofs import Four, PARAMETERS
 from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
 from rovid_core.identifier import finite, Scales, Step
 from rovid_core.integrators import Five, INTEGRATORS, part, Rates, rates
 from rovid_core.settings import SettingsError
-from rovid_core.values import NAN4
+from rovid_core.uncertainty import NOTHING, Uncertainty
 
 MOST_PIECES = 100
 """A step that would have to be divided further is refused."""
@@ -108,6 +109,9 @@ class AdaptiveIdentifier:
     """
 
     note = ''
+    uncertainty: Uncertainty = NOTHING
+    std, covariance, delay_std = NOTHING.std, NOTHING.covariance, NOTHING.delay_std
+    delay = math.nan
 
     def __init__(self, scales: Scales, gains: Gains, integrator: str = 'euler') -> None:
         if integrator not in INTEGRATORS:
@@ -116,6 +120,7 @@ class AdaptiveIdentifier:
                 f'got {integrator!r}, takes {", ".join(INTEGRATORS)}')
         self._scales = scales
         self._regressor_scale = scales.regressor
+        self._per_force, _, self._per_velocity, _ = scales.regressor
         self._a = gains.feedback
         gamma = [g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)]
         self._gamma: tuple[float, ...] = tuple(gamma)
@@ -124,10 +129,8 @@ class AdaptiveIdentifier:
         self.adaptation_time = 1.0 / rate if rate > 0.0 else math.inf  # of the fastest [s]
         self._advance = INTEGRATORS[integrator]
         self._rates: Rates = rates
+        self._unrolled: Unrolled = general
         self.bounds = scales.bounds()
-        self.std: Four = NAN4
-        self.covariance: tuple[float, ...] = ()
-        self.delay = self.delay_std = math.nan
         self.reset()
 
     def reset(self) -> None:
@@ -135,6 +138,9 @@ class AdaptiveIdentifier:
         self.theta_hat = self.parameters = self._scales.initial
         self.v_hat = math.nan
         self.excitation = 0.0
+
+    def retune(self, adaptation_time: float) -> None:
+        """Do nothing: the time follows from the raw gains."""
 
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
@@ -146,25 +152,27 @@ class AdaptiveIdentifier:
 
         With ``adapt`` False the parameters stay as they are.
         """
-        if math.isnan(self.v_hat):
-            self.v_hat = step.velocity[0]
-        rest = self._at_rest(step)
-        gamma = self._resting if rest else self._gamma
-        if not adapt:
-            gamma = (0.0,) * len(gamma)
-        pieces = self._pieces(step, gamma)
-        state: Five = (self.v_hat, *self.theta_hat)
-        if pieces == 1:
-            state = self._piece(state, step, gamma)
-        elif pieces <= MOST_PIECES:
-            for k in range(pieces):
-                state = self._piece(state, part(step, k, pieces), gamma)
-        if pieces > MOST_PIECES or not finite(state):
-            self.v_hat = step.velocity[2]
-            return 'unstable_step'
-        self.v_hat = state[0]
-        self.theta_hat = state[1:]
-        self._note_excitation(step)
+        v_hat = self.v_hat
+        if v_hat != v_hat:  # NaN: there is none yet
+            v_hat = self.v_hat = step.velocity[0]
+        force, speed = step.force[1] * self._per_force, v_hat * self._per_velocity
+        square = force * force
+        rest = (square < LEAST_EXCITATION and self.excitation < LEAST_EXCITATION
+                and speed * speed < LEAST_MOTION)
+        gamma = self._gamma
+        if rest or not adapt:
+            gamma = self._resting if adapt else (0.0,) * len(gamma)
+        moved = self._unrolled(self._a, gamma, v_hat, self.theta_hat, step, self.bounds)
+        if moved is None:
+            moved = self._moved(step, gamma)
+            if moved is None:
+                self.v_hat = step.velocity[2]
+                return 'unstable_step'
+        self.v_hat, self.theta_hat = moved
+        # the mean square of the normalised thrust over about one adaptation time
+        if not square < MOST_EXCITATION:
+            square = MOST_EXCITATION
+        self.excitation -= math.expm1(-step.dt / self.adaptation_time) * (square - self.excitation)
         if adapt:
             self._adapted(step, rest)
         return ''
@@ -209,11 +217,18 @@ class AdaptiveIdentifier:
         """Publish what a step has made of theta_hat."""
         self.parameters = self.theta_hat
 
-    def _at_rest(self, step: Step) -> bool:
-        force = step.force[1] * self._regressor_scale[0]
-        speed = self.v_hat * self._regressor_scale[2]
-        return (self.excitation < LEAST_EXCITATION and force * force < LEAST_EXCITATION
-                and speed * speed < LEAST_MOTION)
+    def _moved(self, step: Step, gamma: tuple[float, ...]) -> Moved:
+        """Return v_hat and theta_hat after a step, None if it is refused."""
+        state: Five = (self.v_hat, *self.theta_hat)
+        pieces = self._pieces(step, gamma)
+        if pieces > MOST_PIECES:
+            return None
+        if pieces == 1:
+            state = self._piece(state, step, gamma)
+        else:
+            for k in range(pieces):
+                state = self._piece(state, part(step, k, pieces), gamma)
+        return (state[0], state[1:]) if finite(state) else None
 
     def _pieces(self, step: Step, gamma: tuple[float, ...]) -> int:
         force = max(abs(step.force[0]), abs(step.force[2]))
@@ -237,9 +252,3 @@ class AdaptiveIdentifier:
         return cast(Four, tuple([
             bottom if p < bottom else top if p > top else p
             for p, bottom, top in zip(parameters, low, high)]))
-
-    def _note_excitation(self, step: Step) -> None:
-        # the mean square of the normalised thrust over about one adaptation time
-        x = step.force[1] * self._regressor_scale[0]
-        square = min(x * x, MOST_EXCITATION)
-        self.excitation -= math.expm1(-step.dt / self.adaptation_time) * (square - self.excitation)

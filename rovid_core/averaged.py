@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rovid_core.aid import Gains
 from rovid_core.coupled import CoupledIdentifier, inverse
-from rovid_core.excitation import add_products, LEAST_EXCITATION, LEAST_MOTION
+from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION, LOT, NO_SUMS, summed, Sums
 from rovid_core.identifier import finite, Scales, Step
 
 FIRST = 20.0
@@ -61,6 +61,7 @@ class AveragedIdentifier(CoupledIdentifier):
 
     def __init__(self, scales: Scales, adaptation_time: float, integrator: str) -> None:
         gains = Gains.from_time(adaptation_time, scales)
+        self._most_force, self._most_velocity = FAR_OFF * scales.force, FAR_OFF * scales.velocity
         self._start = np.diag([
             g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)])
         super().__init__(scales, -gains.feedback, self._start, integrator)
@@ -71,15 +72,27 @@ class AveragedIdentifier(CoupledIdentifier):
     def reset(self) -> None:
         """Go back to the initial values and gains."""
         super().reset()
-        self._sums = [0.0] * 10  # of phi phi' dt, the upper triangle by rows; the last: time
+        self._sums: Sums = NO_SUMS  # of phi phi' dt
+        self._new: list[Step] = []  # steps that are not in there yet
+        self._time = 0.0  # of all of them [s]
         self._next = FIRST
         self._couple(self._start)
+
+    def retune(self, adaptation_time: float) -> None:
+        """Take another T [s]; what Gamma has learned of the data stays."""
+        before = -self._a / self.adaptation_time
+        self._a = Gains.from_time(adaptation_time, self._scales).feedback
+        self.adaptation_time = adaptation_time
+        factor = -self._a / adaptation_time / before  # Gamma goes with |a| / T
+        self._start = factor * self._start
+        self._resting = tuple([factor * g for g in self._resting])
+        self._couple(factor * np.array(self._rows))
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {**super().state(), 'parameters': list(self.parameters),
                 'theta_hat': list(self.theta_hat), 'gamma': [list(row) for row in self._rows],
-                'sums': list(self._sums), 'next': self._next}
+                'sums': list(self._summed()), 'next': self._next}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -96,33 +109,39 @@ class AveragedIdentifier(CoupledIdentifier):
         published = self._allowed(state['parameters'])
         super().restore({**state, 'parameters': state['theta_hat']})
         self.parameters = published
-        self._sums, self._next = sums, after
+        self._sums, self._new = tuple(sums), []
+        self._time, self._next = sums[9], after
         self._couple(gamma)
 
     def _adapted(self, step: Step, rest: bool) -> None:
-        dt, sums = step.dt, self._sums
-        if not rest:
-            self._note(step)
-        share = dt / (dt + min(SHARE * max(sums[9], dt), MEMORY))
+        dt = step.dt
+        if not rest and (abs(step.force[1]) <= self._most_force
+                         and abs(step.velocity[1]) <= self._most_velocity):
+            self._time += dt
+            self._new.append(step)
+            if len(self._new) == LOT:
+                self._summed()
+        memory = SHARE * (self._time if self._time > dt else dt)
+        share = dt / (dt + (memory if memory < MEMORY else MEMORY))
         a, b, c, d = self.parameters
         p, q, r, s = self.theta_hat
         d += share * (s - d)
         self.parameters = (a, b, c, d) if rest else (
             a + share * (p - a), b + share * (q - b), c + share * (r - c), d)
-        if sums[9] >= self._next:
+        if self._time >= self._next:
             self._learn()
 
-    def _note(self, step: Step) -> None:
-        force, velocity, scale = step.force[1], step.velocity[1], self._regressor_scale
-        if abs(force * scale[0]) <= FAR_OFF and abs(velocity * scale[2]) <= FAR_OFF:
-            add_products(self._sums, force, velocity, step.dt)
+    def _summed(self) -> Sums:
+        self._sums = summed(self._sums, self._new)
+        self._new.clear()
+        return self._sums
 
     def _learn(self) -> None:
         """Take Gamma from the data so far."""
         mean = np.zeros((4, 4))
-        mean[np.triu_indices(4)] = np.array(self._sums) / self._sums[9]
+        mean[np.triu_indices(4)] = np.array(self._summed()) / self._time
         mean += np.triu(mean, 1).T
         gamma = -0.5 * self._a / self.adaptation_time * inverse(
             mean, self._scales, LEAST_SQUARES, LEAST_SHARE)
         self._couple(0.5 * (gamma + gamma.T))
-        self._next = 2.0 * self._sums[9]
+        self._next = 2.0 * self._time

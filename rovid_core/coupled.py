@@ -7,6 +7,7 @@ from typing import cast
 
 import numpy as np
 from rovid_core.aid import AdaptiveIdentifier, Gains, MOST_PIECES
+from rovid_core.coupled_step import general, UNROLLED
 from rovid_core.dofs import Four
 from rovid_core.identifier import Scales, Step
 from rovid_core.integrators import coupled_rates
@@ -42,6 +43,8 @@ class CoupledIdentifier(AdaptiveIdentifier):
             scales, Gains(-feedback, cast(Four, tuple(np.diag(gamma).tolist()))), integrator)
         self._rates = coupled_rates
         self._least_pieces = least_pieces
+        if least_pieces == 1:
+            self._unrolled = UNROLLED.get(integrator, general)
         self._couple(gamma)
         self._resting = self._gamma
 

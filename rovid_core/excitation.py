@@ -28,9 +28,13 @@ At 5 mm of noise in 10 Hz fixes, thrust of 0.02 to 0.1 Hz reaches it for both dr
 FLOOR = 1e-12
 """Share of a mean square below which what is left of it is rounding."""
 
-ALPHA, BETA, GAMMA, DELTA = range(4)
-
 Sums = tuple[float, ...]
+NO_SUMS: Sums = (0.0,) * 10
+
+LOT = 64
+"""Steps that are added up at once, at most."""
+
+ALPHA, BETA, GAMMA, DELTA = range(4)
 
 
 @dataclass(frozen=True)
@@ -80,16 +84,22 @@ class Gram:
 
     def acceleration(self, parameters: Sequence[float]) -> float:
         """Return the root mean square of theta . phi over the data [m/s^2 or rad/s^2]."""
-        p = [x / scale for x, scale in zip(parameters, self.scale)]
-        return math.sqrt(max(0.0, sum(
-            p[i] * g * p[j] for i, row in enumerate(self.matrix) for j, g in enumerate(row))))
+        (p, q, r, s), (t, u, v, w) = parameters, self.scale
+        p, q, r, s = p / t, q / u, r / v, s / w
+        a, ab, ac, ad, b, bc, bd, c, cd, d = self.sums
+        square = (p * p * a + q * q * b + r * r * c + s * s * d + 2.0 * (
+            p * (q * ab + r * ac + s * ad) + q * (r * bc + s * bd) + r * s * cd))
+        return math.sqrt(square / d) if square > 0.0 else 0.0
 
     def uncertainty(self, covariance: Sequence[float]) -> float:
         """Return the root mean variance of theta . phi for a covariance, 16 by rows."""
-        s = self.scale
-        return math.sqrt(max(0.0, sum(
-            covariance[4 * i + j] * g / (s[i] * s[j])
-            for i, row in enumerate(self.matrix) for j, g in enumerate(row))))
+        p, pq, pr, ps, _, q, qr, qs, _, _, r, rs, _, _, _, s = covariance
+        t, u, v, w = self.scale
+        a, ab, ac, ad, b, bc, bd, c, cd, d = self.sums
+        square = (p * a / (t * t) + q * b / (u * u) + r * c / (v * v) + s * d / (w * w) + 2.0 * (
+            pq * ab / (t * u) + pr * ac / (t * v) + ps * ad / (t * w)
+            + qr * bc / (u * v) + qs * bd / (u * w) + rs * cd / (v * w)))
+        return math.sqrt(square / d) if square > 0.0 else 0.0
 
     @property
     def shows_mass(self) -> bool:
@@ -130,34 +140,57 @@ class Gram:
 
     def _left(self, i: int, terms: Sequence[int]) -> float:
         """Return what the other terms leave of mean square ``i``, by Gaussian elimination."""
-        rows = [list(row) for row in self.matrix]
-        order = [k for k in terms if k != i]
-        order.append(i)
-        for at, k in enumerate(order[:-1]):
-            pivot = rows[k][k]
-            if pivot <= FLOOR * self.matrix[k][k]:
+        a, ab, ac, ad, b, bc, bd, c, cd, d = self.sums
+        rows = [[a, ab, ac, ad], [ab, b, bc, bd], [ac, bc, c, cd], [ad, bd, cd, d]]
+        squares = (a, b, c, d)
+        rest = [k for k in terms if k != i]
+        rest.append(i)
+        while len(rest) > 1:
+            k = rest.pop(0)
+            row = rows[k]
+            pivot = row[k]
+            if pivot <= FLOOR * squares[k]:
                 continue  # those before it have explained it all
-            for r in order[at + 1:]:
-                factor = rows[r][k] / pivot
-                for c in order[at + 1:]:
-                    rows[r][c] -= factor * rows[k][c]
-        return max(rows[i][i], 0.0)
+            for r in rest:
+                own, factor = rows[r], row[r] / pivot
+                for s in rest:
+                    own[s] -= factor * row[s]
+        return max(rows[i][i], 0.0) / (d or 1.0)
 
 
-def add_products(sums: list[float], force: float, velocity: float, dt: float) -> None:
-    """Add phi phi' dt to ten sums: the upper triangle by rows; the last, of 1, is the time."""
-    drag = velocity * abs(velocity)
-    force_dt, drag_dt, velocity_dt = force * dt, drag * dt, velocity * dt
-    sums[0] += force * force_dt
-    sums[1] += drag * force_dt
-    sums[2] += velocity * force_dt
-    sums[3] += force_dt
-    sums[4] += drag * drag_dt
-    sums[5] += velocity * drag_dt
-    sums[6] += drag_dt
-    sums[7] += velocity * velocity_dt
-    sums[8] += velocity_dt
-    sums[9] += dt
+def summed(sums: Sums, steps: Sequence[Step], force_scale: float = 1.0,
+           velocity_scale: float = 1.0) -> Sums:
+    """
+    Return sums of phi phi' dt with those of some steps added, in their order.
+
+    Parameters
+    ----------
+    sums : tuple of 10 floats
+        The upper triangle by rows; the last, of 1, is the time [s].
+    steps : sequence of Step
+        Many at once cost half as much as one by one.
+    force_scale, velocity_scale : float
+        What force and velocity are multiplied by.
+
+    """
+    a, ab, ac, ad, b, bc, bd, c, cd, d = sums
+    for step in steps:
+        dt = step.dt
+        force = step.force[1] * force_scale
+        velocity = step.velocity[1] * velocity_scale
+        drag = velocity * abs(velocity)
+        force_dt, drag_dt, velocity_dt = force * dt, drag * dt, velocity * dt
+        a += force * force_dt
+        ab += drag * force_dt
+        ac += velocity * force_dt
+        ad += force_dt
+        b += drag * drag_dt
+        bc += velocity * drag_dt
+        bd += drag_dt
+        c += velocity * velocity_dt
+        cd += velocity_dt
+        d += dt
+    return a, ab, ac, ad, b, bc, bd, c, cd, d
 
 
 class Excitation:
@@ -177,25 +210,33 @@ class Excitation:
         self._scale = scales.regressor
         self._force, _, self._velocity, _ = self._scale
         self._active = tuple([i for i, on in enumerate(scales.active) if on])
-        self._memory = memory
-        self._recent: Sums = (0.0,) * 10
-        self._older: Sums = (0.0,) * 10
-        self._new = [0.0] * 10  # not yet in the two others
+        self.memory = memory
+        self._recent: Sums = NO_SUMS
+        self._older: Sums = NO_SUMS
+        self._sums: Sums = NO_SUMS  # not yet in the two others
+        self._new: list[Step] = []  # not yet in any
 
     def step(self, step: Step) -> None:
         """Take a step; this is all that is done at each of them."""
-        add_products(self._new, step.force[1] * self._force,
-                     step.velocity[1] * self._velocity, step.dt)
+        self._new.append(step)
+        if len(self._new) == LOT:
+            self._summed()
 
     def recent(self) -> Gram:
         """Return the matrix of late, with all up to now."""
-        kept = math.exp(-self._new[9] / self._memory)
-        self._recent = tuple([kept * old + new for old, new in zip(self._recent, self._new)])
-        self._older = tuple([old + new for old, new in zip(self._older, self._new)])
-        self._new = [0.0] * 10
+        sums = self._summed()
+        kept = math.exp(-sums[9] / self.memory)
+        self._recent = tuple([kept * old + new for old, new in zip(self._recent, sums)])
+        self._older = tuple([old + new for old, new in zip(self._older, sums)])
+        self._sums = NO_SUMS
         return Gram(self._recent, self._active, self._scale)
 
     def whole(self) -> Gram:
         """Return the matrix of everything since the start."""
-        return Gram(tuple([old + new for old, new in zip(self._older, self._new)]),
+        return Gram(tuple([old + new for old, new in zip(self._older, self._summed())]),
                     self._active, self._scale)
+
+    def _summed(self) -> Sums:
+        self._sums = summed(self._sums, self._new, self._force, self._velocity)
+        self._new.clear()
+        return self._sums

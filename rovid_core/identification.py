@@ -8,10 +8,10 @@ from typing import cast
 
 from rovid_core.dofs import Four
 from rovid_core.identifier import Scales, Step
-from rovid_core.methods import make
+from rovid_core.methods import make, retuned
 from rovid_core.plant import lumped
-from rovid_core.settings import Settings
-from rovid_core.status import DofStatus
+from rovid_core.settings import IdentifierSettings, Settings
+from rovid_core.status import DofStatus, Judgement
 from rovid_core.values import DofEstimate
 from rovid_core.watch import TypicalSizes
 
@@ -44,9 +44,8 @@ class Identification:
                  warn: Callable[[str], None]) -> None:
         self._name = name = settings.dofs[i]
         dof, method = settings.dof[name], settings.identifier
-        gains = method.adaptation_gains
-        raw = gains[4 * i:4 * i + 4] if len(gains) > 4 else gains
-        self.identifier = make(method, dof, cast(Four, raw) if raw else None)
+        self._i = i
+        self.identifier = make(method, dof, _raw_gains(method, i))
         # raw gains have their own adaptation time
         self._status = DofStatus(Scales.of(dof), getattr(
             self.identifier, 'adaptation_time', method.adaptation_time))
@@ -57,14 +56,21 @@ class Identification:
             true.mass, true.quadratic_drag, true.linear_drag, true.bias)
         self.refresh()
 
+    def change(self, settings: Settings) -> None:
+        """Take other gains from the next step on; what was found stays."""
+        method = settings.identifier
+        self.identifier = retuned(
+            self.identifier, method, settings.dof[self._name], _raw_gains(method, self._i))
+        self._status.retune(getattr(self.identifier, 'adaptation_time', method.adaptation_time))
+
     def refresh(self) -> None:
         """Let the estimate say what the identifier holds by now; no step has been made."""
         self._status.reset()
+        self._steps = 0
         identifier = self.identifier
         self.estimate = DofEstimate(
-            self._name, identifier.parameters, identifier.std, reasons=('no step yet',),
-            covariance=identifier.covariance, delay=identifier.delay,
-            delay_std=identifier.delay_std)
+            self._name, identifier.parameters, identifier.uncertainty,
+            Judgement('waiting', ('no step yet',)), delay=identifier.delay)
 
     def verdict(self) -> str:
         """Return what all data leave open, '' if nothing."""
@@ -72,18 +78,24 @@ class Identification:
 
     def step(self, time: int, step: Step, adapt: bool) -> None:
         """Take a step that ends at ``time`` [ns]; without ``adapt`` the parameters stay."""
-        identifier, before = self.identifier, self.estimate
+        identifier = self.identifier
         refused = identifier.step(step, adapt)
         if refused:
             self._reject(self._name, refused)
+        else:
+            self._steps += 1
         self._sizes.step(step)
-        status, reasons = self._status.after(identifier, step, refused, adapt)
-        truth = self._truth
-        self.estimate = DofEstimate(
-            dof=self._name, parameters=identifier.parameters, std=identifier.std,
-            status=status, reasons=reasons, time=time,
-            steps=before.steps + (not refused), velocity=step.velocity[2],
-            v_hat=identifier.v_hat, force=step.force[1], excitation=identifier.excitation,
-            W=math.nan if truth is None else identifier.lyapunov(step.velocity[2], truth),
-            covariance=identifier.covariance, delay=identifier.delay,
-            delay_std=identifier.delay_std)
+        velocity = step.velocity[2]
+        w = math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth)
+        # by position: it is made at every step, and names would cost as much as the step
+        self.estimate = DofEstimate._make((
+            self._name, identifier.parameters, identifier.uncertainty,
+            self._status.after(identifier, step, refused, adapt), time, self._steps, velocity,
+            identifier.v_hat, step.force[1], identifier.excitation, w, identifier.delay))
+
+
+def _raw_gains(method: IdentifierSettings, i: int) -> Four | None:
+    """Return the diagonal of Gamma of DOF number ``i``, None where there are no raw gains."""
+    gains = method.adaptation_gains
+    raw = gains[4 * i:4 * i + 4] if len(gains) > 4 else gains
+    return cast(Four, raw) if raw else None

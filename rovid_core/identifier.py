@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol
 from rovid_core.dofs import Four, PARAMETERS
 from rovid_core.plant import lumped
 from rovid_core.settings import DofSettings
+from rovid_core.uncertainty import NOTHING, Uncertainty
 
 Three = tuple[float, float, float]
 
@@ -72,18 +73,31 @@ class Identifier(Protocol):
        identifier continues with the same bits.
     7. Reading an attribute changes nothing.
 
-    ``covariance`` is that of the parameters: 16 floats, row-major, 0 for left-out terms; ()
-    for a method without. ``delay`` is that of the thrust [s], NaN where it is not estimated.
-    ``note`` is what the method has noticed of vehicle and model, '' if nothing.
+    ``uncertainty`` is how well the parameters are known, a value of its own that does not
+    change when the method goes on. ``delay`` is that of the thrust [s], NaN where it is not
+    estimated. ``note`` is what the method has noticed of vehicle and model, '' if nothing.
     """
 
     parameters: Four
-    std: Four
-    covariance: tuple[float, ...] = ()
+    uncertainty: Uncertainty = NOTHING
     delay: float = math.nan
-    delay_std: float = math.nan
     v_hat: float
     excitation: float
+
+    @property
+    def std(self) -> Four:
+        """Return the standard deviations of the parameters."""
+        return self.uncertainty.std
+
+    @property
+    def covariance(self) -> tuple[float, ...]:
+        """Return that of the parameters."""
+        return self.uncertainty.covariance
+
+    @property
+    def delay_std(self) -> float:
+        """Return the standard deviation of the delay [s]."""
+        return self.uncertainty.delay_std
 
     @property
     def note(self) -> str:
@@ -98,6 +112,10 @@ class Identifier(Protocol):
 
     def reset(self) -> None:
         """Go back to the initial values."""
+
+    def retune(self, adaptation_time: float) -> None:
+        """Take another adaptation time [s] and keep what was found; some have none."""
+        return None
 
     def energy(self, dv: float, parameters: Four, truth: Four) -> float:
         """Return W of eq. 9 for a velocity error and parameters, NaN for a method without."""

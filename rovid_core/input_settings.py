@@ -32,7 +32,7 @@ class InputSettings:
     field: str = ''
     stamp: str = ''  # 'header', 'receive', or '': header where the type has one
     latency: float = 0.0  # [s], subtracted from the stamp
-    qos: str = 'sensor_data'  # 'sensor_data' or 'reliable', of the live subscription
+    qos: str = 'sensor_data'  # 'sensor_data', 'reliable' or 'transient_local', of the subscription
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,9 @@ class ThrusterSettings:
     qos: str = 'sensor_data'
     names: tuple[str, ...] = ()
     offset: float = 0.0
-    deadband: float = 0.0
+    scale: float = 1.0
+    deadband: float = 0.0  # of the command after offset and scale, as is the limit
+    limit: float = 0.0  # 0: none
     model: str = 'linear'  # linear | quadratic | polynomial | table
     gain: tuple[float, ...] = ()
     polynomial: tuple[float, ...] = ()  # ascending powers, from the constant term
@@ -82,6 +84,8 @@ class ThrusterSettings:
             raise SettingsError(
                 'thrusters.allocation', f'takes 6 rows x {n} thrusters = {6 * n} numbers, '
                                         f'got {got}')
+        if self.scale == 0.0:
+            raise SettingsError('thrusters.scale', 'got 0, takes any other number')
         if self.hold == 'linear' and len(self.topics) > 1:
             raise SettingsError(
                 'thrusters.hold', 'linear takes one topic for all thrusters; takes previous here')

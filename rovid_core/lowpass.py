@@ -47,19 +47,23 @@ class LowPass:
                 [y + weight * (u - y) for y, u in zip(self.value, signals)])
         return self.value
 
+    def retune(self, cutoff: float) -> None:
+        """Take another cutoff [Hz] from the next step on."""
+        self._rate = 2.0 * math.pi * cutoff
+
     def restart(self) -> None:
         """Forget; the next signals are the start."""
         self.value = None
 
 
-def filtered(cutoff: float, dt: Array, signals: Array) -> Array:
+def filtered(cutoff: float | Array, dt: Array, signals: Array) -> Array:
     """
     Return what ``LowPass`` gives for a whole trial.
 
     Parameters
     ----------
-    cutoff : float
-        [Hz]; 0 passes everything.
+    cutoff : float or ndarray, shape (n,)
+        [Hz], of each step where it changes; 0 passes everything.
     dt : ndarray, shape (n,)
         Length of the step before each sample [s]; the first is not used.
     signals : ndarray, shape (..., n)
@@ -70,7 +74,7 @@ def filtered(cutoff: float, dt: Array, signals: Array) -> Array:
     ndarray, shape (..., n)
 
     """
-    if cutoff == 0.0:
+    if isinstance(cutoff, float) and cutoff == 0.0:
         return signals
     weight = -np.expm1(-np.minimum(2.0 * math.pi * cutoff * dt, MOST_TURN))
     weight[:1] = 1.0

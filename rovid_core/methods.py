@@ -36,6 +36,29 @@ METHODS: dict[str, Callable[[Scales, IdentifierSettings, Four | None], Identifie
 """What makes the identifier of a DOF; in the order in which they are offered."""
 
 
+def retuned(identifier: Identifier, settings: IdentifierSettings, dof: DofSettings,
+            raw_gains: Four | None = None) -> Identifier:
+    """
+    Return an identifier with other gains that goes on from what this one has found.
+
+    Parameters
+    ----------
+    identifier : Identifier
+        Made with the same method, DOF and integrator; not to be used any more.
+    settings, dof, raw_gains
+        As in :func:`make`.
+
+    """
+    averaged = isinstance(identifier, AveragedIdentifier) and raw_gains is None
+    if averaged or not isinstance(identifier, AdaptiveIdentifier):
+        identifier.retune(settings.adaptation_time)
+        return identifier
+    made, found = make(settings, dof, raw_gains), identifier.state()
+    # from a mean to theta_hat and back, what is published must not leap
+    made.restore({**made.state(), **found, 'theta_hat': found['parameters']})
+    return made
+
+
 def make(settings: IdentifierSettings, dof: DofSettings,
          raw_gains: Four | None = None) -> Identifier:
     """

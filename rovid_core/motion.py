@@ -86,6 +86,11 @@ class MotionSource:
         self._shared = shared
         self.restart()
 
+    def change(self, settings: Settings) -> None:
+        """Take other limits: ``max_gap`` and ``velocity.max``."""
+        self._max_gap = round(settings.max_gap / NS)
+        self._max_speed = settings.max_speed
+
     def restart(self) -> None:
         """Forget all measurements."""
         self._waiting: deque[Fix] = deque()

@@ -15,6 +15,9 @@ AHEAD = 1_000_000_000
 MOST_AHEAD = 4096
 """Events of one input that are held while they wait for a second input to agree."""
 
+MOST_HELD = 65536
+"""Events that are held while they wait for the slowest input; beyond, new ones are dropped."""
+
 ALONE = 20
 """So many events with nothing from the others, over more than AHEAD, need no agreement."""
 
@@ -51,7 +54,7 @@ class EventOrder:
         [s] A stamp back by more than this is a jump of time; by less, it is dropped.
     reject : callable
         Told input and reason of every event that is dropped: ``late``, ``duplicate``,
-        ``backward``, ``future``, ``discarded``.
+        ``backward``, ``future``, ``overload``, ``discarded``.
     warn : callable
         Told, in one line, of inputs whose stamps do not fit those of the others.
 
@@ -71,12 +74,20 @@ class EventOrder:
         """Forget all times and held events, as at the start."""
         self._last: dict[Key, int] = {}  # newest accepted event time of each input
         self._newest: int | None = None  # newest accepted event time of all
+        self._past = NEVER  # what is before it is late, even if ``max_wait`` has grown
         self._held: list[tuple[int, int, int, Event]] = []
         self._ahead: dict[Key, list[Event]] = {}  # not believed yet
         self._behind: dict[Key, Event] = {}  # a jump of time, if confirmed
         self._arrivals = 0
         self._late: dict[Key, int] = {}
         self._alone: tuple[Key | None, int, int] = (None, 0, 0)  # input, since when, how many
+
+    def change(self, max_wait: float) -> None:
+        """Take another ``max_wait`` [s]; what has been released stays the past."""
+        if self._newest is not None:
+            self._past = max(self._past, self._newest - self._max_wait)
+        self._max_wait = round(max_wait * 1e9)
+        self._far = max(AHEAD, self._max_wait)
 
     def push(self, event: Event) -> tuple[list[Event], bool]:
         """
@@ -179,7 +190,8 @@ class EventOrder:
         assert self._newest is not None
         for doubted in self._ahead.pop(key, ()):
             self._drop(doubted, 'future')
-        if event.time < self._newest - self._max_wait and self._is_new(key, event):
+        past = max(self._past, self._newest - self._max_wait)
+        if event.time < past and self._is_new(key, event):
             self._drop(event, 'late')
             self._note_late(key, self._newest - event.time)
         else:
@@ -191,6 +203,9 @@ class EventOrder:
     def _hold_new(self, key: Key, event: Event) -> None:
         if not self._is_new(key, event):
             self._drop(event, 'duplicate' if event.time == self._last[key] else 'backward')
+            return
+        if len(self._held) >= MOST_HELD:
+            self._drop(event, 'overload')
             return
         for sample in event.samples:
             self._last[(sample.input, sample.part)] = event.time

@@ -12,7 +12,7 @@ from rovid_core.identifier import Step
 from rovid_core.motion import Motion
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
-from rovid_core.thrust import Thrust
+from rovid_core.thrust import are_commands, Thrust
 from rovid_core.track import Track
 from rovid_core.values import Estimate, Sample
 from rovid_core.watch import OneSided
@@ -34,6 +34,9 @@ class Scorer(Protocol):
 
     def reference(self, time: int, value: tuple[float, ...]) -> None:
         """Take a reference velocity (six values)."""
+
+    def changed(self, cutoff: float) -> None:
+        """Take the cutoff [Hz] of the steps from now on."""
 
 
 class Pipe:
@@ -70,7 +73,7 @@ class Pipe:
         self._dofs = [
             Identification(settings, i, reject, warn) for i in range(len(settings.dofs))]
         self.identifiers = [dof.identifier for dof in self._dofs]
-        self.adapt = True
+        self.adapt = settings.enable
         self._sign: tuple[float, ...] | None = None
         self._one_sided = OneSided(settings, warn)
 
@@ -82,6 +85,22 @@ class Pipe:
         """Let the estimates say what the identifiers hold by now; no step has been made."""
         for dof in self._dofs:
             dof.refresh()
+
+    def change(self, settings: Settings) -> None:
+        """Take other gains and limits; filters, histories and parameters stay."""
+        gains_change = settings.identifier != self._settings.identifier
+        self._settings = settings
+        self._max_gap = round(settings.max_gap / NS)
+        self._world.change(settings)
+        self._thrust.change(settings.thrusters.timeout)
+        for track in self._tracks:
+            track.change(settings)
+        if gains_change:
+            for dof in self._dofs:
+                dof.change(settings)
+            self.identifiers[:] = [dof.identifier for dof in self._dofs]
+        if self._scorer is not None:
+            self._scorer.changed(settings.cutoff)
 
     def restart(self) -> None:
         """Start times, filters and histories anew and keep the parameters."""
@@ -161,6 +180,8 @@ class Pipe:
             if len(signs) > len(value):
                 signs = signs[part:part + 1]
             value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
+        if not are_commands(self._settings.thrusters, value, part):
+            return 'not_a_command'
         self._one_sided.command(value)
         # a span begins at most max_gap before a measurement that waited max_gap for the rest
         self._thrust.forget(time - 3 * self._max_gap)

@@ -15,8 +15,8 @@ from typing import Any, cast
 
 from rovid_core.dofs import Four
 from rovid_core.excitation import LEAST_EXCITATION, LEAST_MOTION
-from rovid_core.factored import FactoredCovariance
-from rovid_core.identifier import finite, Identifier, Scales, Step
+from rovid_core.factored import FactoredCovariance, FactoredUncertainty, projected, Six
+from rovid_core.identifier import Identifier, Scales, Step, Three
 from rovid_core.plant import advance
 from rovid_core.regression_noise import RegressionNoise
 
@@ -37,6 +37,11 @@ PRIOR = 5.0
 
 STEADY = 3.0
 """Time [s] after which thrust and velocity that do not change tell nothing new."""
+
+ABSURD = 1e100
+"""No number of a state comes near it, and its square is finite."""
+
+NONE: Four = (0.0,) * 4
 
 MOST = 1e6
 """A larger velocity or force, in typical ones, is refused."""
@@ -81,31 +86,37 @@ class RecursiveLeastSquares(Identifier):
 
     def __init__(self, scales: Scales, adaptation_time: float = 3.0) -> None:
         self._scales = scales
-        self._active = [i for i in range(4) if scales.active[i]]
+        # a term that is left out has a regressor of 0
+        self._on = cast(Four, tuple([1.0 if on else 0.0 for on in scales.active]))
         # of theta / V per unit of parameter
-        self._unit = [1.0 / (scales.regressor[i] * scales.velocity) for i in self._active]
+        self._unit = cast(Four, tuple([1.0 / (x * scales.velocity) for x in scales.regressor]))
         self.bounds = scales.bounds()
         self._low, self._high = (
-            [b[i] * u for i, u in zip(self._active, self._unit)] for b in self.bounds)
+            cast(Four, tuple([b * u for b, u in zip(bound, self._unit)]))
+            for bound in self.bounds)
         self.adaptation_time = adaptation_time
-        self.delay = self.delay_std = math.nan
         self.v_hat = math.nan
         self._age = 0.0  # of the filters [s]
         self.reset()
 
     def reset(self) -> None:
         """Go back to the initial values."""
-        initial, n = self._scales.initial, len(self._active)
+        initial = self._scales.initial
         typical = max(initial[0] * self._scales.force / self._scales.velocity, 1.0 / 3.0)
-        self._theta = [initial[i] * u for i, u in zip(self._active, self._unit)]
-        self._p = FactoredCovariance(n, (PRIOR * typical) ** 2)
+        self._theta = cast(Four, tuple([p * u for p, u in zip(initial, self._unit)]))
+        self._p = FactoredCovariance((PRIOR * typical) ** 2)
         self._noise = RegressionNoise((0.1 / CORNER) ** 2)
         self._learned = 0.0  # time that was learned from [s]
         self.excitation = 0.0
-        self._steady = [0.0, 0.0, 0.0]  # mean thrust and velocity, and the thrust's variance
+        # mean thrust and velocity, and the thrust's variance
+        self._steady: Three = (0.0, 0.0, 0.0)
         self.parameters: Four = initial
         self._publish()
         self._begin(math.nan, math.nan)
+
+    def retune(self, adaptation_time: float) -> None:
+        """Take another memory: a hundred times ``adaptation_time`` [s]."""
+        self.adaptation_time = adaptation_time
 
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
@@ -128,21 +139,22 @@ class RecursiveLeastSquares(Identifier):
             '' or the reason: ``out_of_range`` for what is not finite or absurd.
 
         """
-        dt = step.dt
-        force = (step.parts[0] * step.forces[0] + step.parts[1] * step.forces[1]) / dt
-        f, u = force / self._scales.force, step.mean / self._scales.velocity
+        dt, mean, size = step.dt, step.mean, self._scales.velocity
+        (one, other), (first, second) = step.parts, step.forces
+        force = (one * first + other * second) / dt
+        f, u = force / self._scales.force, mean / size
         if math.isnan(self.v_hat):
             self.restart(step.velocity[0])
-        if not (abs(f) <= MOST and abs(u) <= MOST
-                and abs(self.v_hat) <= MOST * self._scales.velocity):
+        before = self.v_hat
+        if not (abs(f) <= MOST and abs(u) <= MOST and abs(before) <= MOST * size):
             self._begin(math.nan, math.nan)
             return 'out_of_range'
-        before = self.v_hat
         ahead = advance(self.parameters, before, force, dt)
-        most = self._scales.velocity  # of the pull, for a fix may be far off
-        pull = min(max(step.mean - ahead, -most), most)
+        pull = mean - ahead
+        if not -size <= pull <= size:  # a fix may be far off
+            pull = math.copysign(size, pull)
         self.v_hat = ahead - math.expm1(-FEEDBACK * dt) * pull
-        self._filter(step, f, 0.5 * (before + ahead) / self._scales.velocity)
+        self._filter(step, f, u, 0.5 * (before + ahead) / size)
         self.excitation -= math.expm1(-dt / self.adaptation_time) * (f * f - self.excitation)
         steady = self._is_steady(f, step)
         if adapt and self._age > SETTLING / CORNER and not steady:
@@ -154,40 +166,37 @@ class RecursiveLeastSquares(Identifier):
         return {'parameters': list(self.parameters),
                 'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
                 'excitation': self.excitation, 'learned': self._learned,
-                'theta': list(self._theta), 'u': [list(c) for c in self._p.u],
-                'd': list(self._p.d), 'noise': self._noise.state(),
-                'steady': list(self._steady),
+                'theta': list(self._theta), 'u': list(self._p.u), 'd': list(self._p.d),
+                'noise': self._noise.state(), 'steady': list(self._steady),
                 'filters': [self._age, self._s, self._z, *self._psi, *self._chi],
                 'velocity': None if math.isnan(self._velocity) else self._velocity}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        n = len(self._active)
-        parameters, theta, d, filters, noise, steady = (
-            [float(x) for x in state[key]]
-            for key in ('parameters', 'theta', 'd', 'filters', 'noise', 'steady'))
-        u = [[float(x) for x in column] for column in state['u']]
+        parameters, theta, u, d, filters, noise, steady = (
+            tuple([float(x) for x in state[key]])
+            for key in ('parameters', 'theta', 'u', 'd', 'filters', 'noise', 'steady'))
         excitation, learned = float(state['excitation']), float(state['learned'])
         v_hat, velocity = (
             math.nan if state[key] is None else float(state[key])
             for key in ('v_hat', 'velocity'))
-        sizes = [len(parameters), len(theta), len(d), len(filters), len(noise), len(steady),
-                 len(u)]
-        if sizes != [4, n, n, 3 + 2 * n, 4, 3, n] or {len(column) for column in u} != {n}:
-            raise ValueError('the state is not one of these terms')
+        if list(map(len, (parameters, theta, u, d, filters, noise, steady))) != [
+                4, 4, 6, 4, 11, 4, 3]:
+            raise ValueError('the state is not one of least squares')
         if not all(low <= p <= high for low, p, high in zip(
                 self.bounds[0], parameters, self.bounds[1])):
             raise ValueError(f'parameters {parameters} are out of bounds')
-        if not finite((*theta, *d, *filters, *noise, *steady, *sum(u, []), excitation, learned)) \
+        numbers = (*theta, *u, *d, *filters, *noise, *steady, excitation, learned)
+        if not all(abs(x) < ABSURD for x in numbers) \
                 or min(*d, *noise[:2]) <= 0.0 or math.isinf(v_hat) or math.isinf(velocity):
             raise ValueError('the state holds numbers that are out of range')
-        self.parameters = cast(Four, tuple(parameters))
+        self.parameters, self._theta = cast(Four, parameters), cast(Four, theta)
         self.v_hat, self._velocity, self.excitation = v_hat, velocity, excitation
-        self._learned, self._theta, self._steady = learned, theta, steady
-        self._p.u, self._p.d = u, d
+        self._learned, self._steady = learned, cast(Three, steady)
+        self._p.u, self._p.d = cast(Six, u), cast(Four, d)
         self._noise.restore(noise)
         self._age, self._s, self._z = filters[:3]
-        self._psi, self._chi = filters[3:3 + n], filters[3 + n:]
+        self._psi, self._chi = cast(Four, filters[3:7]), cast(Four, filters[7:])
         self._publish()
 
     def _begin(self, v_hat: float, velocity: float) -> None:
@@ -195,78 +204,65 @@ class RecursiveLeastSquares(Identifier):
         self.v_hat = v_hat
         self._velocity = velocity / self._scales.velocity  # measured last, not filtered
         self._age = self._s = self._z = 0.0
-        self._psi = [0.0] * len(self._active)
-        self._chi = [0.0] * len(self._active)
+        self._psi = self._chi = NONE
 
-    def _filter(self, step: Step, f: float, v: float) -> None:
-        dt, u = step.dt, step.mean / self._scales.velocity
-        keep, t = math.exp(-CORNER * dt), step.interval or step.dt
-        phi = (f, v * abs(v), v, 1.0)
+    def _filter(self, step: Step, f: float, u: float, v: float) -> None:
+        dt = step.dt
+        keep, t = math.exp(-CORNER * dt), step.interval or dt
+        on, (i, j, k, m), (p, q, r, s) = self._on, self._psi, self._chi
         self._s = keep * self._s + u - self._velocity
         self._z = keep * self._z + t * self._s
-        self._psi = [keep * p + dt * phi[i] for p, i in zip(self._psi, self._active)]
-        self._chi = [keep * x + t * p for x, p in zip(self._chi, self._psi)]
+        i = keep * i + dt * (on[0] * f)
+        j = keep * j + dt * (on[1] * (v * abs(v)))
+        k = keep * k + dt * (on[2] * v)
+        m = keep * m + dt * on[3]
+        self._psi = (i, j, k, m)
+        self._chi = (keep * p + t * i, keep * q + t * j, keep * r + t * k, keep * s + t * m)
         self._velocity = u
         self._age += dt
 
     def _is_steady(self, f: float, step: Step) -> bool:
         """Tell whether neither thrust nor velocity have changed for some time."""
-        v = min(max(step.velocity[1] / self._scales.velocity, -MOST), MOST)
-        v = v if math.isfinite(v) else 0.0
+        v = step.velocity[1] / self._scales.velocity
+        if not -MOST <= v <= MOST:
+            v = math.copysign(MOST, v) if math.isfinite(v) else 0.0
         share = -math.expm1(-step.dt / STEADY)
         f_mean, v_mean, change = self._steady
         f_mean += share * (f - f_mean)
         v_mean += share * (v - v_mean)
-        square = (f - f_mean) ** 2
+        f -= f_mean
+        v -= v_mean
+        square = f * f
         change += share * (square - change)
-        self._steady = [f_mean, v_mean, change]
-        return (max(square, change) < LEAST_EXCITATION
-                and (v - v_mean) ** 2 < LEAST_MOTION)
+        self._steady = (f_mean, v_mean, change)
+        return square < LEAST_EXCITATION and change < LEAST_EXCITATION and v * v < LEAST_MOTION
 
     def _learn(self, dt: float) -> None:
         chi, noise = self._chi, self._noise
-        error = self._z - math.fsum(x * p for x, p in zip(chi, self._theta))
+        (x0, x1, x2, x3), (p0, p1, p2, p3) = chi, self._theta
+        error = self._z - (x0 * p0 + x1 * p1 + x2 * p2 + x3 * p3)
         prediction = self._p.along(chi)
         weight = noise.weight(error, prediction)
         variance = noise.variance / weight
         self._learned += dt
         memory = min(MEMORY * self.adaptation_time, 2.0 + 0.5 * self._learned)
         self._p.forget(chi, min(-math.expm1(-dt / memory), prediction / (prediction + variance)))
-        gain = self._p.update(chi, variance)
-        self._theta = [p + k * error for p, k in zip(self._theta, gain)]
+        k0, k1, k2, k3 = self._p.update(chi, variance)
+        self._theta = (p0 + k0 * error, p1 + k1 * error, p2 + k2 * error, p3 + k3 * error)
         noise.add(weight * error, prediction, dt)
         self._publish()
 
     def _publish(self) -> None:
-        """Give parameters and covariance in their units."""
-        p, unit = self._p.matrix(), self._unit
-        covariance, std, values = [0.0] * 16, [math.nan] * 4, [0.0] * 4
-        theta = self._inside(p)
-        for j, i in enumerate(self._active):
-            low, high = self.bounds[0][i], self.bounds[1][i]
-            values[i] = min(max(theta[j] / unit[j], low), high)
-            std[i] = math.sqrt(p[j][j]) / unit[j]
-            for k, m in enumerate(self._active):
-                covariance[4 * i + m] = p[j][k] / unit[j] / unit[k]
-        self.parameters = cast(Four, tuple(values))
-        self.std = cast(Four, tuple(std))
-        self.covariance = tuple(covariance)
-
-    def _inside(self, p: list[list[float]]) -> list[float]:
-        """Return the estimate, given that what is out of bounds lies on them."""
-        theta = self._theta
-        for _ in theta:
-            beyond = [max(low - x, x - high) for low, x, high in zip(
-                self._low, theta, self._high)]
-            if max(beyond) <= 0.0:
-                break
-            j = max(range(len(theta)), key=lambda j: beyond[j] / math.sqrt(p[j][j])
-                    if beyond[j] > 0.0 < p[j][j] else 0.0)
-            if not p[j][j] > 0.0:
-                break
-            shift = (min(max(theta[j], self._low[j]), self._high[j]) - theta[j]) / p[j][j]
-            column = [row[j] for row in p]
-            theta = [x + c * shift for x, c in zip(theta, column)]
-            p = [[x - a * b / p[j][j] for x, b in zip(row, column)] for row, a in zip(p, column)]
-            p[j][j] = 0.0
-        return theta
+        """Give parameters and uncertainty in their units."""
+        self.uncertainty = FactoredUncertainty(
+            self._p.u, self._p.d, self._unit, self._scales.active)
+        theta, (i, j, k, m) = self._theta, self._unit
+        (a, b, c, d), (e, f, g, h), (p, q, r, s) = self._low, self._high, theta
+        if not (a <= p <= e and b <= q <= f and c <= r <= g and d <= s <= h):
+            p, q, r, s = projected(theta, self._p.matrix(), self._low, self._high)
+        p, q, r, s = p / i, q / j, r / k, s / m
+        (a, b, c, d), (e, f, g, h) = self.bounds
+        if not (a <= p <= e and b <= q <= f and c <= r <= g and d <= s <= h):
+            # by a last bit
+            p, q, r, s = min(max(p, a), e), min(max(q, b), f), min(max(r, c), g), min(max(s, d), h)
+        self.parameters = (p, q, r, s)

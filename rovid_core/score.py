@@ -131,7 +131,15 @@ class ScoreLog:
     def restarted(self, dof: str, time: int, velocity: float) -> None:
         """Take the velocity that a DOF takes up from."""
         rows = self._rows[dof]
-        self._runs[dof].append(ScoredRun(rows, rows.count, time, velocity))
+        self._runs[dof].append(ScoredRun(
+            rows, rows.count, time, velocity, [(0, self._cutoff)]))
+
+    def changed(self, cutoff: float) -> None:
+        """Take the cutoff [Hz] of the steps from now on."""
+        self._cutoff = cutoff
+        for runs in self._runs.values():
+            for run in runs[-1:]:
+                run.cutoffs.append((run.count, cutoff))
 
     def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
         """
@@ -175,7 +183,7 @@ class ScoreLog:
     def predicted(self, dof: str, parameters: Sequence[float]) -> list[float]:
         """Return the velocity of a model at every step, filtered like the measured one."""
         return [v for run in self._runs[dof]
-                for found, _ in run.as_measured(self._cutoff, parameters) for v in found.tolist()]
+                for found, _ in run.as_measured(parameters) for v in found.tolist()]
 
     def score(self, dof: str, parameters: Sequence[float]) -> Score:
         """
@@ -194,7 +202,7 @@ class ScoreLog:
         known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
         for run in self._runs[dof]:
             if not known:
-                for pair in run.as_measured(self._cutoff, parameters):
+                for pair in run.as_measured(parameters):
                     tally.add(*pair)
                 continue
             for part in run.predicted(parameters):

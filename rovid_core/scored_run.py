@@ -54,6 +54,8 @@ class ScoredRun:
         Time from which the first step goes [ns].
     velocity : float
         Measured there [m/s or rad/s].
+    cutoffs : list of (int, float)
+        Of the low-pass [Hz], each from the number of its first step.
     count : int
         How many steps.
 
@@ -63,6 +65,7 @@ class ScoredRun:
     first: int
     start: int
     velocity: float
+    cutoffs: list[tuple[int, float]]
     count: int = 0
 
     @property
@@ -89,14 +92,13 @@ class ScoredRun:
             yield Predicted(nodes, found, values[:, 2], left == 0)
             time, velocity = int(nodes[-1]), float(found[-1])
 
-    def as_measured(self, cutoff: float, parameters: Sequence[float]
-                    ) -> Iterator[tuple[Array, Array]]:
+    def as_measured(self, parameters: Sequence[float]) -> Iterator[tuple[Array, Array]]:
         """
         Yield the prediction at the ends of the steps and what was measured, both filtered.
 
         The prediction is averaged over the intervals and filtered like the measurement.
         """
-        time, velocity = self.start, self.velocity
+        time, velocity, done = self.start, self.velocity, 0
         part: Predicted | None = None
         for new in self.predicted(parameters):
             part = new if part is None else _joined(part, new)
@@ -110,11 +112,20 @@ class ScoredRun:
             count = len(means) if part.is_last else len(means) - 1
             ends = part.nodes[2::2][:count]
             with np.errstate(invalid='ignore'):  # of a model that runs away
-                found = filtered(cutoff, np.diff([time, time, *ends]) * NS,
+                found = filtered(self._cutoff(done, count), np.diff([time, time, *ends]) * NS,
                                  np.concatenate([[velocity], means[:count]]))[1:]
             yield found, part.measured[:count]
+            done += count
             if count:
                 time, velocity = int(ends[-1]), float(found[-1])
+
+    def _cutoff(self, first: int, count: int) -> float | Array:
+        """Return the cutoff [Hz] of the step before some steps and of each of them."""
+        if len(self.cutoffs) == 1:
+            return self.cutoffs[0][1]
+        steps = np.maximum(np.arange(first - 1, first + count), 0)
+        firsts, cutoffs = zip(*self.cutoffs)
+        return np.array(cutoffs)[np.searchsorted(firsts, steps, side='right') - 1]
 
     def at(self, part: Predicted, times: Times, values: Array) -> tuple[Array, Array]:
         """Return the prediction at those of some times that are in a part, and the values."""

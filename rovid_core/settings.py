@@ -107,10 +107,12 @@ class Settings:
     velocity: InputSettings = InputSettings()
     reference: InputSettings = InputSettings()
     sign: InputSettings = InputSettings()
+    hardware_id: str = ''  # '': the name of the node
     frames: str = 'enu'
     max_wait: float = 0.1
     max_gap: float = 1.0
     time_jump: float = 1.0
+    enable: bool = True  # False: the parameters are frozen at the start
     reset_on_time_jump: bool = True
     lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     depth_scale: float = 1.0
@@ -124,6 +126,7 @@ class Settings:
     record_path: str = ''
     checkpoint_path: str = ''
     checkpoint_period: float = 60.0
+    autostart: bool = True  # of the live node: configured and activated by itself
 
     def __post_init__(self) -> None:
         """Check that every DOF has what it needs."""

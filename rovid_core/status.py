@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 import math
 
 from rovid_core.dofs import Four
@@ -20,7 +21,37 @@ LOST = 2.0 * CONVERGED
 PERIOD = 1.0
 """Event time [s] from one judgement to the next."""
 
-Reasons = tuple[str, ...]
+
+@dataclass(frozen=True)
+class Judgement:
+    """
+    A status, and what it comes from.
+
+    Attributes
+    ----------
+    status : str
+        One of ``STATUSES``.
+    said : tuple of str
+        Reasons that the method gives.
+    gram : Gram or None
+        What the data are; what they do not show are reasons too.
+
+    """
+
+    status: str
+    said: tuple[str, ...] = ()
+    gram: Gram | None = None
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Return why the status is no better, in words."""
+        return self.said if self.gram is None else (*self.said, *self.gram.reasons)
+
+
+WAITING = Judgement('waiting')
+UNEXCITED = Judgement('unexcited', ('no thrust',))
+FROZEN = Judgement('frozen')
+CONVERGING = Judgement('converging')
 
 
 class DofStatus:
@@ -49,18 +80,23 @@ class DofStatus:
         self._drift = _Drift(max(3.0 * adaptation_time, 3.0 * PERIOD))
         self.reset()
 
+    def retune(self, adaptation_time: float) -> None:
+        """Take another adaptation time [s] of the method."""
+        self._memory = min(max(60.0, 10.0 * adaptation_time), 1e9)
+        self._excitation.memory = self._memory
+        self._drift.window = max(3.0 * adaptation_time, 3.0 * PERIOD)
+
     def reset(self) -> None:
         """Forget the data."""
         self._excitation = Excitation(self._scales, self._memory)
         self._drift.reset()
         self._since = 0.0
-        self._judged: tuple[str, Reasons] = ('converging', ())
+        self._judged = CONVERGING
 
-    def after(self, identifier: Identifier, step: Step, refused: str, adapt: bool
-              ) -> tuple[str, Reasons]:
-        """Return status and reasons after a step; ``refused`` is why it was, or ''."""
+    def after(self, identifier: Identifier, step: Step, refused: str, adapt: bool) -> Judgement:
+        """Return the status after a step; ``refused`` is why it was, or ''."""
         if refused:
-            return 'invalid', (refused,)
+            return Judgement('invalid', (refused,))
         self._excitation.step(step)
         self._since += step.dt
         excited = identifier.excitation >= LEAST_EXCITATION
@@ -68,29 +104,29 @@ class DofStatus:
             gram = self._excitation.recent()
             if not adapt:
                 self._drift.reset()
-                self._judged = ('converging', gram.reasons)
+                self._judged = Judgement('converging', (), gram)
             elif excited:
                 self._judged = self._judge(gram, identifier)
             self._since = 0.0
         if not adapt:
-            return 'frozen', ()
-        return self._judged if excited else ('unexcited', ('no thrust',))
+            return FROZEN
+        return self._judged if excited else UNEXCITED
 
     def verdict(self) -> str:
         """Return what all data since the start leave open, '' if nothing."""
         return '; '.join(self._excitation.whole().reasons)
 
-    def _judge(self, gram: Gram, identifier: Identifier) -> tuple[str, Reasons]:
-        limit = LOST if self._judged[0] == 'converged' else CONVERGED
-        parameters = identifier.parameters
-        if identifier.covariance:
-            open_ = _uncertain(gram, parameters, identifier.covariance, limit)
+    def _judge(self, gram: Gram, identifier: Identifier) -> Judgement:
+        limit = LOST if self._judged.status == 'converged' else CONVERGED
+        parameters, covariance = identifier.parameters, identifier.covariance
+        if covariance:
+            open_ = _uncertain(gram, parameters, covariance, limit)
         else:
             open_ = self._drift.open(gram, parameters, self._since, limit)
-        status = 'converging' if open_ else 'converged'
         # where a covariance says that all is known, the regressors may look as they like
-        shapes = () if identifier.covariance and not open_ else gram.reasons
-        return status, (*filter(None, (identifier.note, open_)), *shapes)
+        shapes = None if covariance and not open_ else gram
+        said = [text for text in (identifier.note, open_) if text]
+        return Judgement('converging' if open_ else 'converged', tuple(said), shapes)
 
 
 def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit: float) -> str:
@@ -110,28 +146,32 @@ class _Drift:
     """How far the mean of the parameters moves from one window of time to the next."""
 
     def __init__(self, window: float) -> None:
-        self._window = window
+        self.window = window
         self.reset()
 
     def reset(self) -> None:
-        self._sum = [0.0] * 4
+        self._sum: Four = (0.0,) * 4
         self._time = 0.0
-        self._means: tuple[list[float], ...] = ()  # the last two
+        self._means: tuple[Four, ...] = ()  # the last two
 
     def open(self, gram: Gram, parameters: Four, span: float, limit: float) -> str:
         """Take the parameters that stood for ``span`` [s]; return what is still open, or ''."""
-        self._sum = [x + span * p for x, p in zip(self._sum, parameters)]
+        (a, b, c, d), (p, q, r, s) = self._sum, parameters
+        self._sum = (a + span * p, b + span * q, c + span * r, d + span * s)
         self._time += span
-        if self._time >= self._window:
-            self._means = (*self._means[-1:], [x / self._time for x in self._sum])
-            self._sum, self._time = [0.0] * 4, 0.0
+        if self._time >= self.window:
+            a, b, c, d = self._sum
+            time = self._time
+            self._means = (*self._means[-1:], (a / time, b / time, c / time, d / time))
+            self._sum, self._time = (0.0,) * 4, 0.0
         if len(self._means) < 2:
             return 'the parameters have not settled yet'
         typical = gram.acceleration(self._means[1])
-        moved = gram.acceleration([b - a for a, b in zip(*self._means)])
+        (a, b, c, d), (p, q, r, s) = self._means
+        moved = gram.acceleration((p - a, q - b, r - c, s - d))
         if not moved < limit * typical:
             share = _percent(moved / typical if typical > 0.0 else math.inf)
-            return f'the parameters move by {share} of the acceleration in {self._window:.3g} s'
+            return f'the parameters move by {share} of the acceleration in {self.window:.3g} s'
         return '' if gram.shows_mass else 'the mass does not show'
 
 

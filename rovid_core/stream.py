@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from rovid_core.identifier import Identifier
@@ -104,7 +104,35 @@ class Stream:
     def enable(self, adapt: bool) -> None:
         """Adapt the parameters, or freeze them while v_hat goes on."""
         self._note('enable', 'true' if adapt else 'false')
-        self._pipe.adapt = adapt
+        self._adapt(adapt)
+
+    def change(self, settings: Settings, told: str) -> None:
+        """
+        Take other gains, limits and ``enable``, between two steps; the estimates stay.
+
+        Parameters
+        ----------
+        settings : Settings
+            Those of now with other values of what can change: ``identifier`` without its
+            method and integrator, ``cutoff``, ``max_speed``, ``max_gap``, ``max_wait``,
+            ``thrusters.timeout``, ``enable``, ``checkpoint_period``.
+        told : str
+            What the recorder is told of it, to be repeated in a replay.
+
+        """
+        self._note('parameters', told)
+        self._order.change(settings.max_wait)
+        self._pipe.change(settings)
+        self.settings = settings
+        self._pipe.adapt = settings.enable
+
+    def interrupt(self) -> list[Estimate]:
+        """Release what is held, and start the histories anew: nothing is heard for a while."""
+        estimates = self.finish()
+        self._note('interrupt', '')
+        self._order.restart()
+        self._restart()
+        return estimates
 
     @property
     def adapting(self) -> bool:
@@ -134,6 +162,8 @@ class Stream:
             self.reset()
         elif name == 'enable':
             self.enable(value == 'true')
+        elif name == 'interrupt':
+            self.interrupt()
         elif name == 'time_jump':
             self._order.restart()
             self._jump()
@@ -177,8 +207,9 @@ class Stream:
             values that are out of bounds.
 
         """
-        if state.get('version') != STATE_VERSION:
-            raise ValueError(f'version {state.get("version")}, not {STATE_VERSION}')
+        version = state.get('version') if isinstance(state, Mapping) else None
+        if version != STATE_VERSION:
+            raise ValueError(f'version {version}, not {STATE_VERSION}')
         mine = self.state()
         if state.get('method') != mine['method']:
             raise ValueError(f'method {state.get("method")}, not {mine["method"]}')
@@ -193,11 +224,11 @@ class Stream:
         try:
             for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers):
                 identifier.restore(dofs[dof])
-        except (KeyError, TypeError, ValueError) as error:
-            for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers):
-                identifier.restore(mine['dofs'][dof])
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+            for name, identifier in zip(self.settings.dofs, self._pipe.identifiers):
+                identifier.restore(mine['dofs'][name])
             raise ValueError(f'{dof}: {error}') from error
-        self._pipe.adapt = bool(state.get('adapt', True))
+        self._adapt(bool(state.get('adapt', True)))
         self._pipe.refresh()
 
     def _handle(self, events: list[Event]) -> list[Estimate]:
@@ -217,11 +248,18 @@ class Stream:
         self._warnings.append('time jumped back: histories are started anew'
                               + (' and the parameters reset' if
                                  self.settings.reset_on_time_jump else ''))
-        self._pipe.restart()
+        self._restart()
         if self.settings.reset_on_time_jump:
             self._pipe.reset()
+
+    def _restart(self) -> None:
+        self._pipe.restart()
         for health in self.inputs.values():
             health.last_time = None
+
+    def _adapt(self, on: bool) -> None:
+        self._pipe.adapt = on
+        self.settings = replace(self.settings, enable=on)
 
     def _note(self, name: str, value: str) -> None:
         if self._recorder is not None:

@@ -11,6 +11,8 @@ from rovid_core.dofs import DOFS
 from rovid_core.settings import ThrusterSettings
 
 NS = 1e-9
+BEYOND = 2.0
+"""What is beyond the limit by this factor is no command, such as 0 in place of PWM."""
 LARGEST_FORCE = 1e12
 """[N or N m] Beyond any vehicle in any unit, and far from overflow."""
 
@@ -19,9 +21,9 @@ def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
     """
     Return the force of one thruster before its gain, as a function of the raw command.
 
-    Offset, deadband and curve: linear ``u``, quadratic ``u|u|``, polynomial
+    Offset, scale, deadband, limit and curve: linear ``u``, quadratic ``u|u|``, polynomial
     ``c0 + c1 u + ...`` or a table interpolated linearly and held beyond its ends. Inside
-    the deadband the command is 0.
+    the deadband the command is 0, beyond the limit it is the limit.
     """
     curves: dict[str, Callable[[float], float]] = {
         'linear': lambda u: u,
@@ -30,10 +32,13 @@ def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
         'table': lambda u: _interpolate(settings.table_command, settings.table_force, u),
     }
     curve = curves[settings.model]
-    offset, deadband = settings.offset, settings.deadband
+    offset, scale, deadband = settings.offset, settings.scale, settings.deadband
+    limit = settings.limit or math.inf
 
     def force(raw: float) -> float:
-        command = raw - offset
+        command = (raw - offset) * scale
+        if abs(command) > limit:
+            command = math.copysign(limit, command)
         return curve(0.0 if abs(command) <= deadband else command)
 
     return force
@@ -89,6 +94,30 @@ def wrench(settings: ThrusterSettings, commands: Sequence[float],
         [_dot(settings.allocation[DOFS.index(d)], forces) for d in dofs])
 
 
+def are_commands(settings: ThrusterSettings, raw: Sequence[float], part: int = 0) -> bool:
+    """
+    Tell whether raw values can be commands: none is far beyond the limit.
+
+    A thruster with no gain is not asked.
+
+    Parameters
+    ----------
+    settings : ThrusterSettings
+        The chain; without a limit every value can be one.
+    raw : sequence of float
+        One value per thruster, or the one value of thruster ``part``.
+    part : int
+        Index of the topic among ``thrusters.topics``.
+
+    """
+    if settings.limit == 0.0:
+        return True
+    gains = settings.gain[part:] if len(settings.topics) > 1 else settings.gain
+    most = BEYOND * settings.limit
+    return all(abs((u - settings.offset) * settings.scale) <= most
+               for u, k in zip(raw, gains) if k)
+
+
 class Thrust:
     """
     The force on each DOF as a function of time, integrated exactly.
@@ -116,6 +145,12 @@ class Thrust:
         self._linear = settings.hold == 'linear'
         self._timeout = round(settings.timeout / NS)
         self.restart()
+
+    def change(self, timeout: float) -> None:
+        """Take another timeout [s]; it holds for the commands so far as well."""
+        later = round(timeout / NS) - self._timeout
+        self._timeout += later
+        self._good_until[:] = [time + later for time in self._good_until]
 
     def restart(self) -> None:
         """Forget all commands."""

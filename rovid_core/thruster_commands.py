@@ -73,17 +73,25 @@ def _inverse_allocation(settings: ThrusterSettings, moved: Sequence[str],
 def _inverse_model(
         settings: ThrusterSettings) -> tuple[Callable[[float], float], float, float]:
     """Return the raw command for a thruster force before its gain, and that force's limits."""
+    most = settings.limit or math.inf
+    offset, scale = settings.offset, settings.scale
     if settings.model == 'linear':
-        return lambda f: f + settings.offset, -math.inf, math.inf
+        return (lambda f: max(-most, min(most, f)) / scale + offset, -most, most)
     if settings.model == 'quadratic':
-        return (lambda f: math.copysign(math.sqrt(abs(f)), f) + settings.offset,
-                -math.inf, math.inf)
-    grid = (np.linspace(-1.0, 1.0, 2001) if settings.model == 'polynomial'
-            else np.array(settings.table_command)) + settings.offset
-    forces = [thruster_model(settings)(float(u)) for u in grid]
-    if any(b < a for a, b in zip(forces, forces[1:])):
+        return (lambda f: max(-most, min(most, math.copysign(math.sqrt(abs(f)), f))) / scale
+                + offset, -most * most, most * most)
+    ends = settings.limit or 1.0
+    commands = (np.linspace(-ends, ends, 2001) if settings.model == 'polynomial'
+                else np.array(settings.table_command))
+    raw = commands / scale + offset
+    model = thruster_model(settings)
+    forces = np.array([model(float(u)) for u in raw])
+    # a fitted curve can bend back at its ends, where no more force is to be had
+    rising = slice(int(np.argmin(forces)), int(np.argmax(forces)) + 1)
+    raw, forces = raw[rising], forces[rising]
+    if len(forces) < 2 or np.any(np.diff(forces) < 0.0):
         raise SettingsError('thrusters.model', 'has to rise with the command to be simulated')
-    return lambda f: float(np.interp(f, forces, grid)), forces[0], forces[-1]
+    return (lambda f: float(np.interp(f, forces, raw)), float(forces[0]), float(forces[-1]))
 
 
 @dataclass(frozen=True)

@@ -38,6 +38,12 @@ class Track:
         self._warn: Callable[[str], None] | None = warn
         self._gaps = 0
 
+    def change(self, settings: Settings) -> None:
+        """Take other limits and another cutoff; the filters go on from where they are."""
+        self.source.change(settings)
+        self.velocity.retune(settings.cutoff)
+        self.force.retune(settings.cutoff)
+
     def interrupt(self) -> None:
         """Take up from the next measurement."""
         self.velocity.restart()

@@ -7,9 +7,8 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.dofs import Four
+from rovid_core.dofs import Four, NAN4
 from rovid_core.identifier import Step
-from rovid_core.values import NAN4
 
 Array = NDArray[np.float64]
 

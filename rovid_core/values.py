@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 from rovid_core.dofs import Four
 from rovid_core.intervals import Interval, intervals
-
-NAN4: Four = (math.nan, math.nan, math.nan, math.nan)
+from rovid_core.status import Judgement, WAITING
+from rovid_core.uncertainty import NOTHING, Uncertainty
 
 
 class Sample(NamedTuple):
@@ -62,14 +62,14 @@ class DofEstimate(NamedTuple):
     """
     What is known of one degree of freedom after a step.
 
-    Units are those of the DOF: N, m/s and kg, or N m, rad/s and kg m^2.
+    Units are those of the DOF: N, m/s and kg, or N m, rad/s and kg m^2. What few read
+    (covariance, standard deviations, reasons, intervals) is computed when it is read.
     """
 
     dof: str
     parameters: Four  # alpha, beta, gamma, delta
-    std: Four = NAN4
-    status: str = 'waiting'  # one of status.STATUSES
-    reasons: tuple[str, ...] = ()
+    uncertainty: Uncertainty = NOTHING
+    judgement: Judgement = WAITING
     time: int = 0  # [ns] to which velocity and v_hat belong
     steps: int = 0
     velocity: float = math.nan  # measured, filtered
@@ -77,9 +77,32 @@ class DofEstimate(NamedTuple):
     force: float = math.nan  # mean over the step, filtered like the velocity
     excitation: float = 0.0  # mean square of the thrust, in typical forces
     W: float = math.nan  # Lyapunov function, where the truth is known
-    covariance: tuple[float, ...] = ()  # of the parameters, 16 by rows; () without
     delay: float = math.nan  # of the thrust [s], where it is estimated
-    delay_std: float = math.nan  # [s]
+
+    @property
+    def std(self) -> Four:
+        """Return the standard deviations of the parameters, NaN where there are none."""
+        return self.uncertainty.std
+
+    @property
+    def covariance(self) -> tuple[float, ...]:
+        """Return that of the parameters, 16 by rows; () without."""
+        return self.uncertainty.covariance
+
+    @property
+    def delay_std(self) -> float:
+        """Return the standard deviation of the delay [s]."""
+        return self.uncertainty.delay_std
+
+    @property
+    def status(self) -> str:
+        """Return one of ``status.STATUSES``."""
+        return self.judgement.status
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Return why the status is no better."""
+        return self.judgement.reasons
 
     @property
     def dv(self) -> float:

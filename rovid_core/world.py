@@ -33,6 +33,10 @@ class AttitudeHistory:
         self._max_gap = max_gap
         self.restart()
 
+    def change(self, max_gap: int) -> None:
+        """Take another longest gap [ns]."""
+        self._max_gap = max_gap
+
     def restart(self) -> None:
         """Forget all attitudes."""
         self._times: list[int] = []
@@ -84,6 +88,11 @@ class World:
         self._max_gap = round(settings.max_gap / NS)
         self.attitude = AttitudeHistory(self._max_gap)
         self.restart()
+
+    def change(self, settings: Settings) -> None:
+        """Take another ``max_gap``."""
+        self._max_gap = round(settings.max_gap / NS)
+        self.attitude.change(self._max_gap)
 
     def restart(self) -> None:
         """Forget everything."""

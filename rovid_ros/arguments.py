@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 import difflib
 import math
 from pathlib import Path
@@ -34,6 +35,19 @@ def wrong_usage(prog: str, message: str) -> NoReturn:
     """End with a line about the command line."""
     print(f'{prog}: {message} (see {prog} --help)', file=sys.stderr)
     raise SystemExit(USAGE)
+
+
+def add_command(commands: Any, name: str, run: Callable[[argparse.Namespace], None],
+                does: str, more: str, params_file: bool | None = True) -> Parser:
+    """Add a subcommand that ``does`` something; its parameter file is required, may be, or not."""
+    command: Parser = commands.add_parser(
+        name, help=does, description=f'{does[0].upper()}{does[1:]}. {more}')
+    if params_file is not None:
+        command.add_argument(
+            '--params-file', type=Path, required=params_file, metavar='FILE',
+            help="the vehicle's parameter file, the same as the node's")
+    command.set_defaults(run=run, prog=command.prog)
+    return command
 
 
 def not_negative(text: str) -> float:

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from rovid_core.settings import Settings
+from rovid_ros.fingerprint import decides_parameters, difference, fingerprint
 from rovid_ros.json_file import write_json
 
-VERSION = 1
+VERSION = 2
 
 
 class CheckpointError(ValueError):
@@ -27,7 +28,8 @@ def save(path: Path, settings: Settings, state: Mapping[str, Any]) -> None:
         If the file cannot be written.
 
     """
-    content = {'rovid_checkpoint': VERSION, **_fingerprint(settings), 'state': state}
+    content = {'rovid_checkpoint': VERSION,
+               'settings': fingerprint(settings, decides_parameters), 'state': state}
     path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, content, indent=1)
 
@@ -39,32 +41,23 @@ def load(path: Path, settings: Settings) -> dict[str, Any]:
     Raises
     ------
     CheckpointError
-        If the file cannot be read or belongs to another method, other DOFs or terms.
+        If the file cannot be read or belongs to settings with which its parameters mean
+        something else; it names the key.
 
     """
     try:
         content = json.loads(path.read_text(encoding='utf-8'))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise CheckpointError(f'{path}: {error}') from None
     if not isinstance(content, dict) or 'rovid_checkpoint' not in content:
         raise CheckpointError(f'{path}: is not a checkpoint')
     if content['rovid_checkpoint'] != VERSION:
         raise CheckpointError(
             f'{path}: has version {content["rovid_checkpoint"]}, this program reads {VERSION}')
-    for key, value in _fingerprint(settings).items():
-        if content.get(key) != value:
-            raise CheckpointError(
-                f'{path}: was made with {key} {content.get(key)}, configured is {value}')
+    differs = difference(content.get('settings'), fingerprint(settings, decides_parameters))
+    if differs:
+        raise CheckpointError(f'{path}: {differs}')
     state = content.get('state')
     if not isinstance(state, dict):
         raise CheckpointError(f'{path}: has no state')
     return state
-
-
-def _fingerprint(settings: Settings) -> dict[str, Any]:
-    """Return what has to be the same for a state to fit."""
-    return {
-        'method': settings.identifier.method,
-        'dofs': list(settings.dofs),
-        'terms': {name: list(settings.dof[name].terms) for name in settings.dofs},
-    }

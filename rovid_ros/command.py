@@ -12,6 +12,9 @@ from typing import Any
 from rovid_core.settings import Settings, SettingsError
 from rovid_ros.interrupt import Interrupted
 
+LONGEST_LINE = 2000
+"""[characters] What a foreign log makes of an error message can be longer than of use."""
+
 DONE, AT_FAULT, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
 
 
@@ -107,7 +110,14 @@ def check_written(written: Sequence[Path | None], read: Sequence[Path]) -> None:
         seen.append(place)
 
 
+def printable(text: str) -> str:
+    """Return a text as one line of a sensible length that does nothing to a terminal."""
+    line = ' '.join(text.split())
+    if len(line) > LONGEST_LINE:
+        line = f'{line[:LONGEST_LINE]} ...'
+    return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in line)
+
+
 def _fail(name: str, message: str, code: int) -> int:
-    line = ' '.join(message.split())
-    print(f'{name}: {line}', file=sys.stderr)
+    print(f'{name}: {printable(message)}', file=sys.stderr)
     return code

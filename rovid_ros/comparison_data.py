@@ -16,8 +16,9 @@ from rovid_core.plant import physical
 from rovid_core.settings import Settings
 from rovid_ros import __version__
 from rovid_ros.compare import best_of, Model
-from rovid_ros.report import number, percent, unit
+from rovid_ros.report import number, percent
 from rovid_ros.trials import Trial
+from rovid_ros.units import unit
 
 MOST_POINTS = 3000
 """Of a curve: more than a screen shows."""

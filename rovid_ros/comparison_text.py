@@ -9,8 +9,9 @@ from rovid_core.plant import physical
 from rovid_core.settings import Settings
 from rovid_ros.compare import best_of, Model
 from rovid_ros.comparison_data import sentence
-from rovid_ros.report import NONE, number, percent, table, unit
+from rovid_ros.report import NONE, number, percent, table
 from rovid_ros.trials import Trial
+from rovid_ros.units import unit
 
 
 def comparison_text(models: Sequence[Model], trials: Sequence[Trial],

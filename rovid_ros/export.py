@@ -22,7 +22,8 @@ from rovid_core.dofs import PARAMETERS, PHYSICAL
 from rovid_core.settings import Settings
 from rovid_ros.estimates import Identified
 from rovid_ros.export_sdf import sdf
-from rovid_ros.report import number, unit
+from rovid_ros.report import number
+from rovid_ros.units import unit
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,8 @@ from xml.sax.saxutils import escape
 from rovid_core.dofs import DOFS, LINEAR_DOFS
 from rovid_core.settings import Settings
 from rovid_ros.estimates import Identified
-from rovid_ros.report import quantity, unit
+from rovid_ros.report import quantity
+from rovid_ros.units import unit
 
 _AXES = dict(zip(DOFS, ('xU', 'yV', 'zW', 'kP', 'mQ', 'nR')))
 """Force and velocity of each DOF in the notation of SNAME."""

@@ -8,6 +8,7 @@ from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.values import Estimate
+from rovid_ros.controls import repeat
 from rovid_ros.convert import Converter
 from rovid_ros.logs import LogMessage, Maker
 from rovid_ros.message_types import Decoder, WireType
@@ -59,7 +60,7 @@ class PipeFeeder:
 
     def control(self, name: str, value: str) -> list[Estimate]:
         """Do again what a service call did when the log was recorded."""
-        return self.stream.control(name, value)
+        return repeat(self.stream, name, value)
 
     def finish(self) -> list[Estimate]:
         """Take the log's end."""

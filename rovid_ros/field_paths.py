@@ -18,7 +18,10 @@ import numpy as np
 
 Step = str | int | slice
 
-_STEP = re.compile(r'\.?([A-Za-z]\w*)|\[(\d+)(:(\d+))?\]')
+_MOST_COMPARED = 1000
+_LONGEST_NAME = 256
+
+_STEP = re.compile(r'\.?([A-Za-z]\w*)|\[(\d{1,9})(:(\d{1,9}))?\]')
 
 
 class FieldError(ValueError):
@@ -145,7 +148,9 @@ def describe(value: Any) -> str:
 
 def nearest(name: str, there: Sequence[str]) -> str:
     """Return '' or '; did you mean ...?' for a name that is not there."""
-    near = difflib.get_close_matches(name, there, 1, 0.5)
+    # in a foreign log there can be any number of names of any length, and this takes its time
+    few = [one for one in there[:_MOST_COMPARED] if len(one) <= _LONGEST_NAME]
+    near = difflib.get_close_matches(name[:_LONGEST_NAME], few, 1, 0.5)
     return f'; did you mean {near[0]!r}?' if near else ''
 
 

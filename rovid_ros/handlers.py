@@ -16,6 +16,7 @@ from rovid_ros.command import (
     check_written,
     CommandError,
     naming,
+    printable,
     read_settings,
     read_values,
     UsageError,
@@ -24,6 +25,32 @@ from rovid_ros.command import (
 if TYPE_CHECKING:
     from rovid_core.settings import Settings
     from rovid_ros.feeder import Feeder
+
+
+def check(args: argparse.Namespace) -> None:
+    """Run ``rovid check``."""
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    from rovid_ros.check import Asked, check as run_check
+    from rovid_ros.json_file import write_json
+    if args.live and args.logs:
+        raise UsageError('--live and a LOG exclude each other')
+    for name in ('timeout', 'namespace'):
+        if getattr(args, name) and not args.live:
+            raise UsageError(f'--{name} goes with --live')
+    for name in ('start', 'duration'):
+        if getattr(args, name) is not None and not args.logs:
+            raise UsageError(f'--{name} goes with a LOG')
+    check_written([args.json], [*args.logs, args.params_file])
+    outcome = run_check(args.params_file, Asked(
+        args.logs, args.start or 0.0, args.duration, args.live, args.timeout or 5.0,
+        args.namespace))
+    print(outcome.text)
+    if args.json:
+        write_json(args.json, outcome.document)
+        print(f'written   {args.json}')
+    if outcome.errors:
+        raise CommandError(f'{args.params_file}: {outcome.verdict}')
+    print(outcome.verdict)
 
 
 def compare(args: argparse.Namespace) -> None:
@@ -56,20 +83,30 @@ def compare(args: argparse.Namespace) -> None:
 
 def replay(args: argparse.Namespace) -> None:
     """Run ``rovid replay``."""
+    from rovid_core.score import ScoreLog
     from rovid_ros.feeder import PipeFeeder
     from rovid_ros.json_file import write_json
     from rovid_ros.replay import replay as run_replay
+    from rovid_ros.replay_checkpoint import ReplayCheckpoint
     from rovid_ros.report import report
     if args.rate is not None and not args.ros:
         raise UsageError('--rate goes with --ros')
-    check_written([args.output, args.json], [*args.logs, args.params_file])
+    if args.checkpoint and args.ros:
+        raise UsageError('--checkpoint does not go with --ros')
+    if args.append and not args.checkpoint:
+        raise UsageError('--append goes with --checkpoint')
+    check_written([args.output, args.json, args.checkpoint], [*args.logs, args.params_file])
     settings = read_settings(args.params_file, args.method)
+    checkpoint = ReplayCheckpoint(
+        args.checkpoint, args.append, settings.checkpoint_period) if args.checkpoint else None
 
     with naming(args.params_file):
-        feeder = _node(args, settings) if args.ros else PipeFeeder(settings)
+        # a state that can be gone on from holds the steps so far, which then are not in a file
+        feeder = _node(args, settings) if args.ros else PipeFeeder(
+            settings, ScoreLog(settings, spill=checkpoint is None))
         result = run_replay(
             args.logs, settings, feeder, output=args.output, start=args.start,
-            duration=args.duration, warn=partial(_warn, args.prog))
+            duration=args.duration, checkpoint=checkpoint, warn=partial(_warn, args.prog))
     print(report(result))  # first: it is not lost where the JSON cannot be written
     if args.json:
         write_json(args.json, result.document())
@@ -179,4 +216,4 @@ def _node(args: argparse.Namespace, settings: Settings) -> Feeder:
 
 
 def _warn(prog: str, line: str) -> None:
-    print(f'{prog}: warning: {line}', file=sys.stderr)
+    print(f'{prog}: warning: {printable(line)}', file=sys.stderr)

@@ -8,6 +8,8 @@ from pathlib import Path
 import sys
 from typing import Any
 
+from rovid_ros.leftovers import remove_leftovers
+
 STDOUT = Path('/dev/stdout')
 
 
@@ -50,8 +52,19 @@ def write_text(path: Path, text: str) -> None:
         raise OSError(error.errno, error.strerror, str(path)) from None
 
 
+def sync_folder(folder: Path) -> None:
+    """Let new names in a folder outlast a loss of power."""
+    directory = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(directory)
+    finally:
+        os.close(directory)
+
+
 def _replace(path: Path, text: str) -> None:
-    temporary = path.with_name(f'.{path.name}.{os.getpid()}')
+    prefix = f'.{path.name}.'
+    remove_leftovers(path.parent, prefix)
+    temporary = path.with_name(f'{prefix}{os.getpid()}')
     try:
         with temporary.open('w', encoding='utf-8') as file:
             file.write(text)
@@ -61,9 +74,4 @@ def _replace(path: Path, text: str) -> None:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    # the new name itself is only safe once its directory is
-    directory = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(directory)
-    finally:
-        os.close(directory)
+    sync_folder(path.parent)

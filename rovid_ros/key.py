@@ -45,6 +45,8 @@ class Key:
         The texts that it takes; none: any.
     size : int
         Number of entries of an array; 0: any.
+    live : bool
+        Whether the node takes another value while it runs.
 
     """
 
@@ -58,6 +60,7 @@ class Key:
     high: float = LARGE
     choices: tuple[str, ...] = ()
     size: int = 0
+    live: bool = False
 
     @property
     def takes(self) -> str:
@@ -78,17 +81,20 @@ class Key:
 
 
 def key_of(name: str, setting: str, owner: type, description: str, unit: str = '',
-           low: float = -LARGE, high: float = LARGE, choices: tuple[str, ...] = ()) -> Key:
+           low: float = -LARGE, high: float = LARGE, choices: tuple[str, ...] = (),
+           live: bool = False) -> Key:
     """Return the key of a setting, with the type and default of the owner's field."""
     field = {f.name: f for f in fields(owner)}[setting.rpartition('.')[2]]
     kind, size, default = _TYPES[str(field.type)]
     if field.default is not MISSING:
         default = field.default
-    return Key(name, setting, kind, default, description, unit, low, high, choices, size)
+    return Key(name, setting, kind, default, description, unit, low, high, choices, size,
+               live)
 
 
 def in_group(group: str, owner: type, name: str, description: str, unit: str = '',
-             low: float = -LARGE, high: float = LARGE, choices: tuple[str, ...] = ()) -> Key:
+             low: float = -LARGE, high: float = LARGE, choices: tuple[str, ...] = (),
+             live: bool = False) -> Key:
     """Return the key of a setting that has the same name in the file as in the settings."""
     dotted = f'{group}.{name}'
-    return key_of(dotted, dotted, owner, description, unit, low, high, choices)
+    return key_of(dotted, dotted, owner, description, unit, low, high, choices, live)

@@ -40,34 +40,42 @@ def _source(name: str, setting: str, what: str, owner: type = InputSettings) -> 
         key_of(f'{name}.latency', f'{setting}.latency', owner,
                'time between the measurement and its stamp, subtracted', 's', -10.0, 10.0),
         key_of(f'{name}.qos', f'{setting}.qos', owner,
-               'reliability of the live subscription: sensor_data takes both kinds of publisher',
-               choices=('sensor_data', 'reliable')),
+               'quality of service of the live subscription: sensor_data hears every publisher, '
+               'transient_local also what was published before',
+               choices=('sensor_data', 'reliable', 'transient_local')),
     ]
 
 
 def _run() -> list[Key]:
     return [
         key_of('dofs', 'dofs', Settings, 'degrees of freedom to identify', choices=DOFS),
+        key_of('hardware_id', 'hardware_id', Settings,
+               'what /diagnostics names the vehicle by; empty: the full name of the node'),
         key_of('frames', 'frames', Settings,
                'frames of the input messages: enu (z up, body flu) or ned (z down, body frd)',
                choices=('enu', 'ned')),
         key_of('max_wait', 'max_wait', Settings,
                'a slow input is waited for until the newest event time is this much later', 's',
-               0.0, 60.0),
+               0.0, 60.0, live=True),
         key_of('max_gap', 'max_gap', Settings,
                'after a longer gap filter and observer restart from the measurement', 's',
-               0.001, 3600.0),
+               0.001, 3600.0, live=True),
         key_of('time_jump', 'time_jump', Settings,
                'stamps that go back by more are a jump (a restarted log), by less are dropped',
                's', 0.001, 3600.0),
         key_of('reset_on_time_jump', 'reset_on_time_jump', Settings,
                'whether the estimate starts afresh at a jump'),
+        key_of('autostart', 'autostart', Settings,
+               'whether the node configures and activates itself'),
+        key_of('enable', 'enable', Settings,
+               'whether the parameters are adapted, or frozen; as the service ~/enable',
+               live=True),
         key_of('record.path', 'record_path', Settings,
                'MCAP file to record every consumed message in; empty: none'),
         key_of('checkpoint.path', 'checkpoint_path', Settings,
                'file of the saved state, read at the start; empty: none'),
         key_of('checkpoint.period', 'checkpoint_period', Settings,
-               'time between two saves', 's', 0.1, 86400.0),
+               'time between two saves', 's', 0.1, 86400.0, live=True),
     ]
 
 
@@ -91,9 +99,10 @@ def _inputs() -> list[Key]:
         *_source('velocity', 'velocity',
                  'topic of a body velocity (DVL); replaces the derivative of the position'),
         key_of('velocity.cutoff', 'cutoff', Settings,
-               'cutoff of the low-pass on velocity and thrust alike', 'Hz', 0.001, 1000.0),
+               'cutoff of the low-pass on velocity and thrust alike', 'Hz', 0.001, 1000.0,
+               live=True),
         key_of('velocity.max', 'max_speed', Settings, 'faster measurements are refused',
-               'm/s or rad/s', 0.01, 1000.0),
+               'm/s or rad/s', 0.01, 1000.0, live=True),
         *_source('reference', 'reference',
                  'topic of a body velocity to score against, never used to identify'),
     ]
@@ -107,7 +116,10 @@ def _thrusters() -> list[Key]:
                  ThrusterSettings),
         key('names', "picks and orders a JointState's entries; none: its own order"),
         key('offset', 'subtracted from the command first, such as 1500 for PWM'),
-        key('deadband', 'commands smaller than this count as 0', low=0.0),
+        key('scale', 'then multiplies the command: 0.0025 makes -1 to 1 of PWM'),
+        key('deadband', 'commands up to this size, after offset and scale, count as 0', low=0.0),
+        key('limit', 'commands beyond this size, after offset and scale, count as it; beyond '
+            'twice this size they are refused; 0: none', low=0.0),
         key('model', 'force of a command i: k i, k i|i|, polynomial or table',
             choices=('linear', 'quadratic', 'polynomial', 'table')),
         key('gain', 'k, one per thruster; their number is the number of thrusters', 'N/command'),
@@ -118,7 +130,8 @@ def _thrusters() -> list[Key]:
         key('time_constant', 'first-order lag of the force; 0: none', 's', 0.0, 10.0),
         key('hold', 'force between two commands: the previous one, or linear between both',
             choices=('previous', 'linear')),
-        key('timeout', 'an older command is stale; 0: it holds for ever', 's', 0.0, 3600.0),
+        key('timeout', 'an older command is stale; 0: it holds for ever', 's', 0.0, 3600.0,
+            live=True),
         key('allocation', 'six rows (surge to yaw) of one number per thruster: direction of the '
             'force, then position x direction', '- and m', -1e6, 1e6),
         *_source('thrusters.sign', 'sign',
@@ -134,10 +147,11 @@ def _identifier() -> list[Key]:
         key('integrator', 'how the identifier integrates its state',
             choices=('euler', 'heun', 'rk4')),
         key('adaptation_time', 'half of the time in which the estimate closes 63 % of its error',
-            's', 0.01, 1e6),
-        key('feedback_gain', 'a of eq. 7; 0: from adaptation_time', '1/s', -1e6, 0.0),
+            's', 0.01, 1e6, live=True),
+        key('feedback_gain', 'a of eq. 7; 0: from adaptation_time', '1/s', -1e6, 0.0,
+            live=True),
         key('adaptation_gains', 'diagonal of Gamma: 4 numbers (alpha, beta, gamma, delta), or 4 '
-            'per DOF; none: from adaptation_time', low=0.0),
+            'per DOF; none: from adaptation_time', low=0.0, live=True),
     ]
 
 

@@ -15,6 +15,11 @@ NEVER = (1 << 63) - 1
 _SECTOR = 512  # [bytes]; fewer zeros at the end of a file can well be data
 _STEP = 1 << 20
 
+LARGEST = 1 << 27
+"""[bytes] A block that is larger, packed or not, is not read; recorders make them of 1 to 4 MB."""
+MOST_DECLARED = 1 << 26
+"""[bytes] Of topics, types and metadata that are kept of a file; most have less than 1 MB."""
+
 
 MALFORMED = (
     struct.error, IndexError, KeyError, OverflowError, StopIteration, TypeError, ValueError,
@@ -29,7 +34,7 @@ class LogError(ValueError):
         super().__init__(' '.join(message.splitlines()))  # a damaged name can hold a new line
 
 
-@dataclass(frozen=True, slots=True, eq=False)  # by identity: it is looked up for every message
+@dataclass(frozen=True, slots=True)
 class Channel:
     """One topic with one type, as a file declares it."""
 
@@ -112,6 +117,7 @@ class Container(ABC):
         self.cut = False
         self._warnings: list[str] = []
         self._damaged = False
+        self._declared = 0  # [bytes]
 
     @abstractmethod
     def look_through(self) -> None:
@@ -168,6 +174,23 @@ class Container(ABC):
             self.counts[number] = self.counts.get(number, 0) + 1
         times = [message[0] for message in messages]
         self.add_block(min(times), max(times), set(numbers), where)
+
+    def keep(self, known: dict[Any, Any], key: Any, value: Any, size: int) -> None:
+        """
+        Keep what the file declares, if it is new.
+
+        Raises
+        ------
+        ValueError
+            If these ``size`` bytes are more than a file may declare.
+
+        """
+        if known.get(key) == value:
+            return
+        self._declared += size
+        if self._declared > MOST_DECLARED:
+            raise ValueError('more declarations than any log needs')
+        known[key] = value
 
     def damaged(self) -> None:
         """Take note of a chunk that is there but cannot be read as a whole."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rovid_ros.log_container import Channel
+from rovid_ros.log_container import Channel, Container
 from rovid_ros.message_types import Decoder, WireType
 
 
@@ -40,3 +40,16 @@ class RawMessage(NamedTuple):
     time: int  # [ns]
     channel: Channel
     data: bytes
+
+
+def topics_of(containers: Iterable[Container]) -> dict[str, TopicInfo]:
+    """Return what files hold of their topics together, by name."""
+    topics: dict[str, TopicInfo] = {}
+    for container in containers:
+        for channel in container.channels.values():
+            counts = container.counts
+            count = None if counts is None else counts.get(channel.number, 0)
+            known = topics.get(channel.topic, TopicInfo(channel.type, 0))
+            total = None if count is None or known.count is None else known.count + count
+            topics[channel.topic] = TopicInfo(known.type, total)
+    return topics

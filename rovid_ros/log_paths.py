@@ -15,6 +15,10 @@ import zstandard
 
 _SUFFIXES = ('.mcap', '.db3', '.bag')
 _PACKED = ('.zst', '.zstd')
+_LARGEST_LIST = 1 << 22  # [bytes] of metadata.yaml that are read
+_STEP = 1 << 20  # [bytes]
+_SURE = 1 << 30  # [bytes] that a file may have when it is unpacked; beyond, this many times its
+_RATIO = 100  # size
 _FORMATS: dict[bytes, type[Container]] = {
     log_mcap.MAGIC: log_mcap.McapFile,
     log_sqlite.MAGIC: log_sqlite.SqliteFile,
@@ -93,10 +97,13 @@ def _open_directory(path: Path, scratch: Path) -> tuple[list[Container], list[st
 def _listed(path: Path) -> list[Path]:
     """Return the files that the directory's metadata.yaml names; none if it is of no use."""
     try:
-        metadata: Any = yaml.safe_load((path / 'metadata.yaml').read_text(encoding='utf-8'))
+        with (path / 'metadata.yaml').open('rb') as file:
+            text = file.read(_LARGEST_LIST)
+        # the base loader only: merged mappings can grow out of a few lines without end
+        metadata: Any = yaml.load(text, yaml.BaseLoader)
         names = metadata['rosbag2_bagfile_information']['relative_file_paths']
         return [path / Path(name).name for name in names]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, RecursionError):
         return []
 
 
@@ -148,8 +155,13 @@ def _unpacked(path: Path, scratch: Path) -> Path:
     """Return a copy that is not compressed as a whole; rosbag2 can do that to its files."""
     copy = _copy_of(path, scratch)
     try:
+        left = max(_SURE, _RATIO * path.stat().st_size)
         with path.open('rb') as packed, copy.open('wb') as plain:
-            zstandard.ZstdDecompressor().copy_stream(packed, plain)
+            for piece in zstandard.ZstdDecompressor().read_to_iter(packed, write_size=_STEP):
+                left -= plain.write(piece)
+                if left < 0:
+                    raise LogError(f'{path}: unpacks to more than {_RATIO} times its size; if '
+                                   'that is right, unpack it first')
     except zstandard.ZstdError as error:
         raise LogError(f'{path}: cannot be decompressed: {error}') from None
     return copy

@@ -11,6 +11,7 @@ from rovid_ros.log_container import (
     Block,
     Channel,
     IndexedContainer,
+    LARGEST,
     MALFORMED,
     Raw,
 )
@@ -41,8 +42,9 @@ class BagFile(IndexedContainer):
         with self.path.open('rb') as file:
             file.seek(block.where)
             _, header, data = next(_records(file, self.size))
-        inflated = inflate(data, _compression(header), self.name)
-        if len(inflated) != _LENGTH.unpack(header[b'size'])[0] and not self.cut:
+        size = _size(header)
+        inflated = inflate(data, _compression(header), self.name, size)
+        if len(inflated) != size and not self.cut:
             self.damaged()
         return _messages(inflated, wanted, self.place(block))
 
@@ -79,7 +81,7 @@ class BagFile(IndexedContainer):
         file.seek(len(MAGIC))
         for place, header, data in _records(file, self.size):
             if header.get(b'op') == _CHUNK:
-                inflated = inflate(data, _compression(header), self.name)
+                inflated = inflate(data, _compression(header), self.name, _size(header))
                 for _, inner, body in _records_in(inflated):
                     if inner.get(b'op') == _CONNECTION:
                         self._connect_if_sound(inner, body)
@@ -97,9 +99,9 @@ class BagFile(IndexedContainer):
         number, = _LENGTH.unpack(header[b'conn'])
         fields = {name: text.decode(errors='replace') for name, text in _fields(data).items()}
         topic = header[b'topic'].decode(errors='replace')
-        self.channels[number] = Channel(
+        self.keep(self.channels, number, Channel(
             number, '/' + topic.lstrip('/'), normalised(fields[b'type']), 'ros1',
-            fields[b'message_definition'])
+            fields[b'message_definition']), len(topic) + len(data))
 
 
 def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, Header, bytes]]:
@@ -111,7 +113,9 @@ def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, Header, bytes]]:
             if len(head) < _LENGTH.size:
                 return
             length, = _LENGTH.unpack(head)
-            parts.append(file.read(max(min(length, size - file.tell()), 0)))
+            end = min(file.tell() + length, size)
+            parts.append(file.read(max(min(end - file.tell(), LARGEST), 0)))
+            file.seek(max(end, file.tell()))
             if len(parts) == 1 and (not length or len(parts[0]) < length):
                 return
         yield place, _fields(parts[0]), parts[1]
@@ -153,6 +157,12 @@ def _messages(data: bytes, wanted: Mapping[int, Channel], block: int) -> list[Ra
             if number in wanted:
                 found.append((_time(time), block | place, wanted[number], body))
     return found
+
+
+def _size(header: Header) -> int:
+    """Return what a chunk says that is in it [bytes]."""
+    size = header.get(b'size', b'')
+    return int.from_bytes(size, 'little') if len(size) == _LENGTH.size else LARGEST
 
 
 def _compression(header: Header) -> str:

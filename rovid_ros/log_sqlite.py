@@ -13,7 +13,7 @@ from pathlib import Path
 import sqlite3
 from urllib.parse import quote
 
-from rovid_ros.log_container import Block, Channel, Container, LogError, Raw
+from rovid_ros.log_container import Block, Channel, Container, LARGEST, LogError, Raw
 from rovid_ros.message_types import normalised
 
 MAGIC = b'SQLite format 3\x00'
@@ -60,11 +60,13 @@ class SqliteFile(Container):
         query = ('SELECT timestamp, id, topic_id, data FROM messages '
                  f'WHERE {by} BETWEEN ? AND ? AND topic_id IN ({places}) ORDER BY {by}, id')
         messages: list[Raw] = []
+        left = LARGEST
         try:
             with closing(self._connect()) as base:
                 for time, row, number, data in base.execute(query, (first, last, *wanted)):
-                    if isinstance(time, int) and isinstance(data, bytes):
+                    if isinstance(time, int) and isinstance(data, bytes) and len(data) <= left:
                         messages.append((time, self.order << 60 | row, wanted[number], data))
+                        left -= len(data)
                     else:
                         self.damaged()
         except sqlite3.DatabaseError:
@@ -95,7 +97,10 @@ class SqliteFile(Container):
         return base
 
     def _read_topics(self, base: sqlite3.Connection) -> None:
-        tables = {name for name, in base.execute('SELECT name FROM sqlite_master')}
+        # a view could make up rows without end
+        tables = {name for name, in base.execute(
+            "SELECT name FROM sqlite_master WHERE type = 'table' "
+            "AND sql NOT LIKE 'CREATE VIRTUAL%'")}
         if not {'messages', 'topics'} <= tables:
             raise LogError(f'{self.name}: not a log of rosbag2 (no tables messages and topics), '
                            'or cut off too early')

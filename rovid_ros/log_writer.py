@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from io import BufferedWriter, FileIO
+import os
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -141,6 +143,12 @@ class LogWriter:
     def flush(self) -> None:
         """Hand everything so far to the operating system, in a form that can be read."""
         self._writer.flush()
+
+    def sync(self) -> None:
+        """Bring what was flushed to the disk, so that it outlasts a loss of power."""
+        if not self._file.closed:
+            with suppress(OSError):  # what a device has no use for; a full disk shows in write
+                os.fdatasync(self._file.fileno())
 
     def close(self) -> None:
         """Write the index and close the file."""

@@ -18,9 +18,16 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 from rovid_ros.field_paths import FieldError, nearest
+from rovid_ros.type_limits import count_values, EndlessTypeError, LARGEST_DEFINITION
 import zstandard
 
 Decoder = Callable[[bytes], Any]
+
+WELL_KNOWN = {'mavros_msgs/msg/RCOut': 'std_msgs/Header header\nuint16[] channels\n'}
+"""Types of common vehicles that do not come with ROS 2."""
+
+LARGEST_MESSAGE = 1 << 20
+"""[bytes] What is larger is refused before it is decoded; what is of use has 1 kB."""
 
 _RULE = '=' * 80 + '\n'
 _ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}  # others: 0
@@ -40,8 +47,11 @@ class TypeUnknownError(ValueError):
 
 @cache
 def standard_types() -> Typestore:
-    """Return the types that come with ROS 2."""
-    return get_typestore(Stores.ROS2_JAZZY)
+    """Return the types that come with ROS 2, and those that are well known."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, definition in WELL_KNOWN.items():
+        store.register(get_types_from_msg(definition, name))
+    return store
 
 
 def normalised(name: str) -> str:
@@ -72,19 +82,28 @@ def typestore(name: str, definition: str, idl: bool = False) -> Typestore:
     problem = 'no definition of it is at hand'
     if definition:
         try:
-            store = get_typestore(Stores.EMPTY)
-            if not idl:
-                store.register(get_types_from_msg(definition, name))
-            else:
-                for part in definition.split(_RULE):
-                    store.register(get_types_from_idl(re.sub(r'\AIDL: .*\n', '', part)))
-            store.get_msgdef(name)
-            return store
-        except (TypesysError, KeyError) as error:
-            problem = f'its definition is of no use ({str(error).strip().splitlines()[0]})'
+            return _defined(name, definition, idl)
+        except (TypesysError, KeyError, ValueError, RecursionError) as error:
+            reason = str(error).strip() or type(error).__name__
+            problem = f'its definition is of no use ({reason.splitlines()[0]})'
     if name in standard_types().fielddefs:
         return standard_types()
     raise TypeUnknownError(f'type {name}: {problem}')
+
+
+def _defined(name: str, definition: str, idl: bool) -> Typestore:
+    """Return a store with what a log defines, which must not take all memory."""
+    if len(definition) > LARGEST_DEFINITION:
+        raise EndlessTypeError(f'it has {len(definition):,} characters')
+    store = get_typestore(Stores.EMPTY)
+    if not idl:
+        store.register(get_types_from_msg(definition, name))
+    else:
+        for part in definition.split(_RULE):
+            store.register(get_types_from_idl(re.sub(r'\AIDL: .*\n', '', part)))
+    count_values(store, name)
+    store.get_msgdef(name)
+    return store
 
 
 def decoder(store: Typestore, name: str, encoding: str) -> Decoder:
@@ -94,7 +113,9 @@ def decoder(store: Typestore, name: str, encoding: str) -> Decoder:
 
     def decode(data: bytes) -> Any:
         if data[:1] == b'\x28':  # zstd: rosbag2 can compress each message by itself
-            data = zstandard.ZstdDecompressor().decompressobj().decompress(data)
+            data = zstandard.ZstdDecompressor().stream_reader(data).read(LARGEST_MESSAGE + 1)
+            if len(data) > LARGEST_MESSAGE:
+                raise ValueError(f'more than {LARGEST_MESSAGE:,} bytes')
         return store.deserialize_cdr(data, name)
 
     return decode

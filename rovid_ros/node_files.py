@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 import tempfile
+import time
 
 from rovid_core.settings import SettingsError
 
@@ -26,6 +27,14 @@ def prepare(key: str, path: Path) -> None:
         tempfile.TemporaryFile(dir=path.parent).close()
     except OSError as error:
         raise SettingsError(key, f'{path} cannot be written: {error.strerror or error}') from None
+
+
+def age(path: str) -> float | None:
+    """Return how long ago [s] a file was written, None where there is none."""
+    try:
+        return max(0.0, time.time() - Path(path).stat().st_mtime) if path else None
+    except OSError:
+        return None
 
 
 def free(path: Path) -> Path:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 import heapq
 from pathlib import Path
@@ -10,99 +10,139 @@ from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message
+from rclpy.timer import Timer
 from rovid_core.pipe import Scorer
-from rovid_core.settings import Settings, SettingsError
+from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.values import Estimate, Event
+from rovid_ros.controls import apply, changes_of, PARAMETERS, repeat
 from rovid_ros.convert import Converter, FieldError
+from rovid_ros.input_topics import inputs_of
+from rovid_ros.message_types import LARGEST_MESSAGE
+from rovid_ros.node_changes import ParameterNode
 from rovid_ros.node_checkpoint import Checkpoint
-from rovid_ros.node_diagnostics import diagnostics
-from rovid_ros.node_inputs import inputs_of, message_classes, Subscriptions
+from rovid_ros.node_inputs import message_classes, Subscriptions
 from rovid_ros.node_messages import definition
-from rovid_ros.node_parameters import declare, NODE_NAME, ros_own
+from rovid_ros.node_parameters import NODE_NAME
 from rovid_ros.node_publishers import Publishers
 from rovid_ros.node_recorder import Received, Recorder
+from rovid_ros.node_report import Report
+from rovid_ros.node_services import Services
 from rovid_ros.outputs import Outputs
-from rovid_ros.parameters import check, settings_from
-from std_srvs.srv import SetBool, Trigger
 
 
-class IdentifierNode(Node):
+class IdentifierNode(ParameterNode):
     """
-    The identifier as a ROS 2 node.
+    The identifier as a managed ROS 2 node.
+
+    Configured it has its outputs and services, active its inputs. With ``autostart`` it is
+    active once it is made.
 
     Parameters
     ----------
     values : mapping, optional
         Parameters by dotted key, as a parameter file gives them; ``-p`` overrides win.
     live : bool
-        False: no subscriptions, no recording and no checkpoint; the owner feeds it.
+        False: no subscriptions, no recording and no checkpoint; the owner feeds it. It
+        always starts by itself.
     scorer : Scorer, optional
         Told every step.
 
     Attributes
     ----------
-    settings, stream, converter
-        What the node runs.
+    stream, converter
+        What the node runs, once it is configured.
 
     Raises
     ------
     ValueError
         If a parameter, a message type or a field path is wrong, or a file cannot be
-        written; one line.
+        written; one line. Without ``autostart`` it is the transition that fails.
 
     """
 
     def __init__(self, values: Mapping[str, Any] | None = None, *, live: bool = True,
                  scorer: Scorer | None = None) -> None:
-        given = dict(values or {})
-        super().__init__(NODE_NAME, parameter_overrides=ros_own(given))
-        try:
-            given.update((name, p.value) for name, p in self._parameter_overrides.items())
-            if not given:
-                raise SettingsError(
-                    'dofs', 'no parameters at all; give --ros-args --params-file FILE')
-            settings = settings_from(given)
-            if not live:
-                settings = replace(settings, record_path='', checkpoint_path='')
-            self._prepare(settings, live, scorer)
-            declare(self, check(given))
-            self._open()
-        except BaseException:
-            self.destroy_node()
-            raise
+        self._configured = False
+        self._live = live
+        self._scorer = scorer
+        self._period: Timer | None = None
+        super().__init__(NODE_NAME, values or {}, autostart=not live)
 
-    def _prepare(self, settings: Settings, live: bool, scorer: Scorer | None) -> None:
+    @property
+    def settings(self) -> Settings:
+        """Return what the node runs with; live parameters change it."""
+        return self.stream.settings
+
+    def configure(self) -> None:
+        """Make all but the inputs."""
+        settings = self.initial()
+        if not self._live:
+            settings = replace(settings, record_path='', checkpoint_path='')
+        self._prepare(settings)
+        if self.stream.adapting and not settings.enable:  # what was restored was adapting
+            self.stream.enable(False)
+        if self.changes:
+            apply(self.stream, self.changes)
+        self.note({'enable': self.stream.adapting})
+        self._open()
+
+    def activate(self) -> None:
+        """Subscribe."""
+        self._in = Subscriptions(
+            self, self.settings, self._classes, self.converter.topics, self._take,
+            self.stream.reject)
+        self._introduce()
+
+    def deactivate(self) -> None:
+        """Publish what is held and hear nothing more; the estimate stays."""
+        self._in.drain()
+        self._tell(self.stream.interrupt())
+        self._in.close()
+        if self.settings.checkpoint_path:
+            self._checkpoint.save()
+        if self._recorder:
+            self._recorder.flush()
+
+    def _prepare(self, settings: Settings) -> None:
         """Make everything that can be refused; nothing is visible outside yet."""
-        self.settings = settings
         self._recorder = Recorder(
             Path(settings.record_path), definition,
             self.get_logger().error) if settings.record_path else None
-        self.stream = Stream(settings, recorder=self._recorder, scorer=scorer)
+        self.stream = Stream(settings, recorder=self._recorder, scorer=self._scorer)
         self.converter = Converter(settings, self.stream.reject)
-        self._classes = message_classes(settings, self.converter) if live else {}
+        self._classes = message_classes(settings, self.converter) if self._live else {}
+        self._report = Report(self, self.stream, self._recorder, live=self._live)
         self._outputs = Outputs(settings)
         self._checkpoint = Checkpoint(settings, self.stream, self.get_logger())
         restored = self._checkpoint.restore()
         if self._recorder:
             self._recorder.open(restored)
+            self.made.callback(self._recorder.close)
             self.get_logger().info(f'recording to {self._recorder.path}')
 
     def _open(self) -> None:
         """Appear in the graph."""
         self._out = Publishers(self)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0, self._each_second, clock=steady)
-        if self.settings.checkpoint_path:
-            self.create_timer(self.settings.checkpoint_period, self._each_period, clock=steady)
-        self.create_service(Trigger, '~/reset', self._on_reset)
-        self.create_service(SetBool, '~/enable', self._on_enable)
-        self.create_service(Trigger, '~/save', self._on_save)
-        self._in = Subscriptions(
-            self, self.settings, self._classes, self.converter.topics, self._take)
-        self._introduce()
+        self.made.callback(self._out.close)
+        self._add_timer(1.0, self._each_second)
+        self._save_again_and_again()
+        self.made.callback(Services(self, self, self.settings.checkpoint_path).close)
+        self._configured = True
+        self.made.callback(setattr, self, '_configured', False)
+
+    def _add_timer(self, period: float, act: Callable[[], None]) -> Timer:
+        timer = self.create_timer(period, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.made.callback(self.destroy_timer, timer)
+        return timer
+
+    def _save_again_and_again(self) -> None:
+        if self._period is not None:
+            self.destroy_timer(self._period)
+        self._period = self._add_timer(
+            self.settings.checkpoint_period, self._each_period) if (
+                self.settings.checkpoint_path) else None
 
     def feed(self, topic: str, message: Any, receive_time: int) -> list[Estimate]:
         """
@@ -120,28 +160,65 @@ class IdentifierNode(Node):
         Returns
         -------
         estimates : list of Estimate
-            What was published.
+            What was published; none while it is not active.
 
         """
+        if not self.active:
+            return []
         return self._publish(self._events(topic, message, receive_time))
 
     def control(self, name: str, value: str) -> list[Estimate]:
-        """Do again what a service call did when a log was recorded; publish and return."""
-        estimates = self._tell(self.stream.control(name, value))
+        """Do again what was done to a node when a log was recorded; publish and return."""
+        if not self.active:
+            return []
+        estimates = self._tell(repeat(self.stream, name, value))
         if name == 'reset':
             self._show_initial()
+        if name == PARAMETERS:
+            self.note(changes_of(value))
+        self.note({'enable': self.stream.adapting})
         return estimates
 
     def finish(self) -> list[Estimate]:
         """Publish what is held, save the state and end the record; for the end of a run."""
-        self._in.drain()
+        if not self._configured:
+            return []
+        if self.active:
+            self._in.drain()
         estimates = self._tell(self.stream.finish())
         if self.settings.checkpoint_path:
             self._checkpoint.save()
         if self._recorder:
             self._recorder.close()
+        self._report.finish()
         self._out.wait(1.0)
         return estimates
+
+    def reset(self) -> None:
+        """Go back to the initial values."""
+        self.stream.reset()
+        self._show_initial()
+
+    def enable(self, adapt: bool) -> None:
+        """Adapt the parameters, or freeze them."""
+        self.stream.enable(adapt)
+        self.note({'enable': adapt})
+
+    def save(self) -> str:
+        """Save the state; return why not, or ''."""
+        return self._checkpoint.save()
+
+    def present(self) -> Settings:
+        """Return the settings that a change is judged with."""
+        return self.settings if self._configured else super().present()
+
+    def change(self, changes: Mapping[str, Any]) -> None:
+        """Go on with other values of live parameters."""
+        if self._configured:
+            apply(self.stream, changes)
+            self._tell([])
+        if self._configured and 'checkpoint.period' in changes:
+            self._save_again_and_again()
 
     def _take(self, batch: dict[str, list[Received]]) -> None:
         """Take what has come, the oldest data of all topics first."""
@@ -151,12 +228,17 @@ class IdentifierNode(Node):
 
     def _decoded(self, received: Received) -> list[Event]:
         topic = received.topic
+        if len(received.cdr) > LARGEST_MESSAGE:
+            for name in inputs_of(self.settings, topic):
+                self.stream.reject(name, 'too_large')
+            return []
         try:
             message = deserialize_message(received.cdr, self._classes[topic])
             return self._events(
                 topic, message, received.time, received if self._recorder else None)
         except (RuntimeError, FieldError) as error:  # a peer with another definition
             self.get_logger().error(f'{topic}: {error}', once=True)
+            self._report.arrivals.note(topic, received.time)
             for name in inputs_of(self.settings, topic):
                 self.stream.reject(name, 'undecodable')
             return []
@@ -164,6 +246,7 @@ class IdentifierNode(Node):
     def _events(self, topic: str, message: Any, receive_time: int,
                 origin: Any = None) -> list[Event]:
         events = self.converter.events(topic, message, receive_time, origin)
+        self._report.arrivals.note(topic, receive_time, events)
         if receive_time:
             return events
         for event in events:  # simulated time has not begun: there is no time to give it
@@ -180,33 +263,8 @@ class IdentifierNode(Node):
         for estimate in estimates:
             for output in self._outputs.messages(estimate):
                 self._out.publish(output)
-        for line in self.stream.take_warnings():
-            self.get_logger().warning(line)
+        self._report.told(estimates)
         return estimates
-
-    def _on_reset(self, request: Trigger.Request,
-                  response: Trigger.Response) -> Trigger.Response:
-        self.stream.reset()
-        self._show_initial()
-        response.success, response.message = True, 'back at the initial values'
-        self.get_logger().info(f'~/reset: {response.message}')
-        return response
-
-    def _on_enable(self, request: SetBool.Request,
-                   response: SetBool.Response) -> SetBool.Response:
-        self.stream.enable(request.data)
-        response.success = True
-        response.message = 'adapting' if request.data else 'frozen'
-        self.get_logger().info(f'~/enable: {response.message}')
-        return response
-
-    def _on_save(self, request: Trigger.Request,
-                 response: Trigger.Response) -> Trigger.Response:
-        failed = self._checkpoint.save()
-        response.success = not failed
-        response.message = failed or f'saved to {self._checkpoint.path}'
-        self.get_logger().info(f'~/save: {response.message}')
-        return response
 
     def _show_initial(self) -> None:
         """Let the latched parameters be those that a reset went back to."""
@@ -214,9 +272,7 @@ class IdentifierNode(Node):
             self._out.publish(output)
 
     def _each_second(self) -> None:
-        now = self.get_clock().now().nanoseconds
-        self._out.publish(diagnostics(
-            self.stream, self.settings, self.get_fully_qualified_name(), now))
+        self._out.publish(self._report.each_second(self.label))
         if self._recorder:
             self._recorder.flush()
 

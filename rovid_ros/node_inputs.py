@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 from rclpy.clock import ROSClock
+from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
@@ -15,44 +16,44 @@ from rclpy.subscription import Subscription
 from rclpy.validate_topic_name import validate_topic_name
 from rovid_core.settings import Settings, SettingsError
 from rovid_ros.convert import Converter
+from rovid_ros.input_topics import inputs_of, section
 from rovid_ros.node_messages import import_type, MessageTypeError
-from rovid_ros.node_publishers import best_effort, DEPTH, reliable
+from rovid_ros.node_publishers import best_effort, DEPTH, latched, reliable
 from rovid_ros.node_recorder import Received
 
 
-def inputs_of(settings: Settings, topic: str) -> list[str]:
-    """Return the inputs that a topic feeds."""
-    return [name for name in settings.used_inputs() if topic in _topics(settings, name)]
-
-
 def message_classes(settings: Settings, converter: Converter) -> dict[str, type[Any]]:
+    """Import the message class of every topic; raises as :func:`message_class`."""
+    return {topic: message_class(settings, converter, topic) for topic in converter.topics}
+
+
+def message_class(settings: Settings, converter: Converter, topic: str) -> type[Any]:
     """
-    Import the message class of every topic and check the field paths against it.
+    Import the message class of a topic and check the field paths against it.
 
     Raises
     ------
     SettingsError
-        If a topic's name is not one, or its type is not given or not installed.
+        If the topic's name is not one, or its type is not given or not installed.
     FieldError
-        If a type does not have a configured field.
+        If the type does not have a configured field.
 
     """
-    classes: dict[str, type[Any]] = {}
-    for topic, name in converter.topics.items():
-        key = _key(inputs_of(settings, topic)[0])
-        try:
-            validate_topic_name(topic)
-        except InvalidTopicNameException as error:
-            reason = str(error).partition(':')[0]
-            raise SettingsError(f'{key}.topic', f'got {topic!r}: {reason}') from None
-        if not name:
-            raise SettingsError(f'{key}.type', f'is required to subscribe to {topic}')
-        try:
-            classes[topic] = import_type(name)
-        except MessageTypeError as error:
-            raise SettingsError(f'{key}.type', str(error)) from None
-        converter.check_type(topic, classes[topic]())
-    return classes
+    name = converter.topics[topic]
+    key = section(inputs_of(settings, topic)[0])
+    try:
+        validate_topic_name(topic)
+    except InvalidTopicNameException as error:
+        reason = str(error).partition(':')[0]
+        raise SettingsError(f'{key}.topic', f'got {topic!r}: {reason}') from None
+    if not name:
+        raise SettingsError(f'{key}.type', f'is required to subscribe to {topic}')
+    try:
+        cls = import_type(name)
+    except MessageTypeError as error:
+        raise SettingsError(f'{key}.type', str(error)) from None
+    converter.check_type(topic, cls())
+    return cls
 
 
 class Subscriptions:
@@ -73,26 +74,70 @@ class Subscriptions:
         Message class by topic.
     take : callable
         Gets what has come, by topic, each topic's messages in order of arrival.
+    reject : callable
+        Told input and reason of what the middleware did not deliver: ``lost`` for every
+        message, ``incompatible_qos`` for every publisher.
 
     """
 
     def __init__(self, node: Node, settings: Settings, classes: dict[str, type[Any]],
                  types: dict[str, str],
-                 take: Callable[[dict[str, list[Received]]], None]) -> None:
+                 take: Callable[[dict[str, list[Received]]], None],
+                 reject: Callable[[str, str], None]) -> None:
         self._node = node
         self._types = types
         self._take = take
+        self._reject = reject
         self._topics: dict[str, Subscription[Any]] = {}
-        for topic, cls in classes.items():
-            self._topics[topic] = node.create_subscription(
-                cls, topic, partial(self._arrived, topic), _qos(settings, topic),
-                qos_overriding_options=QoSOverridingOptions.with_default_policies(), raw=True)
+        try:
+            for topic, cls in classes.items():
+                self._topics[topic] = self._subscribe(settings, topic, cls)
+        except BaseException:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Hear nothing more."""
+        for subscription in self._topics.values():
+            self._node.destroy_subscription(subscription)
+        self._topics.clear()
 
     def drain(self) -> None:
         """Hand over everything that waits."""
         self._take(self._waiting({topic: [] for topic in self._topics}))
 
+    def _subscribe(self, settings: Settings, topic: str, cls: type[Any]) -> Subscription[Any]:
+        inputs = inputs_of(settings, topic)
+        incompatible = partial(self._on_incompatible, inputs)
+        lost: Callable[[Any], None] | None = partial(self._on_lost, inputs)
+        while True:
+            events = SubscriptionEventCallbacks(
+                incompatible_qos=incompatible, message_lost=lost)
+            try:
+                return self._node.create_subscription(
+                    cls, topic, partial(self._arrived, topic), qos(settings, topic),
+                    event_callbacks=events, raw=True,
+                    qos_overriding_options=QoSOverridingOptions.with_default_policies())
+            except UnsupportedEventTypeError:  # not every middleware tells of losses
+                if lost is None:
+                    raise
+                lost = None
+
+    def _on_incompatible(self, inputs: list[str], event: Any) -> None:
+        for name in inputs:
+            self._count(name, 'incompatible_qos', event)
+
+    def _on_lost(self, inputs: list[str], event: Any) -> None:
+        for name in inputs:
+            self._count(name, 'lost', event)
+
+    def _count(self, name: str, reason: str, event: Any) -> None:
+        for _ in range(event.total_count_change):
+            self._reject(name, reason)
+
     def _arrived(self, topic: str, cdr: bytes, info: Any) -> None:
+        if topic not in self._topics:
+            return  # taken before, told after the end
         batch: dict[str, list[Received]] = {name: [] for name in self._topics}
         batch[topic].append(self._received(topic, cdr, info))
         self._take(self._waiting(batch))
@@ -115,16 +160,10 @@ class Subscriptions:
         return Received(topic, self._types[topic], cdr, time or clock.now().nanoseconds)
 
 
-def _qos(settings: Settings, topic: str) -> QoSProfile:
-    """Return a topic's profile: reliable where one of its inputs asks for it."""
+def qos(settings: Settings, topic: str) -> QoSProfile:
+    """Return a topic's profile: the strongest that one of its inputs asks for."""
     wanted = [settings.thrusters.qos if name == 'thrusters' else settings.input(name).qos
               for name in inputs_of(settings, topic)]
+    if 'transient_local' in wanted:
+        return latched(DEPTH)
     return reliable(DEPTH) if 'reliable' in wanted else best_effort(DEPTH)
-
-
-def _topics(settings: Settings, name: str) -> tuple[str, ...]:
-    return settings.thrusters.topics if name == 'thrusters' else (settings.input(name).topic,)
-
-
-def _key(name: str) -> str:
-    return 'thrusters.sign' if name == 'sign' else name

@@ -9,15 +9,17 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rovid_core.settings import SettingsError
 from rovid_ros.keys import Key, KEYS, LARGE
 from rovid_ros.parameter_file import load
+from rovid_ros.parameters import check
 
 NODE_NAME = 'identifier_node'
 
 ROS_OWN = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
 """Parameters that rclpy itself declares."""
 
-_TYPES = {
+TYPES = {
     'double': Parameter.Type.DOUBLE,
     'bool': Parameter.Type.BOOL,
     'string': Parameter.Type.STRING,
@@ -65,9 +67,22 @@ def ros_own(values: Mapping[str, Any]) -> list[Parameter[Any]]:
             if name.startswith(ROS_OWN)]
 
 
+def sound(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those values that their keys take, for a node that is to wait with a wrong file."""
+    taken: dict[str, Any] = {}
+    for name, value in values.items():
+        try:
+            taken.update(check({name: value}))
+        except SettingsError:
+            continue
+    return taken
+
+
 def declare(node: Node, values: Mapping[str, Any]) -> None:
     """
-    Declare every key with its value, read-only, described as in the table of the keys.
+    Declare every key with its value, described as in the table of the keys.
+
+    Those that are not live are read-only.
 
     Parameters
     ----------
@@ -83,7 +98,7 @@ def declare(node: Node, values: Mapping[str, Any]) -> None:
             node.declare_parameter(key.name, value, _descriptor(key), ignore_override=True)
             continue
         # rclpy takes an empty list for one of bytes, unless it is told the type by itself
-        kind = _TYPES[key.type]
+        kind = TYPES[key.type]
         node.declare_parameter(key.name, kind, ignore_override=True)
         node.set_parameters([Parameter(key.name, kind, [])])
         descriptor = _descriptor(key)
@@ -136,7 +151,7 @@ def _descriptor(key: Key) -> ParameterDescriptor:
     unit = f' [{key.unit}]' if key.unit else ''
     descriptor = ParameterDescriptor(
         description=key.description + unit, additional_constraints=f'takes {key.takes}',
-        read_only=True)
+        read_only=not key.live)
     if key.type == 'double' and (key.low, key.high) != (-LARGE, LARGE):
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=key.low, to_value=key.high)]

@@ -20,7 +20,7 @@ from rclpy.logging import set_logger_level
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
-from rovid_ros.command import AT_FAULT, DONE, USAGE, UsageError
+from rovid_ros.command import AT_FAULT, DONE, printable, USAGE, UsageError
 from rovid_ros.node_parameters import NODE_NAME, read_files
 from rovid_ros.node_stop import Stop
 
@@ -70,7 +70,7 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
         node = make(values)
     except (ValueError, OSError, RuntimeError, ParameterException, NameValidationException,
             NoTypeSupportImportedException) as error:
-        print(f'{NODE_NAME}: {one_line(error)}', file=sys.stderr)
+        print(f'{NODE_NAME}: {printable(one_line(error))}', file=sys.stderr)
         rclpy.try_shutdown()
         return USAGE if isinstance(error, UsageError) else AT_FAULT
     try:

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
 import time
 from typing import Any
 
 from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    qos_policy_name_from_kind,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 from rovid_ros.node_messages import fill, import_type
 from rovid_ros.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, TOPICS
 
@@ -22,9 +30,9 @@ def reliable(depth: int) -> QoSProfile:
                       reliability=ReliabilityPolicy.RELIABLE)
 
 
-def latched() -> QoSProfile:
-    """Return a profile that gives a late subscriber the last message at once."""
-    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1,
+def latched(depth: int = 1) -> QoSProfile:
+    """Return a profile that gives a late subscriber the last ``depth`` messages at once."""
+    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
                       reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -44,14 +52,25 @@ class Publishers:
     node : Node
         Owns the publishers.
 
+    Attributes
+    ----------
+    incompatible : dict
+        Topic -> one line about a subscriber that its quality of service does not suit.
+
     """
 
     def __init__(self, node: Node) -> None:
+        self.incompatible: dict[str, str] = {}
+        self._node = node
         self._publishers: dict[str, tuple[type[Any], Publisher[Any]]] = {}
-        for topic, name in TOPICS.items():
-            profile = latched() if topic in LATCHED else reliable(DEPTH)
-            self._add(node, topic, name, profile)
-        self._add(node, '/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
+        try:
+            for topic, name in TOPICS.items():
+                profile = latched() if topic in LATCHED else reliable(DEPTH)
+                self._add(node, topic, name, profile)
+            self._add(node, '/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
+        except BaseException:
+            self.close()
+            raise
 
     def publish(self, output: Output) -> None:
         """Send a message."""
@@ -65,6 +84,22 @@ class Publishers:
             left = max(0.0, end - time.monotonic())
             publisher.wait_for_all_acked(Duration(nanoseconds=round(left * 1e9)))
 
+    def close(self) -> None:
+        """Leave the graph."""
+        for _, publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+
     def _add(self, node: Node, topic: str, name: str, profile: QoSProfile) -> None:
         cls = import_type(name)
-        self._publishers[topic] = (cls, node.create_publisher(cls, topic, profile))
+        events = PublisherEventCallbacks(
+            incompatible_qos=partial(self._on_incompatible, node.resolve_topic_name(topic)))
+        self._publishers[topic] = (
+            cls, node.create_publisher(cls, topic, profile, event_callbacks=events))
+
+    def _on_incompatible(self, topic: str, event: Any) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind).lower()
+        text = (f'{topic}: a subscriber asks for a {policy} that is not offered and hears '
+                f'nothing; it has to ask for less {policy}')
+        if self.incompatible.get(topic) != text:
+            self._node.get_logger().warning(text)
+        self.incompatible[topic] = text

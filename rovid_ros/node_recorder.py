@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 import json
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from rovid_core.values import Event
 from rovid_ros import __version__
+from rovid_ros.json_file import sync_folder
 from rovid_ros.log_writer import LogWriter
 from rovid_ros.node_files import free, prepare
 
@@ -45,7 +47,9 @@ class Recorder:
     """
     Write what the stream consumes.
 
-    A file that cannot be written any more (a full disk) ends the recording, not the node.
+    A file that cannot be written any more (a full disk) ends the recording, not the node. What
+    was flushed outlasts the process at once and a loss of power a moment later: a thread of its
+    own brings it to the disk, for on a slow card that takes longer than a message may wait.
 
     Parameters
     ----------
@@ -70,6 +74,7 @@ class Recorder:
         self._definition = definition
         self._failed = failed
         self._writer: LogWriter | None = None
+        self._syncing: Thread | None = None
         self._time = 0  # of the newest message, for controls
         self._event_time = 0
 
@@ -84,10 +89,16 @@ class Recorder:
 
         """
         self._writer = LogWriter(self.path)
+        sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power
         values = {'version': __version__}
         if restored is not None:
             values['state'] = json.dumps(restored)
         self._writer.metadata('rovid_record', values)
+
+    @property
+    def is_open(self) -> bool:
+        """Tell whether it still records."""
+        return self._writer is not None
 
     def released(self, event: Event) -> None:
         """Write the message that the event came from."""
@@ -109,11 +120,17 @@ class Recorder:
             self._event_time))
 
     def flush(self) -> None:
-        """Bring what was written to the disk."""
+        """Make what was written readable, and begin to bring it to the disk."""
         self._write(lambda writer: writer.flush())
+        if self._writer and not (self._syncing and self._syncing.is_alive()):
+            self._syncing = Thread(target=self._writer.sync, daemon=True)
+            self._syncing.start()
 
     def close(self) -> None:
         """End the log properly."""
+        self.flush()
+        if self._syncing:
+            self._syncing.join()
         self._write(lambda writer: writer.close())
         self._writer = None
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import math
 from typing import Any
 
-from rovid_core.dofs import DOFS, Four, PARAMETERS, PHYSICAL
+from rovid_core.dofs import DOFS, Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.identifier import Scales
 from rovid_core.plant import physical
 from rovid_core.settings import Settings
-from rovid_core.values import DofEstimate, Estimate, NAN4
+from rovid_core.values import DofEstimate, Estimate
 
 ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
 DIAGNOSTIC_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -35,7 +35,7 @@ LATCHED = ('rov/params', 'rov/params_std')
 
 FRAME = 'base_link'
 
-OK, WARN, ERROR = 0, 1, 2
+OK, WARN, ERROR, STALE = 0, 1, 2, 3
 LEVELS = {'waiting': WARN, 'unexcited': WARN, 'converging': OK, 'converged': OK, 'frozen': OK,
           'invalid': ERROR}
 """Status of a DOF to level of a ``DiagnosticStatus``."""

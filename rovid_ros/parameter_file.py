@@ -19,6 +19,8 @@ from rovid_ros.scalars import Scalar, scalar
 import yaml
 
 PARAMETERS = 'ros__parameters'
+LARGEST = 1 << 20
+"""[bytes] A larger file is something else."""
 DEEPEST = 32
 """Levels of keys; more are a broken file."""
 
@@ -91,7 +93,12 @@ def _matches(section: str, full_name: str) -> bool:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_bytes().decode('utf-8-sig')
+        with path.open('rb') as file:
+            data = file.read(LARGEST + 1)
+        if len(data) > LARGEST:
+            raise ParameterFileError(f'{path}: has more than {LARGEST:,} bytes, which no '
+                                     'parameter file has')
+        return data.decode('utf-8-sig')
     except FileNotFoundError:
         raise ParameterFileError(f'{path}: there is no such file') from None
     except IsADirectoryError:

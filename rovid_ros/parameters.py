@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 import difflib
 import math
 import re
@@ -23,7 +24,7 @@ from rovid_core.settings import (
 )
 from rovid_ros.keys import Key, KEYS
 
-__all__ = ['KEYS', 'Key', 'check', 'flatten', 'settings_from']
+__all__ = ['KEYS', 'Key', 'changed', 'check', 'flatten', 'settings_from']
 
 ROS_PARAMETERS = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\..+')
 """Parameters that every node has."""
@@ -86,6 +87,50 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         identifier=IdentifierSettings(**tree['identifier']),
         simulation=SimulationSettings(dofs=dict(_simulated(truth, given)), **simulation),
         **inputs, **rest)
+
+
+def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
+    """
+    Return the settings with other values of live keys, all of them or none.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    changes : mapping
+        Values by dotted key; an empty list stands for a key that is left out.
+
+    Raises
+    ------
+    SettingsError
+        As :func:`settings_from`, and for a key that takes no change while the node runs.
+
+    """
+    keys = {key.name: key for key in KEYS}
+    tree: dict[str, Any] = {}
+    for name, value in changes.items():
+        left_out = isinstance(value, (list, tuple, array)) and not len(value)
+        if left_out and name in keys and keys[name].default == ():
+            taken = {name: ()}
+        else:
+            taken = check({name: value})
+        if name not in taken or not keys[name].live:
+            raise SettingsError(name, 'takes no change while the node runs')
+        *path, last = keys[name].setting.split('.')
+        branch = tree
+        for group in path:
+            branch = branch.setdefault(group, {})
+        branch[last] = taken[name]
+    new = _replaced(settings, tree)
+    assert isinstance(new, Settings)
+    return new
+
+
+def _replaced(settings: Any, tree: Mapping[str, Any]) -> Any:
+    """Return frozen settings with the leaves of a tree in place of their own."""
+    return replace(settings, **{
+        name: _replaced(getattr(settings, name), value) if isinstance(value, Mapping) else value
+        for name, value in tree.items()})
 
 
 def check(values: Mapping[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,8 @@ from rovid_core.planning.prospect import Prospect, samples, times
 from rovid_core.settings import Settings
 from rovid_ros.plan import Proposal
 from rovid_ros.profile_text import profile_text
-from rovid_ros.report import number, table, unit
+from rovid_ros.report import number, table
+from rovid_ros.units import unit
 
 POOR = 0.1
 """Relative uncertainty above which a parameter is poorly determined."""

@@ -8,25 +8,11 @@ from pathlib import Path
 import textwrap
 from typing import Any
 
-from rovid_core.dofs import ANGULAR_DOFS, PARAMETERS, PHYSICAL
+from rovid_core.dofs import PARAMETERS, PHYSICAL
 from rovid_ros.replay import Result
+from rovid_ros.units import unit
 
-_LINEAR = {
-    'alpha': '1/kg', 'beta': '1/m', 'gamma': '1/s', 'delta': 'm/s²',
-    'mass': 'kg', 'quadratic_drag': 'N s²/m²', 'linear_drag': 'N s/m', 'bias': 'N',
-    'mae': 'm/s',
-}
-_ANGULAR = {
-    'alpha': '1/(kg m²)', 'beta': '1/rad', 'gamma': '1/s', 'delta': 'rad/s²',
-    'mass': 'kg m²', 'quadratic_drag': 'N m s²/rad²', 'linear_drag': 'N m s/rad',
-    'bias': 'N m', 'mae': 'rad/s',
-}
 NONE = '-'
-
-
-def unit(dof: str, quantity: str) -> str:
-    """Return the unit of a quantity of a DOF, as it is printed."""
-    return (_ANGULAR if dof in ANGULAR_DOFS else _LINEAR)[quantity]
 
 
 def number(value: float | None) -> str:

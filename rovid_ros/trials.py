@@ -60,7 +60,9 @@ class TrialFeeder(PipeFeeder):
     """The pipe with the paper's identifier, whose every estimate is kept for its figures."""
 
     def __init__(self, settings: Settings) -> None:
-        paper = replace(settings, identifier=replace(settings.identifier, method=PAPER))
+        # a node that is to start frozen is compared by what it would find
+        paper = replace(settings, identifier=replace(settings.identifier, method=PAPER),
+                        enable=True)
         self._others = OnlineMethods(settings)
         super().__init__(paper, self._others)
         self.history = {dof: History() for dof in settings.dofs}

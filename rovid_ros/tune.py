@@ -17,7 +17,8 @@ from rovid_ros.feeder import PipeFeeder
 from rovid_ros.parallel import in_parallel
 from rovid_ros.progress import Progress
 from rovid_ros.replay import replay
-from rovid_ros.report import NONE, number, table, unit
+from rovid_ros.report import NONE, number, table
+from rovid_ros.units import unit
 
 BEFORE = 0.4
 """Share of the work before the gains."""
@@ -37,7 +38,10 @@ class _Motion(Stream):
 
     def control(self, name: str, value: str) -> list[Estimate]:
         """Follow time alone."""
-        return super().control(name, value) if name == 'time_jump' else []
+        return super().control(name, value) if name in ('time_jump', 'interrupt') else []
+
+    def change(self, settings: Settings, told: str) -> None:
+        """Stay with the settings that are tuned."""
 
 
 class TuneFeeder(PipeFeeder):

@@ -8,6 +8,8 @@ import socket
 from hypothesis import settings
 import pytest
 
+from benchmarks.processes import child_environment
+
 # New examples are for people to find; a build that others wait for repeats its own.
 settings.register_profile('repeatable', derandomize=True)
 if os.environ.get('CI'):
@@ -54,14 +56,5 @@ def _free_domain(claim: socket.socket) -> int:
 
 @pytest.fixture
 def environment() -> dict[str, str]:
-    """
-    Return the environment for a child process.
-
-    The ROS wheels from PyPI start python twice, the second time with a library path and a
-    guard. A child that inherits the guard uses the parent's libraries, or none: leave both
-    out, and it finds its own.
-    """
-    child = dict(os.environ)
-    if child.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None):
-        child.pop('LD_LIBRARY_PATH', None)
-    return child
+    """Return the environment for a child process."""
+    return child_environment()

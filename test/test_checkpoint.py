@@ -45,20 +45,50 @@ def test_a_failed_save_leaves_the_old_file(tmp_path: Path) -> None:
     assert load(path, settings()) == STATE
 
 
+THRUSTERS = settings().thrusters
+
+
 @pytest.mark.parametrize('other, text', [
-    (settings(identifier=IdentifierSettings(method='rls')), 'method'),
-    (settings(dofs=('yaw',), dof={'yaw': DofSettings(20.0)}), 'dofs'),
-    (settings(dof={'surge': DofSettings(200.0, terms=('alpha', 'beta'))}), 'terms'),
+    (settings(identifier=IdentifierSettings(method='rls')), 'identifier.method aid, '),
+    (settings(dofs=('yaw',), dof={'yaw': DofSettings(20.0)}), "dofs ['surge'], "),
+    (settings(dof={'surge': DofSettings(200.0, terms=('alpha', 'beta'))}), 'surge.terms '),
+    (settings(dof={'surge': DofSettings(210.0)}), 'surge.initial.mass 200.0, '),
+    (settings(dof={'surge': DofSettings(200.0, typical_force=9.0)}), 'surge.typical.force 0.0, '),
+    (settings(thrusters=replace(THRUSTERS, gain=(2.0,))), 'thrusters.gain [1.0], '),
+    (settings(thrusters=replace(THRUSTERS, delay=0.2)), 'thrusters.delay 0.0, '),
+    (settings(thrusters=replace(THRUSTERS, allocation=((1.0,),) * 5 + ((0.0,),))),
+     'thrusters.allocation [[1.0], '),
+    (settings(frames='ned'), 'frames enu, '),
 ])
 def test_another_configuration_is_refused(other: Settings, text: str, tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
     save(path, settings(), STATE)
-    with pytest.raises(CheckpointError, match=text):
+    with pytest.raises(CheckpointError) as refused:
         load(path, other)
+    assert f'was made with {text}' in str(refused.value)
+    assert ', configured is ' in str(refused.value)
+
+
+def test_topics_limits_and_gains_can_change(tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    save(path, settings(), STATE)
+    assert load(path, settings(
+        position=InputSettings('/q', latency=0.1), max_speed=3.0, checkpoint_period=1.0,
+        identifier=IdentifierSettings(adaptation_time=9.0))) == STATE
+
+
+def test_what_killed_processes_left_is_removed(tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    kept = [f'.checkpoint.json.{os.getppid()}', '.other.json.999999999', '.checkpoint.json.x']
+    for name in [*kept, '.checkpoint.json.999999999']:
+        (tmp_path / name).touch()
+    save(path, settings(), STATE)
+    assert {entry.name for entry in tmp_path.iterdir()} == {*kept, 'checkpoint.json'}
 
 
 @pytest.mark.parametrize('content', [
-    '', '[]', '{}', '{"rovid_checkpoint": 99}', '{"rovid_checkpoint": 1, "met'])
+    '', '[]', '{}', '{"rovid_checkpoint": 99}', '{"rovid_checkpoint": 1, "method": "aid"}',
+    '{"rovid_checkpoint": 2}', '{"rovid_checkpoint": 2, "met', '[' * 100_000])
 def test_another_file_is_refused(content: str, tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
     path.write_text(content)

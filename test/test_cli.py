@@ -15,7 +15,8 @@ from rovid_ros.command import check_written, CommandError, guarded
 from rovid_ros.interrupt import Interrupted
 from rovid_ros.json_file import write_json
 from rovid_ros.progress import Progress
-from rovid_ros.report import number, percent, table, unit
+from rovid_ros.report import number, percent, table
+from rovid_ros.units import unit
 
 
 @pytest.fixture
@@ -74,6 +75,12 @@ def test_no_command_at_all_shows_the_help(capsys: pytest.CaptureFixture[str]) ->
     (['replay', 'log.mcap', '--params-file', 'x', '--rate', '2'], '--rate goes with --ros'),
     (['replay', 'log.mcap', '--params-file', 'x', '--rate', '0'], 'above 0'),
     (['replay', 'log.mcap', '--params-file', 'x', '--rates'], '--rates'),
+    (['check'], 'FILE'),
+    (['check', 'x', 'log.mcap', '--live'], '--live and a LOG exclude each other'),
+    (['check', 'x', '--timeout', '3'], '--timeout goes with --live'),
+    (['check', 'x', '--namespace', '/rov1'], '--namespace goes with --live'),
+    (['check', 'x', '--start', '3'], '--start goes with a LOG'),
+    (['check', 'x', '--live', '--timeout', '0'], 'above 0'),
     (['simulate', '--params-file', 'x'], '--output'),
     (['simulate', '--params-file', 'x', '--output', 'y', '--seed', '-1'], "got '-1'"),
     (['simulate', '--params-file', 'x', '--output', 'y', '--profile', 'srge=1@1'], 'surge'),
@@ -99,6 +106,8 @@ def test_an_unknown_method_is_wrong_usage(
     (['replay', 'no.mcap', '--params-file', '{config}', '--output', 'no/such/out.mcap'],
      'the directory no/such does not exist'),
     (['replay', 'no.mcap', '--params-file', '{config}', '--json', '/'], 'is a directory'),
+    (['check', '{config}', '--json', 'no/such/out.json'], 'no/such does not exist'),
+    (['check', '{config}', '--json', '{config}'], 'is read by this command'),
     (['replay', 'a.mcap', '--params-file', '{config}', '--output', 'a.mcap'],
      'is read by this command'),
     (['simulate', '--params-file', '{config}', '--output', 'x', '--profile', 'sway=1@1'],

@@ -67,6 +67,20 @@ def test_same_input_same_bits_and_reading_changes_nothing(settings):
     assert one.state() == two.state()
 
 
+def test_what_was_known_at_a_step_stays_what_it_was(settings):
+    one, two = make(settings, DOF), make(settings, DOF)
+    run(one, steps(200))
+    run(two, steps(200))
+    before = one.uncertainty
+    run(one, steps(200))
+    one.restart(0.0)
+    one.reset()
+    # read only now, and of a method that has gone on: the same bits
+    after = two.uncertainty
+    assert (*before.covariance, *map(repr, before.std), repr(before.delay_std)) == (
+        *after.covariance, *map(repr, after.std), repr(after.delay_std))
+
+
 def test_reset_then_rerun_is_the_same_as_new(settings):
     identifier = run(make(settings, DOF), steps())
     first = identifier.state()

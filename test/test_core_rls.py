@@ -178,7 +178,7 @@ def matrix(p):
 
 def test_forgetting_and_update_are_those_of_the_plain_covariance():
     random = np.random.default_rng(0)
-    p, plain = FactoredCovariance(4, 2.0), 2.0 * np.eye(4)
+    p, plain = FactoredCovariance(2.0), 2.0 * np.eye(4)
     for _ in range(50):
         x = random.normal(size=4)
         assert p.along(x) == pytest.approx(x @ plain @ x)
@@ -193,7 +193,7 @@ def test_forgetting_and_update_are_those_of_the_plain_covariance():
 
 def test_the_covariance_stays_positive_definite_over_very_many_updates():
     random = Random(0)
-    p = FactoredCovariance(4, PRIOR**2)
+    p = FactoredCovariance(PRIOR**2)
     for _ in range(100_000):
         size = 10.0 ** random.uniform(-6, 6)
         x = [size * random.gauss(0, 1), 1e-3 * random.gauss(0, 1), 0.0, 1.0]
@@ -214,7 +214,7 @@ numbers = st.floats(-1e6, 1e6)
        st.floats(1e-10, 1e6))
 @hypothesis_settings(max_examples=200, deadline=None)
 def test_no_regressor_makes_the_covariance_indefinite(rows, variance):
-    p = FactoredCovariance(4, 25.0)
+    p = FactoredCovariance(25.0)
     for x in rows:
         known = p.along(x)
         p.forget(x, min(0.1, known / (known + variance)))

@@ -9,7 +9,7 @@ from rovid_core.identifier import Scales, Step
 from rovid_core.plant import advance
 from rovid_core.settings import SimulatedDof
 from rovid_core.simulator import simulate
-from rovid_core.status import DofStatus, STATUSES
+from rovid_core.status import DofStatus, Judgement, STATUSES
 from rovid_core.stream import Stream
 
 from benchmarks.cases import run, surge_log, surge_settings, SURGE_TRUTH as TRUTH, TRAINING
@@ -41,7 +41,7 @@ def steps(duration, dt=0.1):
 def judge(status, identifier, duration=30.0, adapt=True):
     for step in steps(duration):
         found = status.after(identifier, step, '', adapt)
-    return found
+    return found.status, found.reasons
 
 
 @pytest.fixture
@@ -85,11 +85,12 @@ def test_refused_frozen_and_unexcited_come_first(status):
     known = Known(0.01)
     assert judge(status, known)[0] == 'converged'
     step = next(steps(1.0))
-    assert status.after(known, step, 'unstable_step', True) == ('invalid', ('unstable_step',))
+    assert status.after(known, step, 'unstable_step', True) == Judgement(
+        'invalid', ('unstable_step',))
     assert judge(status, known, adapt=False) == ('frozen', ())
-    assert status.after(known, step, '', True)[0] == 'converging'  # judged anew
+    assert status.after(known, step, '', True).status == 'converging'  # judged anew
     known.excitation = 0.0
-    assert status.after(known, step, '', True) == ('unexcited', ('no thrust',))
+    assert status.after(known, step, '', True) == Judgement('unexcited', ('no thrust',))
 
 
 def test_the_surge_trial_converges_once_and_stays(status):

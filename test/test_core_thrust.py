@@ -7,7 +7,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from rovid_core.settings import SettingsError, ThrusterSettings
-from rovid_core.thrust import Thrust, thruster_model, wrench
+from rovid_core.thrust import are_commands, Thrust, thruster_model, wrench
 
 NONE = (0.0, 0.0)
 TWO = ThrusterSettings(
@@ -103,6 +103,10 @@ def test_forgetting_changes_no_span():
 @pytest.mark.parametrize(('changes', 'command', 'force'), [
     ({}, 1.5, 1.5),
     ({'offset': 1500.0}, 1600.0, 100.0),
+    ({'offset': 1500.0, 'scale': 0.0025}, 1700.0, 0.5),
+    ({'offset': 1500.0, 'scale': 0.0025, 'deadband': 0.0625}, 1520.0, 0.0),
+    ({'offset': 1500.0, 'scale': 0.0025, 'limit': 1.0}, 1050.0, -1.0),
+    ({'limit': 2.0, 'model': 'quadratic'}, -3.0, -4.0),
     ({'deadband': 0.2}, 0.2, 0.0),
     ({'deadband': 0.2}, -0.3, -0.3),
     ({'model': 'quadratic'}, -3.0, -9.0),
@@ -114,6 +118,23 @@ def test_forgetting_changes_no_span():
 ])
 def test_thruster_models(changes, command, force):
     assert thruster_model(replace(TWO, **changes))(command) == pytest.approx(force)
+
+
+PWM = replace(TWO, offset=1500.0, scale=0.0025, limit=1.0)
+
+
+@pytest.mark.parametrize(('raw', 'part', 'settings', 'verdict'), [
+    ((1500.0, 1900.0), 0, PWM, True),
+    ((2200.0, 800.0), 0, PWM, True),  # clipped
+    ((1500.0, 0.0), 0, PWM, False),
+    ((1500.0, 65535.0), 0, PWM, False),
+    ((0.0, 65535.0), 0, replace(PWM, limit=0.0), True),
+    ((1500.0, 0.0), 0, replace(PWM, gain=(1.0, 0.0)), True),  # nobody asks for it
+    ((0.0,), 1, replace(PWM, topics=('/a', '/b'), gain=(1.0, 0.0)), True),
+    ((0.0,), 1, replace(PWM, topics=('/a', '/b'), gain=(0.0, 1.0)), False),
+])
+def test_what_is_far_beyond_the_limit_is_no_command(raw, part, settings, verdict):
+    assert are_commands(settings, raw, part) is verdict
 
 
 def test_wrench_of_a_port_thruster_turns_to_starboard():
@@ -139,6 +160,7 @@ def test_a_wild_command_never_poisons_the_impulse(values):
     ({'model': 'table', 'table_command': (1.0, 0.0), 'table_force': (0.0, 1.0)},
      'thrusters.table_command'),
     ({'model': 'polynomial'}, 'thrusters.polynomial'),
+    ({'scale': 0.0}, 'thrusters.scale'),
 ])
 def test_shapes_that_do_not_match_name_their_key(changes, key):
     with pytest.raises(SettingsError) as caught:

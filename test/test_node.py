@@ -155,10 +155,10 @@ def test_a_replay_that_is_behind_tells_ages_in_its_own_time(log: Path) -> None:
         feeder.feed(message)
         time.sleep(2.0 / len(messages))
     peer.until(lambda: health, 1.0)
-    for status in health[-1].status[:4]:
+    for status in health[-1].status[1:5]:
         values = {entry.key: entry.value for entry in status.values}
         assert int(values['count']) > 0
-        assert abs(float(values['age_s'])) < 1.0  # not the years since the log
+        assert abs(float(values['age [s]'])) < 1.0  # not the years since the log
     assert messages[0].time // 10**9 <= health[-1].header.stamp.sec <= messages[-1].time // 10**9
     peer.close()
     feeder.close()
@@ -217,16 +217,16 @@ def test_parameters_are_described_and_fixed(ros: None) -> None:
     names = node.list_parameters([], 0).names
     assert {key.name for key in KEYS} <= set(names)
     assert node.get_parameter('surge.initial.mass').value == 290.0
-    assert node.get_parameter('max_gap').value == settings_from(VALUES).max_gap  # a default
+    assert node.get_parameter('time_jump').value == settings_from(VALUES).time_jump  # a default
     assert list(node.get_parameter('thrusters.gain').value) == [40.0, 40.0, 55.0]
-    described = node.describe_parameter('max_gap')
+    described = node.describe_parameter('time_jump')
     assert described.type == ParameterType.PARAMETER_DOUBLE
     assert described.read_only
     assert '[s]' in described.description
     assert described.floating_point_range[0].from_value > 0.0
     assert node.describe_parameter('thrusters.polynomial').type == (
         ParameterType.PARAMETER_DOUBLE_ARRAY)
-    (result,) = node.set_parameters([Parameter('max_gap', value=2.0)])
+    (result,) = node.set_parameters([Parameter('time_jump', value=2.0)])
     assert not result.successful
     assert 'read-only' in result.reason
     run.close()

@@ -5,10 +5,11 @@ import math
 from typing import Any
 
 import pytest
-from rovid_core.dofs import PARAMETERS, PHYSICAL
+from rovid_core.dofs import Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.score import Score
 from rovid_core.settings import DofSettings, InputSettings, Settings, ThrusterSettings
-from rovid_core.status import STATUSES
+from rovid_core.status import Judgement, STATUSES
+from rovid_core.uncertainty import Stated
 from rovid_core.values import DofEstimate, Estimate
 from rovid_ros.outputs import LEVELS, OK, Output, Outputs, TOPICS, WARN
 from rovid_ros.summary import summary
@@ -27,12 +28,15 @@ def settings() -> Settings:
         position=InputSettings('/position'), attitude=InputSettings('/attitude'))
 
 
-def estimate(**surge: Any) -> Estimate:
+def estimate(status: str = 'converging', reasons: tuple[str, ...] = (), std: Four = NAN4,
+             covariance: tuple[float, ...] = (), delay_std: float = math.nan,
+             **surge: Any) -> Estimate:
     first = DofEstimate(
-        'surge', AWKWARD, status='converging', time=TIME - 5, steps=3, velocity=0.1, v_hat=0.3,
-        force=7.25, excitation=0.5)
-    second = DofEstimate('yaw', (0.02, -0.2, 0.0, 0.0), std=(0.1, 0.2, math.nan, math.nan),
-                         reasons=('no step yet', 'no thrust'))
+        'surge', AWKWARD, Stated(covariance, std, delay_std), Judgement(status, reasons),
+        time=TIME - 5, steps=3, velocity=0.1, v_hat=0.3, force=7.25, excitation=0.5)
+    second = DofEstimate(
+        'yaw', (0.02, -0.2, 0.0, 0.0), Stated(std=(0.1, 0.2, math.nan, math.nan)),
+        Judgement('waiting', ('no step yet', 'no thrust')))
     return Estimate(TIME, (first._replace(**surge), second), (0,))
 
 
@@ -136,7 +140,7 @@ def test_the_summary_has_intervals_delay_and_verdict() -> None:
     assert surge['delay_s'] == {'value': 0.25, 'std': 0.01}
     assert (surge['verdict'], yaw['verdict']) == ('no thrust', '')
     assert (yaw['intervals'], yaw['delay_s']) == (None, None)
-    wide = known().dofs[0]._replace(covariance=(1.0, *[0.0] * 15))
+    wide = known().dofs[0]._replace(uncertainty=Stated((1.0, *[0.0] * 15)))
     opened = summary(settings(), Estimate(TIME, (wide,), (0,)))['surge']['intervals']
     assert opened['mass'][1] is None  # as far as the data go it is anything above
 

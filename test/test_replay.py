@@ -312,19 +312,23 @@ def test_a_log_without_a_leading_slash_in_the_settings(
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_a_whole_file(
         number: int, config: Path, log: Path, tmp_path: Path, child: dict[str, str]) -> None:
-    output = tmp_path / 'out.mcap'
+    output, part = tmp_path / 'out.mcap', tmp_path / 'out.part.mcap'
+    output.write_text('of an earlier run')
     process = subprocess.Popen(
         command('replay', log, '--params-file', config, '--output', output),
         env=child, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60.0
-    while not output.exists() and process.poll() is None and time.monotonic() < deadline:
+    while (not (part.exists() and part.stat().st_size) and process.poll() is None
+           and time.monotonic() < deadline):  # until the first chunk is in it
         time.sleep(0.01)
     process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (128 + number, '')
     assert err.count('\n') == 1
     assert 'interrupted' in err
-    with output.open('rb') as file:
+    assert f'{part} holds what came of it' in err
+    assert output.read_text() == 'of an earlier run'
+    with part.open('rb') as file:
         assert make_reader(file).get_summary() is not None
 
 

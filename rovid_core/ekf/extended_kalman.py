@@ -59,6 +59,7 @@ class ExtendedKalman(Identifier):
         self._scales = scales
         self._normalised = Normalised(scales)
         self.bounds = self._normalised.bounds
+        self._most = (LARGEST * scales.force, LARGEST * scales.velocity)
         self.reset()
 
     def reset(self) -> None:
@@ -165,19 +166,20 @@ class ExtendedKalman(Identifier):
         return follower
 
     def _in_range(self, step: Step) -> bool:
-        f, v = (LARGEST * x for x in (self._scales.force, self._scales.velocity))
-        return (all(abs(x) <= f for x in (step.force[1], *step.forces))
-                and all(abs(x) <= v for x in (step.mean, step.velocity[0])))
+        f, v = self._most
+        one, other = step.forces
+        return (abs(step.force[1]) <= f and abs(one) <= f and abs(other) <= f
+                and abs(step.mean) <= v and abs(step.velocity[0]) <= v)
 
     def _at_rest(self, step: Step) -> bool:
         """Tell whether there is neither thrust nor sure motion: noise would be taken for drag."""
         square = (step.force[1] / self._scales.force)**2
         self.excitation -= math.expm1(-step.dt / FORGET) * (square - self.excitation)
-        if max(square, self.excitation) > LEAST_EXCITATION:
+        if square > LEAST_EXCITATION or self.excitation > LEAST_EXCITATION:
             return False
         filter = self._follower.filter
         speed = filter.nominal[VELOCITY]
-        return speed * speed < LEAST_MOTION + 9.0 * float(filter.covariance[VELOCITY, VELOCITY])
+        return speed * speed < LEAST_MOTION + 9.0 * filter.variance(VELOCITY)
 
     def _take(self, step: Step, i: int, value: float, adapt: bool) -> bool:
         """Take a measurement; return whether it is an outlier."""
@@ -193,8 +195,10 @@ class ExtendedKalman(Identifier):
                 self._find_again(error, adapt)
             return True
         if adapt:
-            filter.walk(self._normalised.prior, step.dt * (0.5 * WALK) ** 2 / 3600.0)
-        filter.update(i, error, variance * max(1.0, abs(normalised) / HUBER), adapt)
+            share = step.dt * (0.5 * WALK) ** 2 / 3600.0
+            filter.widen([share * x for x in self._normalised.prior])
+        size = abs(normalised) / HUBER
+        filter.update(i, error, variance * size if size > 1.0 else variance, adapt)
         filter.relinearise(self._normalised.box)
         if (adapt and upsets.was_right and innovations.model_error
                 and innovations.surprise > SURPRISE):
@@ -209,7 +213,7 @@ class ExtendedKalman(Identifier):
             self._follower.filter.relinearise(self._normalised.box)
             self.restart(0.0)
             return
-        self._follower.filter.loosen_motion(error * error)
+        self._follower.filter.widen((error * error, error * error))
         if self._upsets.lost_again() and adapt:
             self._note_change()
 
@@ -231,7 +235,7 @@ class ExtendedKalman(Identifier):
             return
         filter = self._follower.filter
         alpha = filter.nominal[ALPHA]
-        if filter.covariance[ALPHA, ALPHA] < (KNOWN * alpha) ** 2:
+        if filter.variance(ALPHA) < (KNOWN * alpha) ** 2:
             with suppress(DivergenceError):
                 self._follower, self._innovations = self._start.again(
                     self._new, self._normalised.box, filter.nominal[ALPHA:],
@@ -252,8 +256,6 @@ class ExtendedKalman(Identifier):
     def _publish(self) -> None:
         filter, normalised = self._follower.filter, self._normalised
         self.parameters = normalised.parameters(filter.nominal)
-        self.covariance = normalised.covariance(
-            filter.covariance, self._innovations.inflation)
-        self.std = normalised.std(self.covariance)
         self.delay = filter.nominal[DELAY]
-        self.delay_std = math.sqrt(filter.covariance[DELAY, DELAY])
+        self.uncertainty = normalised.uncertainty(
+            filter.covariance, self._innovations.inflation)

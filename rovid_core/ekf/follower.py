@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import Any
 
-import numpy as np
+from rovid_core.ekf.covariance import diagonal, INDICES, packed, SIZE
 from rovid_core.ekf.impulses import Impulses
-from rovid_core.ekf.linearised import Array, Linearised, POSITION, SIZE, VELOCITY
+from rovid_core.ekf.linearised import Linearised, POSITION, VELOCITY
 from rovid_core.identifier import Step
 
 MOST_PIECES = 50
@@ -27,16 +27,16 @@ class Follower:
     ----------
     nominal : sequence of 5 floats
         The four parameters in units of the scales, delay [s].
-    covariance : ndarray, shape (7, 7)
-        Of the state; only the part of the parameters counts.
+    variances : sequence of 7 floats
+        Of the state; only those of the parameters and the delay count.
     force, velocity : float
         The units.
 
     """
 
-    def __init__(self, nominal: Sequence[float], covariance: Array, force: float,
+    def __init__(self, nominal: Sequence[float], variances: Sequence[float], force: float,
                  velocity: float) -> None:
-        self.filter = Linearised((0.0, 0.0, *nominal), covariance)
+        self.filter = Linearised((0.0, 0.0, *nominal), diagonal(variances))
         self._force, self._velocity = force, velocity
         self.moving = False
         self._begin()
@@ -84,29 +84,33 @@ class Follower:
             If the state means nothing any more.
 
         """
-        at = self._impulses.end + (step.parts[0] if step.interval else step.dt)
+        impulses, first = self._impulses, self._fix < 0.0
         spans = step.parts if step.interval else (step.dt,)
-        forces = [f / self._force for f in step.forces]
-        self._impulses.add(spans, forces)
-        start = self._impulses.end - step.dt if self._fix < 0.0 else self._fix
+        at = impulses.end + spans[0]
+        one, other = step.forces
+        impulses.add(spans, (one / self._force, other / self._force))
+        end = impulses.end
+        start = end - step.dt if first else self._fix
         if at > start:
             self._predict(start, at, noise)
-        first, self._fix = self._fix < 0.0, at
-        self._ahead = self._impulses.end - at
+        self._fix = at
+        self._ahead = end - at
         if not step.interval:
             return VELOCITY, step.mean / self._velocity
         path = self._path
         self._path += step.mean * step.interval / self._velocity
         if step.turn:
             # the noise of the fix between two intervals does not cancel when they are turned
-            self.filter.covariance[POSITION, POSITION] += (
-                (step.turn * turned)**2 + (step.slip / self._velocity)**2)
+            self.filter.widen(((step.turn * turned)**2 + (step.slip / self._velocity)**2,))
         return None if first else (POSITION, path)
 
     def _predict(self, start: float, end: float, noise: float) -> None:
         """Divide a step on which the drag settles: Runge-Kutta would blow up."""
         _, v, _, beta, gamma, _, _ = self.filter.nominal
         turn = (end - start) * (2.0 * abs(beta * v) + abs(gamma))
+        if turn < 1.0:
+            self.filter.predict(self._impulses, start, end, noise)
+            return
         pieces = min(int(turn), MOST_PIECES - 1) + 1
         for k in range(pieces):
             self.filter.predict(
@@ -124,20 +128,23 @@ class Follower:
         """Return all that is needed to go on from here."""
         return {
             'nominal': list(self.filter.nominal),
-            'covariance': self.filter.covariance.ravel().tolist(),
+            'covariance': [self.filter.covariance[k] for of in INDICES for k in of],
             'impulses': self._impulses.state(), 'moving': self.moving,
             'path': self._path, 'fix': self._fix, 'ahead': self._ahead}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         nominal = [float(x) for x in state['nominal']]
-        covariance = np.array(state['covariance'], dtype=float).reshape(SIZE, SIZE)
-        if len(nominal) != SIZE or not (covariance == covariance.T).all():
+        entries = [float(x) for x in state['covariance']]
+        if len(nominal) != SIZE or len(entries) != SIZE * SIZE:
             raise ValueError('the state of the filter does not fit')
-        if not (np.isfinite(covariance).all() and all(map(math.isfinite, nominal))):
+        if not all(map(math.isfinite, (*nominal, *entries))):
             raise ValueError('the state of the filter is not finite')
+        path, fix, ahead = (float(state[name]) for name in ('path', 'fix', 'ahead'))
+        if not all(map(math.isfinite, (path, fix, ahead))):
+            raise ValueError('the path is not finite')
+        covariance = packed([entries[k:k + SIZE] for k in range(0, SIZE * SIZE, SIZE)])
         self.filter = Linearised(nominal, covariance)
         self._impulses.restore(state['impulses'])
         self.moving = bool(state['moving'])
-        self._path, self._fix, self._ahead = (
-            float(state[name]) for name in ('path', 'fix', 'ahead'))
+        self._path, self._fix, self._ahead = path, fix, ahead

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
+import math
 
 KEPT = 4.0
 """[s] that are kept, at least."""
@@ -18,8 +19,12 @@ class Impulses:
     """
 
     def __init__(self) -> None:
-        self._times = [0.0]
-        self._values = [0.0]
+        self._begin(0.0, 0.0)
+
+    def _begin(self, time: float, value: float) -> None:
+        self._times, self._values = [time], [value]
+        self._slopes: list[float] = []  # of the spans
+        self._bends: list[float] = []  # of the parabolas
 
     @property
     def end(self) -> float:
@@ -29,36 +34,51 @@ class Impulses:
     def add(self, spans: Sequence[float], forces: Sequence[float]) -> None:
         """Take the lengths of the next spans [s] and the mean force over each."""
         for span, force in zip(spans, forces):
-            if span > 0.0:
-                self._times.append(self._times[-1] + span)
-                self._values.append(self._values[-1] + span * force)
-        if self._times[-1] - self._times[0] > 2.0 * KEPT:
-            cut = bisect_right(self._times, self._times[-1] - KEPT)
-            del self._times[:cut], self._values[:cut]
+            time = self._times[-1] + span
+            if time > self._times[-1]:
+                self._append(time, self._values[-1] + span * force)
+        times = self._times
+        if times[-1] - times[0] > 2.0 * KEPT:
+            cut = bisect_right(times, times[-1] - KEPT)
+            for nodes in (times, self._values, self._slopes, self._bends):
+                del nodes[:cut]
+            if len(times) > 2:  # there is nothing any more before the first span
+                self._bends[0] = (self._slopes[1] - self._slopes[0]) / (times[2] - times[0])
+
+    def _append(self, time: float, value: float) -> None:
+        times, values, slopes, bends = self._times, self._values, self._slopes, self._bends
+        slope = (value - values[-1]) / (time - times[-1])
+        bend = 0.0
+        if slopes:
+            # the parabola of a span is the mean of those through three nodes on either side
+            bend = (slope - slopes[-1]) / (time - times[-2])
+            bends[-1] = 0.5 * (bends[-1] + bend) if len(slopes) > 1 else bend
+        times.append(time)
+        values.append(value)
+        slopes.append(slope)
+        bends.append(bend)
+
+    def _restart(self, times: Sequence[float], values: Sequence[float]) -> None:
+        """Take nodes anew."""
+        self._begin(times[0], values[0])
+        for time, value in zip(times[1:], values[1:]):
+            self._append(time, value)
 
     def at(self, time: float) -> float:
         """Return the impulse up to ``time`` [s]."""
-        times, values = self._times, self._values
+        times = self._times
         last = len(times) - 1
         if last == 0:
             return 0.0
-        i = min(max(bisect_right(times, time) - 1, 0), last - 1)
-        a, b, start, end = times[i], times[i + 1], values[i], values[i + 1]
-        slope = (end - start) / (b - a)
+        i = bisect_right(times, time) - 1
+        if i < 0:
+            i = 0
+        elif i >= last:
+            i = last - 1
+        a, b = times[i], times[i + 1]
         past = time - a
-        line = start + slope * past
-        if not a <= time <= b:
-            return line
-        bend, sides = 0.0, 0
-        if i > 0:
-            before = times[i - 1]
-            bend += (slope - (start - values[i - 1]) / (a - before)) / (b - before)
-            sides += 1
-        if i < last - 1:
-            after = times[i + 2]
-            bend += ((values[i + 2] - end) / (after - b) - slope) / (after - a)
-            sides += 1
-        return line + bend / sides * past * (time - b) if sides else line
+        line = self._values[i] + self._slopes[i] * past
+        return line + self._bends[i] * past * (time - b) if a <= time <= b else line
 
     def state(self) -> list[list[float]]:
         """Return all that is needed to go on from here."""
@@ -67,6 +87,7 @@ class Impulses:
     def restore(self, state: Sequence[Sequence[float]]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         times, values = ([float(x) for x in column] for column in state)
-        if not len(times) == len(values) > 0 or sorted(set(times)) != times:
+        if not len(times) == len(values) > 0 or sorted(set(times)) != times or not all(
+                map(math.isfinite, (*times, *values))):
             raise ValueError('the impulses do not fit')
-        self._times, self._values = times, values
+        self._restart(times, values)

@@ -23,6 +23,9 @@ KNOWN = 0.2
 
 PASSES = 3
 
+MOST = 1e18
+"""Far more than any force, velocity or time of a step."""
+
 
 class Start:
     """
@@ -116,7 +119,7 @@ class Start:
 
     def restore(self, state: Sequence[Sequence[Any]]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        pieces = [(_step(piece) if isinstance(piece, list) else float(piece), bool(outlier))
+        pieces = [(_step(piece) if isinstance(piece, list) else _finite(piece), bool(outlier))
                   for piece, outlier in state]
         self.duration, self._pieces = 0.0, []
         for piece, outlier in pieces:
@@ -131,7 +134,22 @@ def _level(sizes: Sequence[float]) -> float:
 
 
 def _step(values: Sequence[Any]) -> Step:
-    if len(values) != len(Step._fields):
+    numbers = [
+        tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in values]
+    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)):
         raise ValueError('a step does not fit')
-    return Step(*[
-        tuple(x) if isinstance(x, list) else float(x) for x in values])  # type: ignore[arg-type]
+    step = Step(*numbers)  # type: ignore[arg-type]
+    if not step.dt > 0.0:
+        raise ValueError('a step takes no time')
+    return step
+
+
+def _sizes(values: Sequence[Any]) -> list[int]:
+    return [len(x) if isinstance(x, tuple) else -1 for x in values]
+
+
+def _finite(value: Any) -> float:
+    number = float(value)
+    if not abs(number) < MOST:
+        raise ValueError(f'{number} in a step')
+    return number

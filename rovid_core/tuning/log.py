@@ -12,7 +12,7 @@ from rovid_core.dofs import DOFS
 from rovid_core.recurrence import Array
 from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
-from rovid_core.thrust import LARGEST_FORCE, wrench
+from rovid_core.thrust import are_commands, LARGEST_FORCE, wrench
 from rovid_core.tuning.commanded import Commanded
 from rovid_core.values import Event
 
@@ -92,6 +92,8 @@ class TuningLog(ScoreLog):
             if len(signs) > len(value):
                 signs = signs[part:part + 1]
             value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
+        if not are_commands(self._settings.thrusters, value, part):
+            return
         if len(self._settings.thrusters.topics) > 1:
             self._raw[part] = value[0]
         else:

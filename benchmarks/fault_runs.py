@@ -1,0 +1,277 @@
+"""A fault in a log, written to a file and replayed: what is said, and what the model is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from math import inf, isfinite, nan
+from pathlib import Path
+import re
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from rovid_core.dofs import Four
+from rovid_core.plant import lumped
+from rovid_core.profile import Profile, Sinusoid
+from rovid_core.score import ScoreLog
+from rovid_core.settings import Settings
+from rovid_core.values import Estimate
+from rovid_ros.feeder import PipeFeeder
+from rovid_ros.log_writer import LogWriter
+from rovid_ros.logs import Log, LogMessage
+from rovid_ros.message_types import standard_types
+from rovid_ros.parameter_file import load
+from rovid_ros.parameters import settings_from
+from rovid_ros.replay import replay
+from rovid_ros.simulate import simulate_log
+
+from benchmarks.evaluation import TANK_LENGTH
+from benchmarks.fault_edits import Messages, Recording, SECOND, shifted, Span
+from benchmarks.trials import CONFIG, error
+
+AFTER = 10 * SECOND
+"""[ns] For so long after a fault it is still what a status speaks of."""
+
+WAVES = {'surge': ((120.0, 1 / 12), (60.0, 1 / 25)), 'heave': ((300.0, 1 / 20), (120.0, 1 / 9)),
+         'yaw': ((16.0, 1 / 16), (8.0, 1 / 8))}
+"""Thrust of the simulated log that the models are judged by."""
+
+
+@dataclass
+class Outcome:
+    """
+    What came of a run.
+
+    Attributes
+    ----------
+    rejected : dict
+        ``input.reason`` -> how often.
+    warnings : list of str
+        One line each.
+    notes : list of (int, tuple of str)
+        What was said of the DOFs from an arrival [ns] on.
+    not_finite : int
+        How many estimates held a NaN or an infinite number.
+    models : dict
+        DOF -> parameters in the end.
+    steps : list of str
+        Time, v_hat and force of all DOFs after every step, to the last bit.
+    released : list of (int, int)
+        Arrival of each message [ns] -> how many steps there were after it.
+    failed : str
+        What stopped the run, '' if nothing did.
+
+    """
+
+    rejected: dict[str, int] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+    notes: list[tuple[int, tuple[str, ...]]] = field(default_factory=list)
+    not_finite: int = 0
+    models: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    steps: list[str] = field(default_factory=list)
+    released: list[tuple[int, int]] = field(default_factory=list)
+    failed: str = ''
+
+    def noted(self, span: Span) -> dict[str, str]:
+        """Return what was said of the DOFs in a span, by what it is without numbers."""
+        found: dict[str, str] = {}
+        for (time, texts), (until, _) in zip(self.notes, [*self.notes[1:], (span.off, ())]):
+            if time < span.off and until >= span.on:
+                for text in texts:
+                    found.setdefault(without_numbers(text), text)
+        return found
+
+    def beyond(self, usual: Outcome, span: Span) -> tuple[dict[str, int], list[str]]:
+        """Return what was refused, and what was said, that is not so without the fault."""
+        refused = {name: count - usual.rejected.get(name, 0)
+                   for name, count in self.rejected.items()
+                   if count > usual.rejected.get(name, 0)}
+        known = {without_numbers(line) for line in usual.warnings}
+        said = [line for line in self.warnings if without_numbers(line) not in known]
+        span = Span(span.on, span.off + AFTER)
+        said += [text for key, text in self.noted(span).items() if key not in usual.noted(span)]
+        return refused, said
+
+
+class Bench:
+    """
+    A vehicle: a log to put faults into, and another one to judge the models by.
+
+    Parameters
+    ----------
+    values : mapping
+        The parameter file.
+    train : Recording
+        The one.
+    judge : Path
+        The other.
+    start : float
+        Where in it the judging begins [s].
+    truth : mapping
+        DOF -> true parameters, where they are known.
+
+    """
+
+    def __init__(self, values: dict[str, Any], train: Recording, judge: Path,
+                 start: float = 0.0, truth: Mapping[str, Four] | None = None) -> None:
+        self.values = values
+        self.recording = train
+        self.truth = truth or {}
+        feeder = PipeFeeder(train.settings)
+        replay([judge], train.settings, feeder, start=start)
+        self.judge: ScoreLog = feeder.scores
+        self._usual: dict[tuple[str, float], Outcome] = {}
+
+    def method(self, name: str, max_wait: float | None = None) -> Settings:
+        """Return the settings with another method."""
+        settings = self.recording.settings
+        return replace(settings, max_wait=settings.max_wait if max_wait is None else max_wait,
+                       identifier=replace(settings.identifier, method=name))
+
+    def usual(self, settings: Settings) -> Outcome:
+        """Return what comes of the log as it is."""
+        key = settings.identifier.method, settings.max_wait
+        if key not in self._usual:
+            self._usual[key] = replayed(self.recording.messages, settings)
+        return self._usual[key]
+
+    def ratio(self, outcome: Outcome, usual: Outcome) -> tuple[float, str]:
+        """Return the largest ratio of a model's mae to that without the fault, and whose."""
+        if not outcome.models:
+            return inf, 'all'
+        return max((self._mae(dof, model) / self._mae(dof, usual.models[dof]), dof)
+                   for dof, model in outcome.models.items())
+
+    def off(self, outcome: Outcome) -> float:
+        """Return the largest error of a model against the truth, in parts of the speed."""
+        return max((error(true, outcome.models[dof], WAVES[dof])  # type: ignore[arg-type]
+                    / self._speed(dof) for dof, true in self.truth.items()), default=nan)
+
+    def _mae(self, dof: str, model: tuple[float, ...]) -> float:
+        return self.judge.score(dof, model).mae
+
+    def _speed(self, dof: str) -> float:
+        return float(np.abs(self.judge.series(dof)[1]).mean())
+
+
+def simulated(duration: float = 400.0, on: float = 100.0) -> Bench:
+    """Return the vehicle of config/jhurov.yaml; faults come on after a time [s]."""
+    values = load(CONFIG / 'jhurov.yaml')
+    settings = settings_from(values)
+    profile: Profile = {dof: tuple([Sinusoid(*wave) for wave in waves])
+                        for dof, waves in WAVES.items()}
+    truth = {name: lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
+             for name, true in settings.simulation.dofs.items()}
+    with TemporaryDirectory() as folder:
+        train, judge = Path(folder, 'train.mcap'), Path(folder, 'judge.mcap')
+        simulate_log(settings, train, duration, seed=1)
+        simulate_log(settings, judge, 150.0, seed=2, profile=profile)
+        return Bench(values, _recording(settings, on, train), judge, truth=truth)
+
+
+def tank(logs: Path) -> Bench:
+    """
+    Return the vehicle of config/bluerov2_tank.yaml.
+
+    The faults are in ``surge_sway_heave``, the first 60 % of ``all_axes`` are the undisturbed
+    stretch that follows, and the rest of it is what the models are judged by.
+    """
+    values = load(CONFIG / 'bluerov2_tank.yaml')
+    settings = settings_from(values)
+    judge, share = logs / 'all_axes.mcap', 0.6 * TANK_LENGTH
+    train = _recording(settings, 90.0, logs / 'surge_sway_heave.mcap')
+    more = _recording(settings, 0.0, judge)
+    shift = (train.end - more.begin) / SECOND + 1.0  # it was recorded earlier
+    train.messages += [shifted(m, shift) for m in more.messages
+                       if m.time < more.begin + share * SECOND]
+    return Bench(values, train, judge, share)
+
+
+def _recording(settings: Settings, on: float, path: Path) -> Recording:
+    """Return the messages of a log that the vehicle is identified from."""
+    topics = {f'/{topic.lstrip("/")}' for topic in PipeFeeder(settings).converter.topics}
+    with Log([path]) as log:
+        return Recording(settings, list(log.messages(topics)), on)
+
+
+def replayed(messages: Messages, settings: Settings) -> Outcome:
+    """Write messages to a log, replay it, and return what came of it."""
+    feeder = _Watched(settings)
+    outcome = feeder.outcome
+    with TemporaryDirectory() as folder:
+        path = Path(folder, 'faulty.mcap')
+        write(messages, path)
+        try:
+            replay([path], settings, feeder, warn=outcome.warnings.append)
+        except Exception as failure:  # a defect of any kind is a row of the table
+            outcome.failed = f'{type(failure).__name__}: {failure}'
+    outcome.rejected = {f'{name}.{reason}': count
+                        for (name, reason), count in feeder.stream.rejected.items()}
+    if feeder.stream.estimate is not None:
+        outcome.models = {dof.dof: dof.parameters for dof in feeder.stream.estimate.dofs}
+    return outcome
+
+
+def write(messages: Messages, path: Path) -> None:
+    """Write messages to an MCAP file in the order in which they arrive."""
+    with LogWriter(path) as writer:
+        for message in messages:
+            writer.write_raw(message.topic, message.type, cdr(message), message.time)
+
+
+def cdr(message: LogMessage) -> bytes:
+    """Return the bytes of a message, which it may be already."""
+    if isinstance(message.data, bytes):
+        return message.data
+    return bytes(standard_types().serialize_cdr(message.data, message.type))
+
+
+def step_text(time: int, v_hats: list[float], forces: list[float]) -> str:
+    """Return what tells a step from any other, to the last bit."""
+    return f'{time} {v_hats} {forces}'
+
+
+def without_numbers(line: str) -> str:
+    """Return what a line says, whatever the numbers in it are."""
+    return re.sub(r'-?\d[\d.,e+-]*', '#', line)
+
+
+class _Watched(PipeFeeder):
+    """The pipe, and somebody who looks at everything that comes out."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self.outcome = Outcome()
+
+    def feed(self, message: LogMessage) -> list[Estimate]:
+        """Take the next message; return the estimates that it released."""
+        estimates = super().feed(message)
+        for estimate in estimates:
+            self._look(estimate, message.time)
+        self.outcome.released.append((message.time, len(self.outcome.steps)))
+        self.outcome.warnings += self.stream.take_warnings()
+        return estimates
+
+    def finish(self) -> list[Estimate]:
+        """Take the log's end."""
+        estimates = super().finish()
+        for estimate in estimates:
+            self._look(estimate, estimate.time)
+        return estimates
+
+    def _look(self, estimate: Estimate, now: int) -> None:
+        outcome = self.outcome
+        outcome.steps.append(step_text(
+            estimate.time, [d.v_hat for d in estimate.dofs], [d.force for d in estimate.dofs]))
+        for index, dof in enumerate(estimate.dofs):
+            numbers = [*dof.parameters]
+            if dof.covariance:
+                numbers += [*dof.std, *dof.covariance]
+            if index in estimate.stepped:
+                numbers += [dof.velocity, dof.v_hat, dof.force, dof.excitation]
+            outcome.not_finite += not all(map(isfinite, numbers))
+        texts = tuple([f'{dof.dof} {text}' for dof in estimate.dofs
+                       for text in (dof.status, *dof.reasons)])
+        if not outcome.notes or outcome.notes[-1][1] != texts:
+            outcome.notes.append((now, texts))

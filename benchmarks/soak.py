@@ -1,0 +1,180 @@
+"""
+Run for long; ``python -m benchmarks.soak [--hours H | --live S] [--output docs/soak.md]``.
+
+Without ``--live``, H hours of a simulated vehicle with ten times the sensor rates go through
+the live pipe, message by message: converter, stream, output messages. With it, the node runs
+in a process of its own for S seconds and hears sensors at 50 Hz over DDS.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import partial
+from multiprocessing import get_context
+import os
+from pathlib import Path
+import re
+
+from rovid_core.dofs import PARAMETERS
+from rovid_core.plant import lumped
+from rovid_core.settings import Settings
+from rovid_core.stream import Stream
+from rovid_ros.convert import Converter
+from rovid_ros.outputs import Outputs
+from rovid_ros.parameter_file import load
+from rovid_ros.parameters import settings_from
+
+from benchmarks.processes import resident
+from benchmarks.sensors import built, sensed, times_faster
+from benchmarks.trials import CONFIG
+
+FASTER = 10.0
+"""Times the sensor rates of the shipped configuration."""
+
+SETTLED = 600.0
+"""[s] after which memory must not grow any more; in a shorter run, a third of it."""
+
+LINES = 12
+"""Lines of the table."""
+
+
+@dataclass
+class Soak:
+    """
+    What came of a long run.
+
+    Attributes
+    ----------
+    name : str
+        Of the run.
+    duration : float
+        [s]
+    memory : list of (float, int)
+        Time [s] and what the process held [bytes].
+    steps, missed, refused : int
+        Steps; measurements that gave none; samples and steps that were refused.
+    models : dict
+        DOF -> parameters in the end.
+
+    """
+
+    name: str
+    duration: float
+    memory: list[tuple[float, int]] = field(default_factory=list)
+    steps: int = 0
+    missed: int = 0
+    refused: int = 0
+    models: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+    @property
+    def growth(self) -> int:
+        """Return how much more was held after ``SETTLED`` than at that time [bytes]."""
+        settled = min(SETTLED, self.duration / 3.0)
+        after = [size for time, size in self.memory if time >= settled]
+        return max(after) - after[0]
+
+    def off(self, settings: Settings) -> float:
+        """Return the largest error of a parameter, in parts of it."""
+        worst = 0.0
+        for dof, model in self.models.items():
+            true = settings.simulation.dofs[dof]
+            truth = lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
+            worst = max(worst, *(abs(p / t - 1.0) for p, t in zip(model, truth)))
+        return worst
+
+    def lines(self, settings: Settings) -> list[str]:
+        """Return the result in Markdown."""
+        found = [
+            f'{self.name}: {self.steps:,} steps, {self.missed:,} missed, '
+            f'{self.refused:,} samples or steps refused; largest error of '
+            f'{", ".join(PARAMETERS)}: {100 * self.off(settings):.2f} %; memory grew by '
+            f'{self.growth / 1000:,.0f} kB after the first '
+            f'{min(SETTLED, self.duration / 3) / 60:.3g} minutes.', '',
+            '| after [min] | memory [MB] |', '| --- | --- |']
+        every = max(1, round(len(self.memory) / LINES))
+        shown = [*self.memory[:-1:every], self.memory[-1]]
+        return found + [f'| {time / 60:.1f} | {size / 1e6:.2f} |' for time, size in shown] + ['']
+
+
+def simulated(method: str, hours: float, samples: int = 200) -> Soak:
+    """Let a vehicle run through the pipe, as the node does it, in one process."""
+    settings = _settings()
+    settings = replace(settings, identifier=replace(settings.identifier, method=method))
+    stream = Stream(settings)
+    converter = Converter(settings, stream.reject)
+    outputs = Outputs(settings)
+    duration = 3600.0 * hours
+    soak = Soak(f'{hours:g} h of simulated time, {method}', duration)
+    begin = due = None
+    for message in sensed(settings, duration):
+        begin = message.time if begin is None else begin
+        for event in converter.events(message.topic, built(message), message.time):
+            for estimate in stream.receive(event):
+                outputs.messages(estimate)
+        if due is None or message.time >= due:
+            time = (message.time - begin) * 1e-9
+            soak.memory.append((time, resident()))
+            due = message.time + round(1e9 * duration / samples)
+    stream.finish()
+    soak.memory.append((duration, resident()))
+    assert stream.estimate is not None
+    for dof in stream.estimate.dofs:
+        # two measurements make the first velocity, which the filters start from
+        soak.missed += stream.inputs[settings.source(dof.dof)].count - 2 - dof.steps
+        soak.steps += dof.steps
+        soak.models[dof.dof] = dof.parameters
+    soak.refused = sum(stream.rejected.values())
+    return soak
+
+
+def _settings() -> Settings:
+    return times_faster(settings_from(load(CONFIG / 'jhurov.yaml')), FASTER)
+
+
+def write(path: Path | None, title: str, lines: Sequence[str]) -> None:
+    """Put a section into a file, in the place of the one with the same title, or print it."""
+    text = f'## {title}\n\n' + '\n'.join(lines).rstrip() + '\n'
+    if path is None:
+        print(text, end='')
+        return
+    before = path.read_text() if path.exists() else INTRODUCTION
+    pattern = re.compile(rf'^## {re.escape(title)}\n.*?(?=^## |\Z)', re.M | re.S)
+    path.write_text(pattern.sub(lambda _: text + '\n', before).rstrip() + '\n'
+                    if pattern.search(before) else f'{before.rstrip()}\n\n{text}')
+
+
+def main() -> None:
+    """Run, and print or write what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--hours', type=float, default=24.0, help='simulated time, default: 24')
+    parser.add_argument('--live', type=float, metavar='S', help='seconds of the node on DDS')
+    parser.add_argument('--output', type=Path, metavar='FILE.md')
+    given = parser.parse_args()
+    os.environ['OPENBLAS_NUM_THREADS'] = '1'
+    if given.live:
+        from benchmarks.soak_live import live, RATE
+        soak = live(given.live)
+        write(given.output, f'The node on DDS, {RATE:g} Hz', soak.lines(_settings()))
+        return
+    lines: list[str] = []
+    with ProcessPoolExecutor(2, mp_context=get_context('spawn')) as pool:
+        for soak in pool.map(partial(simulated, hours=given.hours), ('ekf', 'aid')):
+            lines += soak.lines(_settings())
+    write(given.output, 'Simulated time, ten times the sensor rates', lines)
+
+
+INTRODUCTION = """\
+# Long runs
+
+`python -m benchmarks.soak --output docs/soak.md` and, with `--live 3600`, the same for the node
+on DDS write this file. The vehicle is that of `config/jhurov.yaml`. Memory is what the process
+holds (RSS); asked is a growth below 1 MB after the first ten minutes, no missed step, and
+estimates that are right in the end.
+"""
+
+
+if __name__ == '__main__':
+    main()

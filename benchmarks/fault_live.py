@@ -17,7 +17,8 @@ import rclpy
 from rovid_ros.outputs import DIAGNOSTIC_TYPE
 
 from benchmarks.fault_edits import Messages, SECOND
-from benchmarks.fault_runs import Bench, cdr, Outcome, step_text
+from benchmarks.fault_outcomes import Outcome, step_text
+from benchmarks.fault_runs import Bench, cdr
 from benchmarks.live import Peer, rejected_in, write_parameters
 from benchmarks.processes import child_environment, NodeProcess, REPOSITORY
 

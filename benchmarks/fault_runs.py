@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from math import inf, isfinite, nan
 from pathlib import Path
-import re
 from tempfile import TemporaryDirectory
 from typing import Any
 
@@ -27,71 +26,16 @@ from rovid_ros.replay import replay
 from rovid_ros.simulate import simulate_log
 
 from benchmarks.evaluation import TANK_LENGTH
-from benchmarks.fault_edits import Messages, Recording, SECOND, shifted, Span
+from benchmarks.fault_edits import Messages, Recording, SECOND, shifted
+from benchmarks.fault_outcomes import Outcome, step_text
 from benchmarks.trials import CONFIG, error
 
-AFTER = 10 * SECOND
-"""[ns] For so long after a fault it is still what a status speaks of."""
+PAUSE = 1.5
+"""[s] Between two recordings that are joined."""
 
 WAVES = {'surge': ((120.0, 1 / 12), (60.0, 1 / 25)), 'heave': ((300.0, 1 / 20), (120.0, 1 / 9)),
          'yaw': ((16.0, 1 / 16), (8.0, 1 / 8))}
 """Thrust of the simulated log that the models are judged by."""
-
-
-@dataclass
-class Outcome:
-    """
-    What came of a run.
-
-    Attributes
-    ----------
-    rejected : dict
-        ``input.reason`` -> how often.
-    warnings : list of str
-        One line each.
-    notes : list of (int, tuple of str)
-        What was said of the DOFs from an arrival [ns] on.
-    not_finite : int
-        How many estimates held a NaN or an infinite number.
-    models : dict
-        DOF -> parameters in the end.
-    steps : list of str
-        Time, v_hat and force of all DOFs after every step, to the last bit.
-    released : list of (int, int)
-        Arrival of each message [ns] -> how many steps there were after it.
-    failed : str
-        What stopped the run, '' if nothing did.
-
-    """
-
-    rejected: dict[str, int] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
-    notes: list[tuple[int, tuple[str, ...]]] = field(default_factory=list)
-    not_finite: int = 0
-    models: dict[str, tuple[float, ...]] = field(default_factory=dict)
-    steps: list[str] = field(default_factory=list)
-    released: list[tuple[int, int]] = field(default_factory=list)
-    failed: str = ''
-
-    def noted(self, span: Span) -> dict[str, str]:
-        """Return what was said of the DOFs in a span, by what it is without numbers."""
-        found: dict[str, str] = {}
-        for (time, texts), (until, _) in zip(self.notes, [*self.notes[1:], (span.off, ())]):
-            if time < span.off and until >= span.on:
-                for text in texts:
-                    found.setdefault(without_numbers(text), text)
-        return found
-
-    def beyond(self, usual: Outcome, span: Span) -> tuple[dict[str, int], list[str]]:
-        """Return what was refused, and what was said, that is not so without the fault."""
-        refused = {name: count - usual.rejected.get(name, 0)
-                   for name, count in self.rejected.items()
-                   if count > usual.rejected.get(name, 0)}
-        known = {without_numbers(line) for line in usual.warnings}
-        said = [line for line in self.warnings if without_numbers(line) not in known]
-        span = Span(span.on, span.off + AFTER)
-        said += [text for key, text in self.noted(span).items() if key not in usual.noted(span)]
-        return refused, said
 
 
 class Bench:
@@ -155,7 +99,7 @@ class Bench:
         return float(np.abs(self.judge.series(dof)[1]).mean())
 
 
-def simulated(duration: float = 400.0, on: float = 100.0) -> Bench:
+def simulated(duration: float = 300.0, on: float = 80.0) -> Bench:
     """Return the vehicle of config/jhurov.yaml; faults come on after a time [s]."""
     values = load(CONFIG / 'jhurov.yaml')
     settings = settings_from(values)
@@ -174,17 +118,18 @@ def tank(logs: Path) -> Bench:
     """
     Return the vehicle of config/bluerov2_tank.yaml.
 
-    The faults are in ``surge_sway_heave``, the first 60 % of ``all_axes`` are the undisturbed
-    stretch that follows, and the rest of it is what the models are judged by.
+    The faults are in ``surge_sway_heave``; the same again and the first 60 % of ``all_axes``
+    are the undisturbed stretch that follows, and its rest is what the models are judged by.
     """
     values = load(CONFIG / 'bluerov2_tank.yaml')
     settings = settings_from(values)
     judge, share = logs / 'all_axes.mcap', 0.6 * TANK_LENGTH
     train = _recording(settings, 90.0, logs / 'surge_sway_heave.mcap')
     more = _recording(settings, 0.0, judge)
-    shift = (train.end - more.begin) / SECOND + 1.0  # it was recorded earlier
-    train.messages += [shifted(m, shift) for m in more.messages
-                       if m.time < more.begin + share * SECOND]
+    until = more.begin + share * SECOND
+    for stretch in (list(train.messages), [m for m in more.messages if m.time < until]):
+        wait = (train.end - stretch[0].time) / SECOND + PAUSE
+        train.messages += [shifted(message, wait) for message in stretch]
     return Bench(values, train, judge, share)
 
 
@@ -225,16 +170,6 @@ def cdr(message: LogMessage) -> bytes:
     if isinstance(message.data, bytes):
         return message.data
     return bytes(standard_types().serialize_cdr(message.data, message.type))
-
-
-def step_text(time: int, v_hats: list[float], forces: list[float]) -> str:
-    """Return what tells a step from any other, to the last bit."""
-    return f'{time} {v_hats} {forces}'
-
-
-def without_numbers(line: str) -> str:
-    """Return what a line says, whatever the numbers in it are."""
-    return re.sub(r'-?\d[\d.,e+-]*', '#', line)
 
 
 class _Watched(PipeFeeder):

@@ -21,7 +21,8 @@ import re
 import sys
 
 from benchmarks.fault_cases import BY_NAME, Fault, FAULTS, UNDISTURBED
-from benchmarks.fault_runs import Bench, Outcome, replayed, simulated, tank, without_numbers
+from benchmarks.fault_outcomes import Outcome, without_numbers
+from benchmarks.fault_runs import Bench, replayed, simulated, tank
 
 WITHIN = 1.2
 """How much larger than without the fault a model's mae may be once it has cleared."""

@@ -225,7 +225,7 @@ def main() -> None:
         print(f'| {name} | {tally.kills} | {tally.states} | {tally.logs} | {tally.messages:,} | '
               f'{tally.finished} | {lost} | {tally.leftovers} | {len(tally.faults)} |', flush=True)
         faults += [f'{name}: {line}' for line in tally.faults]
-    sys.exit('\n'.join(faults))
+    sys.exit('\n'.join(faults) or 0)
 
 
 if __name__ == '__main__':

@@ -9,20 +9,18 @@ import time
 from typing import Any
 
 from rovid_core.settings import Settings
+from rovid_ros.outputs import DIAGNOSTIC_TYPE
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 
 from benchmarks.fault_live import ros
-from benchmarks.live import Peer, write_parameters
+from benchmarks.live import Peer, rejected_in, write_parameters
 from benchmarks.processes import child_environment, NodeProcess, REPOSITORY, resident
 from benchmarks.sensors import at_rates, encoded, sensed, stamp
 from benchmarks.soak import Soak
 from benchmarks.trials import CONFIG
 
 RATE = 50.0  # [Hz] of every sensor
-
-BEHIND = 5.0
-"""[s] for the last estimates to come."""
 
 
 def live(duration: float) -> Soak:
@@ -47,7 +45,9 @@ class _Run:
         self._namespace = namespace
         self._heard = self.peer.listen(
             f'{namespace}/rov/params', 'std_msgs/msg/Float64MultiArray')
+        self._health = self.peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
         self._count = 0
+        self._refused = 0
         self._last: Any = None
         self._inputs = ('position', 'depth', 'attitude', 'thrusters')
         self._dofs = values['dofs']
@@ -81,7 +81,7 @@ class _Run:
                 soak.memory.append(((due - begin) * 1e-9, resident(self.node.process.pid)))
                 sample_due += round(1e9 * minute)
         soak.memory.append((duration, resident(self.node.process.pid)))
-        self.peer.spin(1.0)
+        self.peer.spin(2.0)  # /diagnostics comes each second
         self.node.stop()  # what it holds comes out
         self.peer.settle(self._heard)
         self._take()
@@ -89,7 +89,7 @@ class _Run:
         soak.steps = self._count
         # two measurements make the first velocity, which the filters start from
         soak.missed = sum(sent[topic] - 2 for topic in sources) - self._count
-        soak.refused = self.node.output.count('refused')
+        soak.refused = self._refused
         data = list(self._last.data)
         soak.models = {dof: tuple(data[4 * i:4 * i + 4]) for i, dof in enumerate(self._dofs)}
         return soak
@@ -99,3 +99,7 @@ class _Run:
         if self._heard:
             self._last = self._heard[-1]
         self._heard.clear()
+        for message in self._health:
+            if any(status.name.startswith(f'{self._namespace}/') for status in message.status):
+                self._refused = sum(rejected_in(message).values())
+        self._health.clear()

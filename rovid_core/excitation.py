@@ -226,17 +226,23 @@ class Excitation:
         """Return the matrix of late, with all up to now."""
         sums = self._summed()
         kept = math.exp(-sums[9] / self.memory)
-        self._recent = tuple([kept * old + new for old, new in zip(self._recent, sums)])
-        self._older = tuple([old + new for old, new in zip(self._older, sums)])
+        self._recent = _added(self._recent, sums, kept)
+        self._older = _added(self._older, sums)
         self._sums = NO_SUMS
         return Gram(self._recent, self._active, self._scale)
 
     def whole(self) -> Gram:
         """Return the matrix of everything since the start."""
-        return Gram(tuple([old + new for old, new in zip(self._older, self._summed())]),
-                    self._active, self._scale)
+        return Gram(_added(self._older, self._summed()), self._active, self._scale)
 
     def _summed(self) -> Sums:
         self._sums = summed(self._sums, self._new, self._force, self._velocity)
         self._new.clear()
         return self._sums
+
+
+def _added(old: Sums, new: Sums, kept: float = 1.0) -> Sums:
+    a, b, c, d, e, f, g, h, i, j = old
+    k, m, n, o, p, q, r, s, t, u = new
+    return (kept * a + k, kept * b + m, kept * c + n, kept * d + o, kept * e + p, kept * f + q,
+            kept * g + r, kept * h + s, kept * i + t, kept * j + u)

@@ -11,6 +11,7 @@ from rovid_core.identifier import Scales, Step
 from rovid_core.methods import make, retuned
 from rovid_core.plant import lumped
 from rovid_core.settings import IdentifierSettings, Settings
+from rovid_core.slips import Sign
 from rovid_core.status import DofStatus, Judgement
 from rovid_core.values import DofEstimate
 from rovid_core.watch import TypicalSizes
@@ -50,6 +51,7 @@ class Identification:
         self._status = DofStatus(Scales.of(dof), getattr(
             self.identifier, 'adaptation_time', method.adaptation_time))
         self._sizes = TypicalSizes(name, dof, warn)
+        self._sign = Sign(name, Scales.of(dof).force, settings.source(name), warn)
         self._reject = reject
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
         self._truth = None if true is None else lumped(
@@ -85,6 +87,7 @@ class Identification:
         else:
             self._steps += 1
         self._sizes.step(step)
+        self._sign.step(step)
         velocity = step.velocity[2]
         w = math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth)
         # by position: it is made at every step, and names would cost as much as the step

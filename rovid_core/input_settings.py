@@ -33,6 +33,7 @@ class InputSettings:
     stamp: str = ''  # 'header', 'receive', or '': header where the type has one
     latency: float = 0.0  # [s], subtracted from the stamp
     qos: str = 'sensor_data'  # 'sensor_data', 'reliable' or 'transient_local', of the subscription
+    timeout: float = 0.0  # [s] after which it is silent; 0: max_gap
 
 
 @dataclass(frozen=True)

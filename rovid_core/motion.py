@@ -9,9 +9,13 @@ import math
 from rovid_core.dofs import ANGULAR_DOFS, DOFS, Quaternion, Vector
 from rovid_core.rotation import rotate, rotate_back, rotation_between
 from rovid_core.settings import Settings
-from rovid_core.world import World
+from rovid_core.world import MOST_KEPT, World
 
 NS = 1e-9
+
+
+SPEED_SPAN = 0.1
+"""[s] Least span of a speed that is too fast: at 1 kHz fixes of 5 mm seem to move at 7 m/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,28 +83,48 @@ class MotionSource:
         self._axes = [axes.index(d) for d in self.dofs]
         self._is_point = input in ('velocity', 'angular_velocity')
         self._turned = bool(settings.attitude.topic) and input in ('position', 'depth')
-        self._max_gap = round(settings.max_gap / NS)
-        self._max_speed = settings.max_speed
+        self.change(settings)
         self._lever = settings.lever_arm if input == 'position' and any(
             settings.lever_arm) else None
         self._shared = shared
         self.restart()
 
     def change(self, settings: Settings) -> None:
-        """Take other limits: ``max_gap`` and ``velocity.max``."""
-        self._max_gap = round(settings.max_gap / NS)
+        """Take other limits: timeouts and ``velocity.max``."""
+        self._timeout = round(settings.timeout_of(self.input) / NS)
+        self._patience = round(settings.timeout_of('attitude') / NS)
         self._max_speed = settings.max_speed
 
     def restart(self) -> None:
         """Forget all measurements."""
-        self._waiting: deque[Fix] = deque()
+        self._waiting: deque[tuple[int, tuple[float, ...], str]] = deque()
         self._last: Fix | None = None
         self._refused: Fix | None = None
         self._attitude: Quaternion | None = None  # of the last interval
 
-    def add(self, time: int, value: tuple[float, ...]) -> None:
-        """Take a measurement at ``time`` [ns]."""
-        self._waiting.append((time, value))
+    def add(self, time: int, value: tuple[float, ...], anew: str = '') -> bool:
+        """
+        Take a measurement.
+
+        Parameters
+        ----------
+        time : int
+            [ns]
+        value : tuple of float
+            What was measured.
+        anew : str
+            A reason to take up from there, '' for none.
+
+        Returns
+        -------
+        bool
+            False if too many wait already for their attitude.
+
+        """
+        if len(self._waiting) >= MOST_KEPT:
+            return False
+        self._waiting.append((time, value, anew))
+        return True
 
     def take(self, now: int) -> Motion | str | None:
         """
@@ -110,38 +134,48 @@ class MotionSource:
         ----------
         now : int
             Time of the newest event [ns]; a measurement does not wait longer than
-            ``max_gap`` for its attitude.
+            ``attitude.timeout`` for its attitude.
 
         """
         if not self._waiting:
             return None
-        new = self._waiting[0]
+        *_, anew = self._waiting[0]
+        new = self._waiting[0][:2]
+        if anew:
+            self._waiting.popleft()
+            self._take_up_anew(new)
+            return anew
         if self._is_point:
             self._waiting.popleft()
             return self._body(Motion(new[0], new[0], new[1][:3]))
         last = self._last
         missing = 'gap' if last else 'first'
-        if last is not None and new[0] - last[0] <= self._max_gap:
+        if last is not None and new[0] - last[0] <= self._timeout:
             missing = self._missing(last[0], new[0])
-            if missing == 'later' and now - new[0] <= self._max_gap:
+            if missing == 'later' and now - new[0] <= self._patience:
                 return None
         self._waiting.popleft()
         if missing or last is None:
-            self._attitude = None
-            self._take_up(new)
+            self._take_up_anew(new)
             return 'no_attitude' if missing == 'later' else missing
         motion = self._difference(last, new)
         if motion is not None:
             self._take_up(new)
             return motion
         if self._refused and self._difference(self._refused, new) is not None:
-            self._take_up(new)
+            self._take_up_anew(new)
             return 'shifted'
         self._refused = new
         return 'too_fast'
 
     def _take_up(self, fix: Fix) -> None:
         self._last, self._refused = fix, None
+
+    def _take_up_anew(self, fix: Fix) -> None:
+        self._attitude = None
+        if self.input == 'depth':
+            self._shared.forget_depths()
+        self._take_up(fix)
 
     def _missing(self, start: int, end: int) -> str:
         if not self._turned:
@@ -192,7 +226,7 @@ class MotionSource:
             vertical = world.vertical(end, end - last[0])
             own = ((b[0] - a[0]) / dt, (b[1] - a[1]) / dt)
             velocity = (own[0], own[1], (b[2] - a[2]) / dt if vertical is None else vertical)
-        return velocity if self._is_slow(own) else None
+        return velocity if self._is_slow(own, dt) else None
 
     def _body_origin(self, time: int, value: tuple[float, ...]) -> Vector:
         x, y, z = value
@@ -209,13 +243,16 @@ class MotionSource:
 
     def _body(self, motion: Motion) -> Motion | str:
         velocity = tuple([motion.velocity[i] for i in self._axes])
-        if not self._is_slow(velocity):
+        if not self._is_slow(velocity, (motion.end - motion.start) * NS):
             return 'too_fast'
         return Motion(motion.start, motion.end, velocity, motion.turn, motion.slips)
 
-    def _is_slow(self, velocity: tuple[float, ...]) -> bool:
+    def _is_slow(self, velocity: tuple[float, ...], dt: float) -> bool:
+        limit = self._max_speed
+        if 0.0 < dt < SPEED_SPAN:
+            limit *= SPEED_SPAN / dt
         # written so that a NaN (positions of 1e300 give some) is too fast as well
-        return all(-self._max_speed <= v <= self._max_speed for v in velocity)
+        return all(-limit <= v <= limit for v in velocity)
 
 
 def _scalar(fix: Fix) -> tuple[int, float]:

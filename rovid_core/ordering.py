@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from heapq import heappop, heappush
 
 from rovid_core.settings import INPUTS
+from rovid_core.time_jump import Key, TELLING, TimeJump
 from rovid_core.values import Event
 
 AHEAD = 1_000_000_000
@@ -21,12 +22,7 @@ MOST_HELD = 65536
 ALONE = 20
 """So many events with nothing from the others, over more than AHEAD, need no agreement."""
 
-TELLING = 20
-"""So many misplaced stamps of one input are a warning, not an accident."""
-
 NEVER = -(1 << 62)
-
-Key = tuple[str, int]
 
 
 class EventOrder:
@@ -40,8 +36,9 @@ class EventOrder:
     input, in order of arrival.
 
     A stamp far ahead is put aside until the other inputs have come as far, or a second one
-    leaps as far, or nothing else comes for a while. A stamp far back is put aside until
-    the next one of its input, or one of another input, confirms that time jumped.
+    leaps as far, or nothing else comes for a while. An input that was in step with the others
+    and then stays ahead of them, however far they come, has a wrong clock. What comes of a
+    stamp far back is told by ``TimeJump``.
 
     Parameters
     ----------
@@ -68,6 +65,7 @@ class EventOrder:
         self._time_jump = round(time_jump * 1e9)
         self._reject = reject
         self._warn = warn
+        self._jump = TimeJump(self._far, self._drop, warn)
         self.restart()
 
     def restart(self) -> None:
@@ -77,9 +75,11 @@ class EventOrder:
         self._past = NEVER  # what is before it is late, even if ``max_wait`` has grown
         self._held: list[tuple[int, int, int, Event]] = []
         self._ahead: dict[Key, list[Event]] = {}  # not believed yet
-        self._behind: dict[Key, Event] = {}  # a jump of time, if confirmed
+        self._jump.restart()
         self._arrivals = 0
         self._late: dict[Key, int] = {}
+        self._doubted: dict[Key, int] = {}
+        self._in_step: dict[Key, bool] = {}  # with the others, at some time
         self._alone: tuple[Key | None, int, int] = (None, 0, 0)  # input, since when, how many
 
     def change(self, max_wait: float) -> None:
@@ -107,15 +107,15 @@ class EventOrder:
         if last is None or event.time >= last - self._time_jump:
             self._take(key, event)
             return self._release(), False
-        confirmed = [e for e in self._behind.values() if abs(e.time - event.time) <= self._far]
-        if not confirmed:
-            self._replace_behind(key, event)
+        if key not in self._inputs:  # decides nothing
+            self._drop(event, 'backward')
             return [], False
-        for other in self._behind.values():
-            if other not in confirmed:
-                self._drop(other, 'backward')
+        self._jump.put(key, event)
+        if not self._jump.has_happened(key, self._last.keys() & self._inputs):
+            return [], False
+        confirmed = self._jump.take()
         self._discard()
-        for doubted in (*sorted(confirmed, key=lambda e: e.time), event):
+        for doubted in confirmed:
             self._take(_key(doubted), doubted)
         return self._release(), True
 
@@ -128,7 +128,9 @@ class EventOrder:
         return [heappop(self._held)[3] for _ in range(len(self._held))]
 
     def _take(self, key: Key, event: Event) -> None:
-        self._replace_behind(key, None)
+        if key in self._inputs:
+            self._jump.go_on(key, event.time, self._newest is not None
+                             and event.time >= self._newest - self._far)
         alone, since, count = self._alone
         self._alone = (key, since, count + 1) if key == alone else (key, event.time, 1)
         if self._is_doubtful(key, event):
@@ -154,13 +156,18 @@ class EventOrder:
         events.append(event)
         if len(events) > MOST_AHEAD:
             self._drop(events.pop(0), 'future')
-        others = [t for k, t in self._last.items() if k != key]
+        count = self._doubted[key] = self._doubted.get(key, 0) + 1
+        others = self._others(key)
         silent = self._alone[2] >= TELLING  # then it is they who are behind
-        if (len(events) == TELLING and not silent and others
-                and event.time > max(others) + self._far):
-            self._warn(f'the stamps of {key[0]} are {(event.time - max(others)) / 1e9:.1f} s '
-                       'ahead of those of the other inputs; they wait until the others have '
-                       'come as far')
+        if (count == TELLING and not silent and others != NEVER
+                and event.time > others + self._far):
+            fate = ('they are refused until its clock is right again' if key in self._in_step
+                    else 'they wait until the others have come as far')
+            self._warn(f'the stamps of {key[0]} are {(event.time - others) / 1e9:.1f} s ahead of '
+                       f'those of the other inputs; {fate}')
+
+    def _others(self, key: Key) -> int:
+        return max([t for k, t in self._last.items() if k != key], default=NEVER)
 
     def _believe(self, now: int) -> None:
         """Accept the doubted events that something stands for by now."""
@@ -173,11 +180,16 @@ class EventOrder:
         while True:
             believed: list[Event] = []
             for key, events in list(self._ahead.items()):
-                own = events[-1].time if key == alone else NEVER
-                until = max([common, own, *(t for k, t in self._last.items() if k != key)])
-                count = bisect_right(events, until, key=lambda e: e.time)
+                until = max(common, events[-1].time if key == alone else NEVER)
+                others = self._others(key)
+                # once in step with the others, and now ahead however far they come: its clock
+                leapt = key in self._in_step and events[-1].time > max(until, others + self._far)
+                count = bisect_right(events, until if leapt else max(until, others),
+                                     key=lambda e: e.time)
                 believed += events[:count]
                 del events[:count]
+                while leapt and events and events[0].time <= others:
+                    self._drop(events.pop(0), 'future')
                 if not events:
                     del self._ahead[key]
             if not believed:
@@ -188,6 +200,8 @@ class EventOrder:
 
     def _accept(self, key: Key, event: Event) -> None:
         assert self._newest is not None
+        self._doubted[key] = 0
+        self._in_step[key] = True
         for doubted in self._ahead.pop(key, ()):
             self._drop(doubted, 'future')
         past = max(self._past, self._newest - self._max_wait)
@@ -228,16 +242,13 @@ class EventOrder:
 
     def _note_late(self, key: Key, lag: int) -> None:
         count = self._late[key] = self._late.get(key, 0) + 1
-        if count == TELLING:
+        if count == TELLING and lag > self._far:
+            self._warn(f'the stamps of {key[0]} are {lag / 1e9:.1f} s behind those of the other '
+                       'inputs; they are refused as late until its clock is right')
+        elif count == TELLING:
             self._warn(f'messages of {key[0]} come up to {lag / 1e9:.2f} s after newer ones of '
                        'other inputs and are refused as late: raise max_wait, or give the '
                        'latency of the inputs')
-
-    def _replace_behind(self, key: Key, event: Event | None) -> None:
-        if key in self._behind:
-            self._drop(self._behind.pop(key), 'backward')
-        if event is not None:
-            self._behind[key] = event
 
     def _discard(self) -> None:
         for item in self._held:

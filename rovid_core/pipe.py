@@ -6,16 +6,17 @@ from collections.abc import Callable
 import math
 from typing import cast, Protocol
 
+from rovid_core.commands import Commands
 from rovid_core.dofs import Quaternion
 from rovid_core.identification import Identification
 from rovid_core.identifier import Step
+from rovid_core.inlet import Inlet, TAKEN_ANEW
 from rovid_core.motion import Motion
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
-from rovid_core.thrust import are_commands, Thrust
+from rovid_core.thrust import Thrust
 from rovid_core.track import Track
 from rovid_core.values import Estimate, Sample
-from rovid_core.watch import OneSided
 from rovid_core.world import World
 
 NS = 1e-9
@@ -65,17 +66,18 @@ class Pipe:
         self._max_gap = round(settings.max_gap / NS)
         self._world = World(settings)
         self._thrust = Thrust(settings.thrusters, settings.dofs)
+        self._commands = Commands(settings, self._thrust, warn)
         used = settings.used_inputs()
         self._tracks = [  # position and depth need each other, also without a DOF of their own
             track for track in (Track(settings, name, self._world, warn) for name in SOURCES)
             if track.source.dofs or track.source.input in used
             and track.source.input in ('position', 'depth')]
+        self._inlets = {name: Inlet(settings, name, self._thrust, warn)
+                        for name in SOURCES if name in used}
         self._dofs = [
             Identification(settings, i, reject, warn) for i in range(len(settings.dofs))]
         self.identifiers = [dof.identifier for dof in self._dofs]
         self.adapt = settings.enable
-        self._sign: tuple[float, ...] | None = None
-        self._one_sided = OneSided(settings, warn)
 
     def verdict(self, i: int) -> str:
         """Return what all data leave open of DOF number ``i``, '' if nothing."""
@@ -93,6 +95,9 @@ class Pipe:
         self._max_gap = round(settings.max_gap / NS)
         self._world.change(settings)
         self._thrust.change(settings.thrusters.timeout)
+        self._commands.change(settings)
+        for inlet in self._inlets.values():
+            inlet.change(settings)
         for track in self._tracks:
             track.change(settings)
         if gains_change:
@@ -106,7 +111,9 @@ class Pipe:
         """Start times, filters and histories anew and keep the parameters."""
         self._world.restart()
         self._thrust.restart()
-        self._sign = None
+        self._commands.restart()
+        for inlet in self._inlets.values():
+            inlet.restart()
         for track in self._tracks:
             track.source.restart()
             track.interrupt()
@@ -152,40 +159,36 @@ class Pipe:
             not math.isinf(x) for x in value)
         if not all(sound):
             return 'non_finite'
-        if name == 'reference':
-            if self._scorer is not None:
-                self._scorer.reference(time, value)
-            return ''
+        if name in self._inlets:
+            return self._measure(time, name, value)
         if name == 'thrusters':
-            return self._take_command(time, value, sample.part)
+            return self._commands.take(time, value, sample.part)
         if name == 'sign':
-            self._sign = value
-            return ''
+            self._commands.sign(time, value)
+        elif self._scorer is not None:
+            self._scorer.reference(time, value)
+        return ''
+
+    def _measure(self, time: int, name: str, value: tuple[float, ...]) -> str:
         if name == 'attitude':
             try:
                 value = rotation = normalised(cast(Quaternion, value))
             except (ValueError, OverflowError):
                 return 'not_a_rotation'
-            self._world.attitude.add(time, rotation)
+        inlet = self._inlets[name]
+        reason = inlet.take(time, value)
+        anew = reason if reason in TAKEN_ANEW else ''
+        if reason and not anew:
+            return reason
+        if name == 'attitude':
+            if anew:
+                self._world.attitude.take_up(time, rotation)
+            else:
+                self._world.attitude.add(time, rotation, inlet.gate.change)
         for track in self._tracks:
             if track.source.input == name:
-                track.source.add(time, value)
-        return ''
-
-    def _take_command(self, time: int, value: tuple[float, ...], part: int) -> str:
-        if self._settings.sign.topic:
-            if self._sign is None:
-                return 'no_sign'
-            signs = self._sign if len(self._sign) > 1 else self._sign * len(value)
-            if len(signs) > len(value):
-                signs = signs[part:part + 1]
-            value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
-        if not are_commands(self._settings.thrusters, value, part):
-            return 'not_a_command'
-        self._one_sided.command(value)
-        # a span begins at most max_gap before a measurement that waited max_gap for the rest
-        self._thrust.forget(time - 3 * self._max_gap)
-        return '' if self._thrust.command(time, value, part) else 'force_out_of_range'
+                return '' if track.source.add(time, value, anew) else 'overflow'
+        return anew
 
     def _run(self, track: Track, now: int, estimates: list[Estimate]) -> None:
         while True:
@@ -214,7 +217,7 @@ class Pipe:
 
     def _step(self, track: Track, motion: Motion, estimates: list[Estimate]) -> None:
         last = track.last
-        if last is not None and motion.time - last.time > self._max_gap:
+        if last is not None and motion.time - last.time > track.timeout:
             self._skip(track, 'gap')
             last = None
         missing = self._thrust.missing(last.time if last else motion.time, motion.time)
@@ -241,7 +244,7 @@ class Pipe:
                  _mean(impulses[1][i], impulses[2][i], parts[1])), motion.turn,
                 motion.slips[j] if motion.slips else 0.0)
             self._dofs[i].step(motion.time, step, self.adapt)
-            self._one_sided.velocity(i, step.velocity[2])
+            self._commands.one_sided.velocity(i, step.velocity[2])
             if self._scorer is not None:
                 self._scorer.stepped(self._settings.dofs[i], span, step)
         track.last = motion

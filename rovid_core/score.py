@@ -15,7 +15,7 @@ from rovid_core.dofs import DOFS
 from rovid_core.identifier import Step
 from rovid_core.recurrence import Array
 from rovid_core.rows import BLOCK, Rows, Times
-from rovid_core.scored_run import ScoredRun
+from rovid_core.scored_run import ScoredSteps
 from rovid_core.settings import Settings
 from rovid_core.trial import Record, record
 
@@ -124,22 +124,18 @@ class ScoreLog:
 
     def __init__(self, settings: Settings, spill: bool = True) -> None:
         self._cutoff = settings.cutoff
-        self._rows = {dof: Rows(2, 4, spill) for dof in settings.dofs}
-        self._runs: dict[str, list[ScoredRun]] = {dof: [] for dof in settings.dofs}
+        self._steps = {dof: ScoredSteps(spill) for dof in settings.dofs}
         self._references = Rows(1, len(DOFS), spill)
 
     def restarted(self, dof: str, time: int, velocity: float) -> None:
         """Take the velocity that a DOF takes up from."""
-        rows = self._rows[dof]
-        self._runs[dof].append(ScoredRun(
-            rows, rows.count, time, velocity, [(0, self._cutoff)]))
+        self._steps[dof].restarted(time, velocity, self._cutoff)
 
     def changed(self, cutoff: float) -> None:
         """Take the cutoff [Hz] of the steps from now on."""
         self._cutoff = cutoff
-        for runs in self._runs.values():
-            for run in runs[-1:]:
-                run.cutoffs.append((run.count, cutoff))
+        for steps in self._steps.values():
+            steps.changed(cutoff)
 
     def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
         """
@@ -155,8 +151,7 @@ class ScoreLog:
             What was measured.
 
         """
-        self._rows[dof].append(span[1:], (*step.forces, step.velocity[2], step.mean))
-        self._runs[dof][-1].count += 1
+        self._steps[dof].stepped(span, step)
 
     def reference(self, time: int, value: tuple[float, ...]) -> None:
         """Take a reference velocity: the linear then the angular one."""
@@ -164,7 +159,7 @@ class ScoreLog:
 
     def records(self, dof: str) -> list[Record]:
         """Return what was measured of a DOF, for the offline methods."""
-        runs = self._runs[dof]
+        runs = self._steps[dof].runs
         made = [record(runs[0].start, *run.steps) for run in runs]
         return [one for one in made if one is not None]
 
@@ -173,7 +168,7 @@ class ScoreLog:
         times: list[int] = []
         velocities: list[float] = []
         forces: list[float] = []
-        for run in self._runs[dof]:
+        for run in self._steps[dof].runs:
             at, values = run.steps
             times += at[1].tolist()
             velocities += values[2].tolist()
@@ -182,7 +177,7 @@ class ScoreLog:
 
     def predicted(self, dof: str, parameters: Sequence[float]) -> list[float]:
         """Return the velocity of a model at every step, filtered like the measured one."""
-        return [v for run in self._runs[dof]
+        return [v for run in self._steps[dof].runs
                 for found, _ in run.as_measured(parameters) for v in found.tolist()]
 
     def score(self, dof: str, parameters: Sequence[float]) -> Score:
@@ -200,7 +195,7 @@ class ScoreLog:
         tally = _Tally()
         column = DOFS.index(dof)
         known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
-        for run in self._runs[dof]:
+        for run in self._steps[dof].runs:
             if not known:
                 for pair in run.as_measured(parameters):
                     tally.add(*pair)

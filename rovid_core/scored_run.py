@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from rovid_core.identifier import Step
 from rovid_core.lowpass import filtered
 from rovid_core.prediction import predict
 from rovid_core.recurrence import Array
@@ -134,6 +135,42 @@ class ScoredRun:
         # from the start: times since 1970 have too many digits for a float
         return np.interp(times[inside] - self.start, own - self.start, part.velocity), \
             values[inside]
+
+
+class ScoredSteps:
+    """
+    All steps of one DOF.
+
+    Parameters
+    ----------
+    spill : bool
+        False: keep all in memory.
+
+    Attributes
+    ----------
+    runs : list of ScoredRun
+        In order.
+
+    """
+
+    def __init__(self, spill: bool) -> None:
+        self.runs: list[ScoredRun] = []
+        self._rows = Rows(2, 4, spill)
+
+    def restarted(self, time: int, velocity: float, cutoff: float) -> None:
+        """Begin a run at a time [ns] and velocity, with this cutoff [Hz]."""
+        self.runs.append(ScoredRun(
+            self._rows, self._rows.count, time, velocity, [(0, cutoff)]))
+
+    def changed(self, cutoff: float) -> None:
+        """Take the cutoff [Hz] of the steps from now on."""
+        for run in self.runs[-1:]:
+            run.cutoffs.append((run.count, cutoff))
+
+    def stepped(self, span: tuple[int, int, int], step: Step) -> None:
+        """Take a step, as ``ScoreLog`` does."""
+        self._rows.append(span[1:], (*step.forces, step.velocity[2], step.mean))
+        self.runs[-1].count += 1
 
 
 def _nodes(start: int, times: Times) -> Times:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+import math
 
 from rovid_core.dofs import ANGULAR_DOFS, DOFS, LINEAR_DOFS, PARAMETERS
 from rovid_core.input_settings import InputSettings, SettingsError, ThrusterSettings
@@ -121,6 +122,7 @@ class Settings:
     heading_unit: str = 'rad'
     cutoff: float = 0.6
     max_speed: float = 10.0  # [m/s] or [rad/s]; faster measurements are refused
+    gate: float = 8.0  # [std] of what is predicted of an input; 0: off
     identifier: IdentifierSettings = IdentifierSettings()
     simulation: SimulationSettings = SimulationSettings()
     record_path: str = ''
@@ -159,6 +161,18 @@ class Settings:
         found = getattr(self, name)
         assert isinstance(found, InputSettings)
         return found
+
+    def timeout_of(self, name: str) -> float:
+        """Return after how long [s] an input counts as silent; infinite for held thrust."""
+        if name == 'thrusters':
+            return self.thrusters.timeout or math.inf
+        return self.input(name).timeout or self.max_gap
+
+    @property
+    def longest_timeout(self) -> float:
+        """Return how far back [s] the measurements may reach that a step is made of."""
+        return max(self.max_gap, *(
+            self.timeout_of(name) for name in self.used_inputs() if name != 'thrusters'))
 
     def used_inputs(self) -> tuple[str, ...]:
         """Return the names of the inputs that have a topic, in the order of ``INPUTS``."""

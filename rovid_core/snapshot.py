@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+import sys
 from typing import Any
 
 from rovid_core.snapshot_build import Build, SnapshotError
-from rovid_core.snapshot_walk import class_name, Classes, parts, Walk
+from rovid_core.snapshot_walk import attributes, class_name, Classes, Walk
 
 __all__ = ['SnapshotError', 'Snapshots']
 
@@ -19,23 +20,19 @@ class Snapshots:
     Values come back bit for bit, what several attributes share is shared again, and objects,
     lists, dicts, deques and sets that were there from the start stay the same ones, so that a
     bound method such as ``list.append`` still reaches them. Code and settings are not state:
-    they stay what they are in the objects that a snapshot is put back into. Only classes that
-    the objects are made of at first can be in a snapshot, and those of ``appearing``.
+    they stay what they are in the objects that a snapshot is put back into. Only classes of the
+    modules that the objects at first come from can be in a snapshot.
 
     Parameters
     ----------
     roots : mapping of str to object
         The objects, as they were made: nothing has happened to them yet.
-    appearing : iterable of dataclasses and named tuples
-        Classes of which the roots have no object at first.
 
     """
 
-    def __init__(self, roots: Mapping[str, object], appearing: Iterable[type] = ()) -> None:
+    def __init__(self, roots: Mapping[str, object]) -> None:
         self._roots = dict(roots)
-        self._classes = Classes({
-            class_name(cls): (cls, {frozenset(parts(cls) or cls.__annotations__)})
-            for cls in appearing})
+        self._classes: Classes = {}
         self.learn()
 
     def learn(self) -> None:
@@ -43,6 +40,12 @@ class Snapshots:
         walk = Walk(self._classes, learning=True)
         for name, root in self._roots.items():
             walk.plain(root, name)
+        for module in {cls.__module__ for cls, _ in self._classes.values()}:
+            for cls in vars(sys.modules[module]).values():
+                if isinstance(cls, type) and cls.__module__ == module:
+                    names = attributes(cls)
+                    self._classes.setdefault(
+                        class_name(cls), (cls, {frozenset(names)} if names else set()))
 
     def take(self) -> dict[str, Any]:
         """

@@ -168,7 +168,8 @@ class Build:
         cls, known = self._classes[name]
         target, was_there = self._target(cls, place, lambda: object.__new__(cls))
         olds, new = dict(vars(target)), {}
-        if parts(cls) or frozenset(content) not in ([olds.keys()] if was_there else known):
+        expected = [olds.keys()] if was_there else known
+        if parts(cls) or expected and frozenset(content) not in expected:
             raise SnapshotError(f'{place.path} is no {name} of this version')
         for attribute, node in content.items():
             path, before = f'{place.path}.{attribute}', olds.get(attribute)

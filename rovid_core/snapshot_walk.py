@@ -16,7 +16,7 @@ OWN = 'rovid_'
 """What the packages begin with whose objects are walked."""
 
 Classes = dict[str, tuple[type, set[frozenset[str]]]]
-"""What can be in a snapshot, by name: a class and the sets of attributes that it can have."""
+"""What can be in a snapshot, by name: a class and its sets of attributes; none: any."""
 
 
 def class_name(cls: type) -> str:
@@ -31,11 +31,15 @@ def is_own(value: object) -> bool:
 
 def parts(cls: type) -> tuple[str, ...]:
     """Return the attributes of a frozen value: a dataclass or a named tuple; else nothing."""
-    if issubclass(cls, tuple):
-        return tuple(getattr(cls, '_fields', ()))
-    if is_dataclass(cls) and getattr(cls, '__dataclass_params__').frozen:  # noqa: B009
+    is_mutable = is_dataclass(cls) and not getattr(cls, '__dataclass_params__').frozen  # noqa: B009
+    return () if is_mutable else attributes(cls)
+
+
+def attributes(cls: type) -> tuple[str, ...]:
+    """Return the attributes that a dataclass or a named tuple says it has; else nothing."""
+    if is_dataclass(cls):
         return tuple([field.name for field in fields(cls)])
-    return ()
+    return tuple(getattr(cls, '_fields', ())) if issubclass(cls, tuple) else ()
 
 
 def kept(value: object) -> str:
@@ -131,10 +135,11 @@ class Walk:
         if self._learning:
             self._classes.setdefault(name, (kind, set()))[1].add(attributes)
         if name not in self._classes:
-            raise TypeError(f'{path} is {name}, of which there was none at first: it would not '
-                            'come back')
-        if attributes not in self._classes[name][1]:
-            odd = attributes ^ min(self._classes[name][1], key=lambda x: len(x ^ attributes))
+            raise TypeError(f'{path} is {name}, of whose module there was nothing at first: it '
+                            'would not come back')
+        known = self._classes[name][1]
+        if known and attributes not in known:
+            odd = attributes ^ min(known, key=lambda x: len(x ^ attributes))
             raise TypeError(f'{path} has not always had the same attributes: '
                             f'{", ".join(sorted(odd))}')
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -13,6 +14,9 @@ from rovid_core.settings import Settings
 from rovid_core.values import Estimate, Event
 
 STATE_VERSION = 1
+
+MOST_WARNINGS = 1000
+"""That wait to be taken; of more, the oldest are lost."""
 
 
 class Recorder(Protocol):
@@ -76,9 +80,9 @@ class Stream:
         self.estimate: Estimate | None = None
         self.inputs = {name: InputHealth() for name in settings.used_inputs()}
         self._recorder = recorder
-        self._warnings: list[str] = [
+        self._warnings = deque([
             f'{dof} has no restoring moment in this model: only for a vehicle that is '
-            'neutral in it' for dof in settings.dofs if dof in ('roll', 'pitch')]
+            'neutral in it' for dof in settings.dofs if dof in ('roll', 'pitch')], MOST_WARNINGS)
         self._pipe = Pipe(settings, self.reject, self._warnings.append, scorer)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]

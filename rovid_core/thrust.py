@@ -16,6 +16,9 @@ BEYOND = 2.0
 LARGEST_FORCE = 1e12
 """[N or N m] Beyond any vehicle in any unit, and far from overflow."""
 
+MOST_KEPT = 65536
+"""Commands that are kept, however close their stamps are."""
+
 
 def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
     """
@@ -242,6 +245,10 @@ class Thrust:
                             + transient * lag * (1.0 - decay))
         return tuple(lagged), tuple(impulses)
 
+    def newest(self, i: int) -> float:
+        """Return the newest commanded force on DOF number ``i``, 0 before the first."""
+        return self._forces[-1][i] if self._forces else 0.0
+
     def known(self, time: int) -> bool:
         """Tell whether the force up to ``time`` [ns] needs no command that is still to come."""
         if not self._linear:
@@ -273,6 +280,7 @@ class Thrust:
     def forget(self, time: int) -> None:
         """Drop what is not needed for times from ``time`` [ns] on."""
         i = bisect_right(self._times, time) - 1
+        i = max(i, len(self._times) - MOST_KEPT)
         if i < 256:  # in lumps: cutting a list costs as much as a step
             return
         for column in self._columns():

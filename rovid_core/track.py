@@ -9,6 +9,8 @@ from rovid_core.motion import Motion, MotionSource
 from rovid_core.settings import Settings
 from rovid_core.world import World
 
+NS = 1e-9
+
 
 class Track:
     """
@@ -37,9 +39,11 @@ class Track:
         self.last: Motion | None = None  # where the next step begins
         self._warn: Callable[[str], None] | None = warn
         self._gaps = 0
+        self.change(settings)
 
     def change(self, settings: Settings) -> None:
         """Take other limits and another cutoff; the filters go on from where they are."""
+        self.timeout = round(settings.timeout_of(self.source.input) / NS)  # between two steps
         self.source.change(settings)
         self.velocity.retune(settings.cutoff)
         self.force.retune(settings.cutoff)

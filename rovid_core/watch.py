@@ -37,7 +37,8 @@ class OneSided:
             -0.2 * (settings.dof[d].typical_velocity or 0.5) for d in settings.dofs]
         self._warn = warn
         self._backwards = self._forwards = 0
-        self._watching = True
+        # a curve may have its zero anywhere
+        self._watching = settings.thrusters.model in ('linear', 'quadratic')
 
     def command(self, values: tuple[float, ...]) -> None:
         """Take raw commands."""

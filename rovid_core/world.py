@@ -13,6 +13,9 @@ from rovid_core.settings import Settings
 NS = 1e-9
 
 
+MOST_KEPT = 65536
+"""Attitudes and depths that are kept, however close their stamps are."""
+
 SHARE = 0.01
 """Of a new sample in the mean that tells the noise of the attitude."""
 
@@ -29,13 +32,14 @@ class AttitudeHistory:
 
     """
 
-    def __init__(self, max_gap: int) -> None:
-        self._max_gap = max_gap
+    def __init__(self, timeout: int, memory: int) -> None:
+        self.change(timeout, memory)
         self.restart()
 
-    def change(self, max_gap: int) -> None:
-        """Take another longest gap [ns]."""
-        self._max_gap = max_gap
+    def change(self, timeout: int, memory: int) -> None:
+        """Take other limits [ns]."""
+        self._timeout = timeout  # further apart, nothing is known between two
+        self._memory = memory
 
     def restart(self) -> None:
         """Forget all attitudes."""
@@ -44,15 +48,34 @@ class AttitudeHistory:
         self._turn: Vector = (0.0, 0.0, 0.0)
         self.wander = 0.0
 
-    def add(self, time: int, q: Quaternion) -> None:
-        """Take an attitude at ``time`` [ns], after the last one."""
+    def add(self, time: int, q: Quaternion, turn: Vector | None = None) -> None:
+        """
+        Take an attitude.
+
+        Parameters
+        ----------
+        time : int
+            After that of the last one [ns].
+        q : Quaternion
+            Body to world.
+        turn : Vector, optional
+            Rotation from the last one [rad], if it is known already.
+
+        """
         if len(self._times) > 1024:
-            cut = bisect_left(self._times, time - 2 * self._max_gap)
+            cut = max(bisect_left(self._times, time - self._memory),
+                      len(self._times) - MOST_KEPT)
             del self._times[:cut], self._values[:cut]
         if self._times and time > self._times[-1]:
-            self._note_noise((time - self._times[-1]) * NS, rotation_between(self._values[-1], q))
+            self._note_noise((time - self._times[-1]) * NS,
+                             turn or rotation_between(self._values[-1], q))
         self._times.append(time)
         self._values.append(q)
+
+    def take_up(self, time: int, q: Quaternion) -> None:
+        """Take an attitude that has jumped: between the last one and it nothing is known."""
+        del self._times[:], self._values[:]
+        self.add(time, q)
 
     def _note_noise(self, dt: float, turn: Vector) -> None:
         # the second difference of white noise has six times its variance, on three axes
@@ -67,7 +90,7 @@ class AttitudeHistory:
             return 'later'
         if self._times[i] == time:
             return ''
-        if i == 0 or self._times[i] - self._times[i - 1] > self._max_gap:
+        if i == 0 or self._times[i] - self._times[i - 1] > self._timeout:
             return 'no_attitude'
         return ''
 
@@ -85,25 +108,31 @@ class World:
     """What the sources know of each other: the attitude and the world velocity."""
 
     def __init__(self, settings: Settings) -> None:
-        self._max_gap = round(settings.max_gap / NS)
-        self.attitude = AttitudeHistory(self._max_gap)
+        self.attitude = AttitudeHistory(0, 0)
+        self.change(settings)
         self.restart()
 
     def change(self, settings: Settings) -> None:
-        """Take another ``max_gap``."""
-        self._max_gap = round(settings.max_gap / NS)
-        self.attitude.change(self._max_gap)
+        """Take other timeouts."""
+        self._memory = 2 * round(settings.longest_timeout / NS)
+        self._position_timeout, self._depth_timeout, attitude = (
+            round(settings.timeout_of(name) / NS) for name in ('position', 'depth', 'attitude'))
+        self.attitude.change(attitude, self._memory)
 
     def restart(self) -> None:
         """Forget everything."""
         self.attitude.restart()
-        self._depths: deque[tuple[int, float]] = deque()
+        self._depths: deque[tuple[int, float]] = deque(maxlen=MOST_KEPT)
         self._horizontal: tuple[int, float, float] | None = None
+
+    def forget_depths(self) -> None:
+        """Forget the depths: what comes next has jumped."""
+        self._depths.clear()
 
     def note_depth(self, time: int, z: float) -> None:
         """Take a depth [m, up] that is good."""
         self._depths.append((time, z))
-        while self._depths[0][0] < time - 2 * self._max_gap:
+        while self._depths[0][0] < time - self._memory:
             self._depths.popleft()
 
     def note_horizontal(self, time: int, velocity: Vector) -> None:
@@ -117,7 +146,7 @@ class World:
         As long a span as that of the position with which it is turned into the body, so that
         one is no noisier than the other; None where the depth is too old.
         """
-        if len(self._depths) < 2 or time - self._depths[-1][0] > self._max_gap:
+        if len(self._depths) < 2 or time - self._depths[-1][0] > self._depth_timeout:
             return None
         end, z = self._depths[-1]
         first = next(((t, x) for t, x in reversed(self._depths) if t <= end - span),
@@ -126,6 +155,6 @@ class World:
 
     def horizontal(self, time: int) -> tuple[float, float]:
         """Return the newest rate of the position [m/s]; 0 where it is too old."""
-        if self._horizontal is None or time - self._horizontal[0] > self._max_gap:
+        if self._horizontal is None or time - self._horizontal[0] > self._position_timeout:
             return (0.0, 0.0)
         return self._horizontal[1:]

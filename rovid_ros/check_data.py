@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rovid_core.refusals import REASONS
+from rovid_core.reasons import REASONS
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_ros.check_samples import NS, Samples

@@ -28,7 +28,12 @@ __all__ = ['KEYS', 'LARGE', 'Key']
 def _source(name: str, setting: str, what: str, owner: type = InputSettings) -> list[Key]:
     """Return the keys that say where an input comes from."""
     topic = 'topics' if owner is ThrusterSettings else 'topic'
+    timeout = [] if owner is ThrusterSettings else [key_of(
+        f'{name}.timeout', f'{setting}.timeout', owner,
+        'silent for longer it starts anew, and what needs it waits no more; 0: max_gap', 's',
+        0.0, 3600.0)]
     return [
+        *timeout,
         key_of(f'{name}.{topic}', f'{setting}.{topic}', owner, what),
         key_of(f'{name}.type', f'{setting}.type', owner,
                'message type, package/msg/Type; a log knows its own'),
@@ -103,6 +108,9 @@ def _inputs() -> list[Key]:
                live=True),
         key_of('velocity.max', 'max_speed', Settings, 'faster measurements are refused',
                'm/s or rad/s', 0.01, 1000.0, live=True),
+        key_of('velocity.gate', 'gate', Settings,
+               'measurements that miss their prediction by more are refused; 0: none are',
+               'std', 0.0, 1000.0, live=True),
         *_source('reference', 'reference',
                  'topic of a body velocity to score against, never used to identify'),
     ]

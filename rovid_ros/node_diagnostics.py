@@ -15,7 +15,7 @@ from typing import Any
 
 from rovid_core.dofs import PHYSICAL
 from rovid_core.plant import physical
-from rovid_core.refusals import REASONS
+from rovid_core.reasons import REASONS
 from rovid_core.values import DofEstimate
 from rovid_ros import __version__, node_health
 from rovid_ros.input_topics import topics_of

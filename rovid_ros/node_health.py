@@ -26,6 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+import math
 
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
@@ -97,10 +98,10 @@ def of_input(at: Situation, name: str) -> Verdict:
 
 def may_be_silent(at: Situation, name: str) -> float:
     """Return how long [s] an input may be silent."""
-    timeout = at.settings.thrusters.timeout if name == 'thrusters' else 0.0
+    timeout = at.settings.timeout_of(name)
     rates = [at.arrivals.rate(topic) for topic in topics_of(at.settings, name)]
     periods = [PERIODS / rate for rate in rates if rate > 0.0]
-    return max([timeout or at.settings.max_gap, *periods])
+    return max([timeout if math.isfinite(timeout) else at.settings.max_gap, *periods])
 
 
 def _of_coming(at: Situation, name: str, limit: float) -> Verdict:

@@ -260,8 +260,9 @@ class IdentifierNode(ParameterNode):
             estimate for event in events for estimate in self.stream.receive(event)])
 
     def _tell(self, estimates: list[Estimate]) -> list[Estimate]:
+        wanted = self._out.wanted if estimates else []
         for estimate in estimates:
-            for output in self._outputs.messages(estimate):
+            for output in self._outputs.messages(estimate, wanted):
                 self._out.publish(output)
         self._report.told(estimates)
         return estimates

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+import time
 from typing import Any
 
 from rclpy.clock import ROSClock
@@ -17,6 +18,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from rovid_core.settings import Settings, SettingsError
 from rovid_ros.convert import Converter
 from rovid_ros.input_topics import inputs_of, section
+from rovid_ros.node_backlog import Backlog
 from rovid_ros.node_messages import import_type, MessageTypeError
 from rovid_ros.node_publishers import best_effort, DEPTH, latched, reliable
 from rovid_ros.node_recorder import Received
@@ -62,7 +64,8 @@ class Subscriptions:
 
     After a stall, an executor would take one message of each topic in turn, and the slow
     topics would run ahead of the fast ones in event time. So when one message is there, all
-    that wait behind it and on the other topics are taken at once.
+    that wait behind it and on the other topics are taken at once. Where even so the node stays
+    behind, whole fixes are left out.
 
     Parameters
     ----------
@@ -76,7 +79,8 @@ class Subscriptions:
         Gets what has come, by topic, each topic's messages in order of arrival.
     reject : callable
         Told input and reason of what the middleware did not deliver: ``lost`` for every
-        message, ``incompatible_qos`` for every publisher.
+        message, ``incompatible_qos`` for every publisher; and ``overload`` for every fix
+        that was left out.
 
     """
 
@@ -88,6 +92,11 @@ class Subscriptions:
         self._types = types
         self._take = take
         self._reject = reject
+        self._backlog = Backlog()
+        inputs = {topic: inputs_of(settings, topic) for topic in classes}
+        self._sensors = {  # those of whose messages some can be left out
+            topic: names for topic, names in inputs.items()
+            if 'thrusters' not in names and 'sign' not in names}
         self._topics: dict[str, Subscription[Any]] = {}
         try:
             for topic, cls in classes.items():
@@ -140,7 +149,24 @@ class Subscriptions:
             return  # taken before, told after the end
         batch: dict[str, list[Received]] = {name: [] for name in self._topics}
         batch[topic].append(self._received(topic, cdr, info))
-        self._take(self._waiting(batch))
+        began = time.time()  # the clock of the middleware's times, whatever the node's is
+        self._backlog.begin(began - (1e-9 * info['received_timestamp'] or began))
+        self._waiting(batch)
+        came = time.time()
+        self._take(self._thinned(batch))
+        self._backlog.end(time.time() - began, came)
+
+    def _thinned(self, batch: dict[str, list[Received]]) -> dict[str, list[Received]]:
+        """Leave out what the node cannot keep up with."""
+        if self._backlog.every == 1:
+            return batch
+        for topic, names in self._sensors.items():
+            taken = [one for one in batch[topic] if not self._backlog.leaves_out(topic)]
+            for _ in range(len(batch[topic]) - len(taken)):
+                for name in names:
+                    self._reject(name, 'overload')
+            batch[topic] = taken
+        return batch
 
     def _waiting(self, batch: dict[str, list[Received]]) -> dict[str, list[Received]]:
         for topic, subscription in self._topics.items():

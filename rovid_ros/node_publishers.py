@@ -77,6 +77,12 @@ class Publishers:
         cls, publisher = self._publishers[output.topic]
         publisher.publish(fill(cls, output.fields))
 
+    @property
+    def wanted(self) -> list[str]:
+        """Return which outputs of an estimate have to be sent: those heard, and the latched."""
+        return [topic for topic in TOPICS if topic in LATCHED
+                or self._publishers[topic][1].get_subscription_count()]
+
     def wait(self, timeout: float) -> None:
         """Wait until all subscribers have what was sent, at most ``timeout`` [s]."""
         end = time.monotonic() + timeout

@@ -7,7 +7,7 @@ same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -69,33 +69,39 @@ class Outputs:
             name: (Scales.of(settings.dof[name]).initial, NAN4) for name in settings.dofs}
         self._rows = dict(self._initial)
 
-    def messages(self, estimate: Estimate) -> list[Output]:
-        """Return the messages of ``estimate``, in the order in which they are published."""
+    def messages(self, estimate: Estimate, topics: Collection[str] = TOPICS) -> list[Output]:
+        """
+        Return the messages of an estimate, in the order in which they are published.
+
+        Parameters
+        ----------
+        estimate : Estimate
+            What to tell.
+        topics : collection of str
+            Those that somebody listens to; the others are not made.
+
+        """
         for dof in estimate.dofs:
             if dof.status != 'invalid':
                 self._rows[dof.dof] = (dof.parameters, dof.std)
-        fields = (
-            *self._arrays(),
-            _state(estimate),
-            _twist(estimate),
-            {'header': header(estimate.time),
-             'status': [_status(dof, index in estimate.stepped)
-                        for index, dof in enumerate(estimate.dofs)]},
-        )
-        return [Output(topic, TOPICS[topic], values)
-                for topic, values in zip(TOPICS, fields)]
+        makers: tuple[Callable[[Estimate], dict[str, Any]], ...] = (
+            lambda _: self._values(), lambda _: self._stds(), _state, _twist, _diagnostics)
+        return [Output(topic, type_name, make(estimate))
+                for (topic, type_name), make in zip(TOPICS.items(), makers) if topic in topics]
 
     def reset(self) -> list[Output]:
         """Go back to the initial values; return the messages that say so without a step."""
         self._rows = dict(self._initial)
         return [Output(topic, TOPICS[topic], values)
-                for topic, values in zip(TOPICS, self._arrays())]
+                for topic, values in zip(TOPICS, (self._values(), self._stds()))]
 
-    def _arrays(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return the fields of ``rov/params`` and ``rov/params_std``."""
-        names = list(self._rows)
-        return (_array(names, [values for values, _ in self._rows.values()]),
-                _array(names, [std for _, std in self._rows.values()]))
+    def _values(self) -> dict[str, Any]:
+        """Return the fields of ``rov/params``."""
+        return _array(list(self._rows), [values for values, _ in self._rows.values()])
+
+    def _stds(self) -> dict[str, Any]:
+        """Return the fields of ``rov/params_std``."""
+        return _array(list(self._rows), [std for _, std in self._rows.values()])
 
 
 def header(time: int, frame: str = FRAME) -> dict[str, Any]:
@@ -149,6 +155,12 @@ def _twist(estimate: Estimate) -> dict[str, Any]:
             'angular': dict(zip('xyz', values[3:])),
         },
     }
+
+
+def _diagnostics(estimate: Estimate) -> dict[str, Any]:
+    return {'header': header(estimate.time),
+            'status': [_status(dof, index in estimate.stepped)
+                       for index, dof in enumerate(estimate.dofs)]}
 
 
 def _status(dof: DofEstimate, stepped: bool) -> dict[str, Any]:

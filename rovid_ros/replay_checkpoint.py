@@ -10,16 +10,7 @@ from pathlib import Path
 import time
 from typing import Any
 
-from rovid_core.ekf.normalised import FilterUncertainty
-from rovid_core.excitation import Gram
-from rovid_core.factored import FactoredUncertainty
-from rovid_core.identifier import Step
-from rovid_core.motion import Motion
-from rovid_core.scored_run import ScoredRun
 from rovid_core.snapshot import Snapshots
-from rovid_core.status import Judgement
-from rovid_core.uncertainty import Stated
-from rovid_core.values import DofEstimate, Estimate, Event, Sample
 from rovid_ros import __version__
 from rovid_ros.checkpoint import CheckpointError
 from rovid_ros.feeder import Feeder
@@ -30,11 +21,6 @@ from rovid_ros.logs import Log
 from rovid_ros.output_file import OutputFile
 
 VERSION = 1
-
-APPEARING = (
-    DofEstimate, Estimate, Event, FactoredUncertainty, FilterUncertainty, Gram, Judgement,
-    Motion, Sample, ScoredRun, Stated, Step)
-"""Of which there is none before the first message."""
 
 
 @dataclass
@@ -132,8 +118,7 @@ class ReplayCheckpoint:
         self._read = read
         self._output = output is not None
         self._snapshots = Snapshots({
-            'stream': feeder.stream, 'details': feeder.converter.details, 'read': read, **roots},
-            APPEARING)
+            'stream': feeder.stream, 'details': feeder.converter.details, 'read': read, **roots})
         self._due = time.monotonic() + self.period
         if self.path.exists():
             try:

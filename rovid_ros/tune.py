@@ -9,6 +9,7 @@ from typing import Any
 
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
+from rovid_core.tuning.choice import Done
 from rovid_core.tuning.log import TuningLog
 from rovid_core.tuning.tune import observed, Score, Stage, tune, Tuned, TuningError
 from rovid_core.values import Estimate
@@ -79,9 +80,14 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
             share = now
             progress.tick()
 
+        def each(work: Callable[[int], Done], given: Sequence[int]) -> list[Done]:
+            begin = share
+            left = 1.0 - begin if begin >= BEFORE else 0.0  # before, it is done soon
+            return in_parallel(
+                work, given, lambda count: done(begin + left * count / len(given)))
+
         try:
-            return tune(feeder.log, settings, done, lambda work, given: in_parallel(
-                work, given, lambda count: done(BEFORE + (1.0 - BEFORE) * count / len(given))))
+            return tune(feeder.log, settings, done, each)
         except TuningError as error:
             raise TuneError(f'{", ".join(map(str, logs))}: {error}') from None
 

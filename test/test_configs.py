@@ -44,7 +44,7 @@ def test_is_read_alike_by_ros(path: Path) -> None:
 def test_the_manual_has_every_key() -> None:
     text = (CONFIG / 'jhurov.yaml').read_text()
     given = load(CONFIG / 'jhurov.yaml')
-    of_inputs = {'.topic', '.type', '.field', '.stamp', '.latency', '.qos'}
+    of_inputs = {'.topic', '.type', '.field', '.stamp', '.latency', '.qos', '.timeout'}
     for key in KEYS:
         group, last = key.name.rpartition('.')[::2]
         if group.removeprefix('simulation.').partition('.')[0] in DOFS:

@@ -139,9 +139,44 @@ def test_an_input_alone_can_jump_back():
     for ms in (5000, 5020):
         order.push(ms, 'position')
         order.push(ms, 'thrusters')
-    order.push(100, 'position')
-    order.push(120, 'position')
+    released = []
+    for ms in range(100, 1121, 20):  # a second, in which the other is silent
+        assert not order.jumped
+        released += order.push(ms, 'position')
     assert order.jumped
+    assert released[0] == (100, 'position')
+
+
+def test_a_clock_that_steps_back_alone_is_refused_and_told():
+    order = Order()
+    for k in range(500):
+        order.push(20 * k + 60_000, 'position')
+        order.push(20 * k + 60_000, 'attitude')
+        order.push(20 * k + (60_000 if k < 100 or k >= 400 else 50_000), 'thrusters')
+        assert not order.jumped
+    assert set(order.rejected) == {('thrusters', 'backward')}
+    assert len(order.rejected) == 300
+    assert len(order.warnings) == 1
+    assert 'thrusters have gone back by 10.0 s' in order.warnings[0]
+
+
+def test_a_log_of_whole_messages_starts_again():
+    order = Order()
+    for k in range(100):
+        order.push(60_000 + 20 * k, 'position', 'attitude', 'thrusters')
+    order.push(0, 'position', 'attitude', 'thrusters')
+    assert not order.jumped
+    order.push(20, 'position', 'attitude', 'thrusters')
+    assert order.jumped
+
+
+def test_events_that_nothing_releases_are_bounded():
+    order = Order(inputs=[('position', 0), ('thrusters', 0)])
+    order.push(0, 'position')
+    order.push(0, 'thrusters')
+    for k in range(70_000):
+        order.push(10 * k, 'reference')
+    assert len(order.order._held) <= 65_536
 
 
 def test_one_stamp_far_ahead_moves_nothing():
@@ -187,6 +222,20 @@ def test_a_clock_that_is_ahead_is_told_and_hurts_nobody():
     assert order.rejected == []
     assert len(order.warnings) == 1
     assert 'thrusters are 7.0 s ahead' in order.warnings[0]
+
+
+def test_a_clock_that_steps_ahead_alone_is_refused_and_told():
+    order, released = Order(), []
+    for k in range(1000):
+        for name, _ in INPUTS:
+            released += order.push(20 * k + (
+                7000 if name == 'thrusters' and 100 <= k < 900 else 0), name)
+    assert set(order.rejected) == {('thrusters', 'future')}
+    assert len(order.rejected) == 800
+    assert len(order.warnings) == 1
+    assert 'thrusters are 7.0 s ahead' in order.warnings[0]
+    assert 'refused until its clock is right' in order.warnings[0]
+    assert len(released) > 2190
 
 
 def test_a_clock_that_is_behind_is_told():

@@ -107,7 +107,7 @@ def test_in_parts_a_model_that_runs_away_scores_as_badly_as_can_be(small: None) 
 def test_what_is_many_is_not_in_memory(small: None) -> None:
     for spill in (True, False):
         log = filled((1000,), reference=True, spill=spill)
-        held = [len(part._times) for part in (log._rows['surge'], log._references)]
+        held = [len(part._times) for part in (log._steps['surge']._rows, log._references)]
         assert max(held) < 2 * 64 if spill else held == [2000, 2000]
 
 

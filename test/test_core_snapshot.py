@@ -17,7 +17,6 @@ from rovid_core.watch import TypicalSizes
 from rovid_ros.feeder import PipeFeeder
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
-from rovid_ros.replay_checkpoint import APPEARING
 
 
 def holder(**attributes: Any) -> TypicalSizes:
@@ -29,9 +28,10 @@ def holder(**attributes: Any) -> TypicalSizes:
 
 def there_and_back(value: Any) -> Any:
     """Return a value as it comes back into an object that had None."""
-    taken = json.dumps(Snapshots({'x': holder(v=value)}, APPEARING).take(), allow_nan=False)
-    target = holder(v=None)
-    snapshots = Snapshots({'x': target}, APPEARING)
+    event = Event(0, ())  # so that there is one at first
+    taken = json.dumps(Snapshots({'x': holder(e=event, v=value)}).take(), allow_nan=False)
+    target = holder(e=event, v=None)
+    snapshots = Snapshots({'x': target})
     snapshots.put_back(json.loads(taken))
     return target.v
 
@@ -128,7 +128,7 @@ def test_what_was_not_there_at_first_is_told() -> None:
     target = holder(v=None)
     snapshots = Snapshots({'x': target})
     target.v = Event(1, ())
-    with pytest.raises(TypeError, match='x.v is rovid_core.values.Event, of which there was none'):
+    with pytest.raises(TypeError, match='x.v is rovid_core.values.Event, of whose module'):
         snapshots.take()
     target.v = None
     vars(target)['late'] = 1
@@ -148,7 +148,7 @@ def test_what_was_not_there_at_first_is_told() -> None:
         {'set': [{'list': []}]}, {'value': ['rovid_core.values.Event', 1]}, {'deque': [-1, []]}))])
 def test_what_no_walk_has_made_is_refused(node: Any) -> None:
     target = holder(v=0.5)
-    snapshots = Snapshots({'x': target}, APPEARING)
+    snapshots = Snapshots({'x': target})
     with pytest.raises(SnapshotError):
         snapshots.put_back({'x': node})
     assert vars(target) == {'v': 0.5}
@@ -168,7 +168,7 @@ def test_deep_nesting_is_refused() -> None:
 def test_a_stream_with_something_foreign_in_it_is_told(repository: Path) -> None:
     feeder = PipeFeeder(settings_from(load(repository / 'config' / 'jhurov.yaml')))
     feeder.stream._pipe._tracks[0].source.gate = None
-    snapshots = Snapshots({'stream': feeder.stream}, APPEARING)
+    snapshots = Snapshots({'stream': feeder.stream})
     snapshots.take()
     feeder.stream._pipe._tracks[0].source.gate = object()
     with pytest.raises(TypeError, match=r'stream._pipe._tracks\[0\].source.gate is builtins.obj'):

@@ -25,7 +25,7 @@ from live_node import (
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from rovid_core.refusals import REASONS
+from rovid_core.reasons import REASONS
 from rovid_core.stream import Stream
 from rovid_ros import node_health
 from rovid_ros.convert import Converter

@@ -7,7 +7,8 @@ import re
 import pytest
 
 from benchmarks.fault_cases import BY_NAME, Fault, FAULTS
-from benchmarks.fault_runs import Bench, Outcome, replayed, simulated, tank
+from benchmarks.fault_outcomes import Outcome
+from benchmarks.fault_runs import Bench, replayed, simulated, tank
 
 HARD = ['position silent 10 s', 'attitude silent 10 s', 'thrusters silent 10 s', 'outliers 5 %',
         'fix jumps by 2 m', 'position nan', 'thrusters 1e300', 'quaternion of zeros',

@@ -289,3 +289,31 @@ def test_an_output_gets_its_name_when_it_is_whole(tmp_path: Path) -> None:
     file.finish()
     assert [time for _, time, _, _ in messages(path)] == [1, 2]
     assert [entry.name for entry in tmp_path.iterdir()] == ['out.mcap']
+
+
+@pytest.mark.parametrize('changes', [
+    {'identifier.adaptation_time': 9.0, 'max_gap': 2.0, 'enable': False},
+    {'identifier.adaptation_gains': [1e-5, 5.0, 1.0, 0.1], 'identifier.feedback_gain': -3.0}])
+def test_settings_that_a_control_changed_go_with_the_state(
+        changes: dict[str, Any], call: Call, straight: Call, log: Path, tmp_path: Path,
+        interrupt: Callable[[int], None]) -> None:
+    pytest.importorskip('rovid_ros.controls')
+    record = tmp_path / 'record.mcap'
+    with LogWriter(record) as writer, log.open('rb') as file:
+        writer.metadata('rovid_record', {})
+        for number, (schema, channel, message) in enumerate(make_reader(file).iter_messages()):
+            assert schema is not None
+            if number == 200:
+                control = {'control': 'parameters', 'value': json.dumps(changes)}
+                writer.write('rovid/control', 'std_msgs/msg/String',
+                             {'data': json.dumps(control)}, message.log_time)
+            writer.write_raw(channel.topic, schema.name, message.data, message.log_time)
+    assert straight(record, '--method', 'aid') == 0
+    for count in (150, 100, 200):
+        interrupt(count)
+        assert call.go_on(record, '--method', 'aid') == 143
+    assert json.loads(call.state.read_text())['changes'].keys() == changes.keys()
+    interrupt(0)
+    assert call.go_on(record, '--method', 'aid') == 0
+    assert call.json.read_bytes() == straight.json.read_bytes()
+    assert list(messages(call.output)) == list(messages(straight.output))

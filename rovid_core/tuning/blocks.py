@@ -68,13 +68,15 @@ class Blocks:
         weight[0] = 1.0
         return np.asarray(weight)
 
-    def by_fold(self, values: Array) -> Array:
+    def by_fold(self, values: Array, which: NDArray[np.bool_] | None = None) -> Array:
         """
         Return the mean over the steps of each fold.
 
         Parameters
         ----------
         values : ndarray, shape (steps, ..., pieces)
+        which : ndarray of bool, shape (pieces,), optional
+            Of all pieces those that there are values of.
 
         Returns
         -------
@@ -82,11 +84,13 @@ class Blocks:
             NaN for a fold without a step.
 
         """
-        masked = np.moveaxis(values, 0, -2) * self.valid
-        member = self.fold[:, None] == np.arange(FOLDS)
+        valid, fold = self.valid, self.fold
+        if which is not None:
+            valid, fold = valid[:, which], fold[which]
+        total = np.einsum('k...p,kp->...p', values, valid.astype(float))
+        member = fold[:, None] == np.arange(FOLDS)
         with np.errstate(invalid='ignore'):
-            return np.asarray(masked.sum(axis=-2) @ member
-                              / (self.valid.sum(axis=0) @ member))
+            return np.asarray(total @ member / (valid.sum(axis=0) @ member))
 
 
 def edges(stretches: Sequence[Stretch]) -> Array:

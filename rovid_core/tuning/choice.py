@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import math
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,16 @@ from rovid_core.recurrence import Array
 
 SURE = 2.4
 """Standard errors of a mean over 8 folds, for 95 % (Student's t)."""
+
+
+Done = TypeVar('Done')
+
+
+class Each(Protocol):
+    """What does the same work on many things, possibly at the same time."""
+
+    def __call__(self, work: Callable[[int], Done], given: Sequence[int]) -> Sequence[Done]:
+        """Return what ``work`` made of each."""
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,7 @@ class Dof:
         self.settings = settings
         self.problem = OutputError(blocks, Scales.of(settings), cutoff)
         self._begin: Array | None = None  # scaled parameters to begin with
+        self._models: dict[tuple[float, float], Models] = {}
 
     def fit(self, commanded: Commanded, pairs: Sequence[tuple[float, float]],
             measured: Array | None = None) -> Models:
@@ -59,6 +60,12 @@ class Dof:
         if self._begin is None:
             self._begin = self.problem.fit(force[:, :1], iterations=30).theta[0]
         return self.problem.fit(force, measured, self._begin, 6)
+
+    def model(self, commanded: Commanded, pair: tuple[float, float]) -> Models:
+        """Return the model for one pair of delay and lag; it is fitted once."""
+        if pair not in self._models:
+            self._models[pair] = self.fit(commanded, [pair])
+        return self._models[pair]
 
 
 def typical(blocks: Blocks, force: Array, settings: DofSettings) -> DofSettings:
@@ -88,7 +95,7 @@ def usable(log: TuningLog, settings: Settings, name: str,
         return 'no motion'
     dof = Dof(name, row, stretches, parts, typical(parts, force, settings.dof[name]),
               settings.cutoff)
-    error = float(dof.fit(commanded, [pair]).scores.mean())
+    error = float(dof.model(commanded, pair).scores.mean())
     level = parts.measured - parts.by_fold(parts.measured).mean()
     still = float(np.abs(np.where(parts.valid, level, 0.0)).sum() / parts.valid.sum())
     if not error < (1.0 - LEAST_GAIN) * still:

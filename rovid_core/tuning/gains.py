@@ -74,6 +74,29 @@ def steps(stretches: Sequence[Stretch], impulse: Sequence[Array],
     return Steps(*(np.concatenate(column, axis=-1) for column in zip(*columns)))
 
 
+def heun(a: Array, gamma: Sequence[Array], x: Sequence[Array], h: float,
+         velocity: Sequence[Array], force: Array) -> list[Array]:
+    """
+    Return v_hat and parameters after a step of constant force.
+
+    It is that of ``integrators``, with the terms that the two evaluations share taken once.
+    """
+    v, p0, p1, p2, p3 = x
+    g0, g1, g2, g3 = gamma
+    push, drag, dv = p0 * force + p3, v * np.abs(v), v - velocity[0]
+    rate = a * dv + push + p1 * drag + p2 * v
+    w = v + h * rate
+    drag_w, dw = w * np.abs(w), w - velocity[2]
+    pushed, dragged, moved = g0 * force, g1 * drag, g2 * v
+    rate_w = a * dw + push + p1 * drag_w + p2 * w - h * dv * (
+        pushed * force + dragged * drag_w + moved * w + g3)
+    half = 0.5 * h
+    e, f = half * dv, half * dw
+    both = e + f
+    return [v + half * (rate + rate_w), p0 - pushed * both,
+            p1 - dragged * e - g1 * drag_w * f, p2 - moved * e - g2 * w * f, p3 - g3 * both]
+
+
 class GainSweep:
     """
     ``AdaptiveIdentifier`` for many settings, in vectors over them.
@@ -101,6 +124,7 @@ class GainSweep:
             return np.broadcast_to(np.array(values), shape).copy()
 
         self._a = along([g.feedback for g in gains])
+        self._per_a = -2.0 / self._a
         self._gamma = [along([g.adaptation[i] if on else 0.0 for g in gains])
                        for i, on in enumerate(scales.active)]
         self._scale = [along([s.regressor[i] for s in own]) for i in range(4)]
@@ -109,7 +133,7 @@ class GainSweep:
                                  for side in range(2))
         self._time = np.array([[c.adaptation_time for c in candidates]])
         self._force = max(c.force for c in candidates)
-        self._advance = cast(Any, INTEGRATORS[integrator])
+        self._integrator = integrator
         self._state = [np.zeros(shape), *(along([p] * shape[1]) for p in scales.initial)]
         self._excitation = np.zeros(shape)
         self._divided = np.zeros(shape)
@@ -132,22 +156,24 @@ class GainSweep:
             NaN for candidates that the steps are too long for.
 
         """
-        noted = []
+        noted: list[Array] = []
         self._most[:, 1:] = DIVIDED * len(trial.dt)
         marks = [int(k) for k in np.searchsorted(trial.end, np.array(times), 'right')]
         before, after, force = (np.ascontiguousarray(x.T)[:, :, None]
                                 for x in (trial.before, trial.after, trial.force))
-        middle = 0.5 * (before + after)
+        middle, fastest = 0.5 * (before + after), np.maximum(np.abs(before), np.abs(after))
         with np.errstate(all='ignore'):  # what is left out may run away
             for k, dt in enumerate(trial.dt.tolist()):
-                noted += [np.stack(self._state[1:])] * marks.count(k)
+                if k in marks:
+                    noted += [np.stack(self._state[1:])] * marks.count(k)
                 if trial.restarts[k]:
                     self._state[0] = np.broadcast_to(before[k], self._a.shape).copy()
-                self._step(dt, (before[k], middle[k], after[k]), force[k])
+                self._step(dt, (before[k], middle[k], after[k]), force[k], fastest[k])
         noted += [np.stack(self._state[1:])] * (len(times) - len(noted))
         return np.where(self._divided <= self._most, np.stack(noted), np.nan)
 
-    def _step(self, dt: float, velocity: tuple[Array, ...], force: Array) -> None:
+    def _step(self, dt: float, velocity: tuple[Array, ...], force: Array,
+              fastest: Array) -> None:
         gamma = list(self._gamma)
         scaled = force * self._scale[0]
         square = scaled * scaled
@@ -155,9 +181,9 @@ class GainSweep:
             rest = (self._excitation < LEAST_EXCITATION) & (square < LEAST_EXCITATION) & (
                 (self._state[0] * self._scale[2]) ** 2 < LEAST_MOTION)
             gamma[1], gamma[2] = gamma[1] * ~rest, gamma[2] * ~rest
-        turns = self._turns(dt, velocity, force, gamma)
-        state = self._piece(self._a, gamma, self._state, self._low, self._high, Step(
-            dt, cast(Any, velocity), cast(Any, (force,) * 3)))
+        turns = self._turns(dt, fastest, force, gamma)
+        state = self._piece(
+            self._a, gamma, self._state, self._low, self._high, dt, velocity, force)
         divided = (turns >= 1.0) & (self._divided <= self._most)
         noted = -np.expm1(-dt / self._time)
         if divided.any():
@@ -168,23 +194,27 @@ class GainSweep:
         self._state = state
 
     def _piece(self, a: Array, gamma: Sequence[Array], state: Sequence[Array],
-               low: Sequence[Array], high: Sequence[Array], step: Step) -> list[Array]:
-        v_hat, *parameters = self._advance(a, gamma, state, step)
+               low: Sequence[Array], high: Sequence[Array], dt: float,
+               velocity: Sequence[Array], force: Array) -> list[Array]:
+        if self._integrator == 'heun':
+            v_hat, *parameters = heun(a, gamma, state, dt, velocity, force)
+        else:
+            v_hat, *parameters = cast(Any, INTEGRATORS[self._integrator])(
+                a, gamma, state, Step(dt, cast(Any, velocity), cast(Any, (force,) * 3)))
         return [v_hat, *(np.minimum(np.maximum(p, bottom), top)
                          for p, bottom, top in zip(parameters, low, high))]
 
-    def _turns(self, dt: float, velocity: Sequence[Array], force: Array,
-               gamma: Sequence[Array]) -> Array:
+    def _turns(self, dt: float, fastest: Array, force: Array, gamma: Sequence[Array]) -> Array:
         """Return how stiff a step is, as ``AdaptiveIdentifier`` does."""
         v_hat, alpha, beta, drag, delta = self._state
-        gain = np.abs(alpha * force) + np.abs(delta)
-        speed = dt * gain + np.maximum(
-            np.abs(v_hat), np.maximum(np.abs(velocity[0]), np.abs(velocity[2])))
+        speed = dt * (alpha * np.abs(force) + np.abs(delta)) + np.maximum(
+            np.abs(v_hat), fastest)
         square = speed * speed
         adaptation = (gamma[0] * (force * force) + (gamma[1] * square + gamma[2]) * square
                       + gamma[3])
-        feedback = 2.0 * np.abs(beta) * speed + np.abs(drag) - self._a
-        return np.asarray(dt * np.maximum(feedback, adaptation * (-2.0 / self._a)))
+        # alpha is above 0, and beta and gamma are not
+        feedback = -2.0 * beta * speed - drag - self._a
+        return np.asarray(dt * np.maximum(feedback, adaptation * self._per_a))
 
     def _divide(self, which: NDArray[np.bool_], turns: Array, dt: float, velocity: Sequence[Array],
                 force: Array, gamma: Sequence[Array], state: Sequence[Array]) -> None:
@@ -203,6 +233,8 @@ class GainSweep:
                 bounds = chosen(self._low), chosen(self._high)
                 whole = Step(dt, cast(Any, v), cast(Any, (f,) * 3))
                 for k in range(count):
-                    own = self._piece(*fixed, own, *bounds, part(whole, k, count))
+                    piece = part(whole, k, count)
+                    own = self._piece(
+                        *fixed, own, *bounds, piece.dt, cast(Any, piece.velocity), f)
             for column, values in zip(state, own):
                 column[mask] = values

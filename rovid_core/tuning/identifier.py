@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -12,7 +12,7 @@ from rovid_core.methods import make
 from rovid_core.recurrence import Array
 from rovid_core.settings import Settings
 from rovid_core.tuning.blocks import edges, FOLDS
-from rovid_core.tuning.choice import Change, nearest, Stage, sure_error
+from rovid_core.tuning.choice import Change, Each, nearest, Stage, sure_error
 from rovid_core.tuning.commanded import Commanded
 from rovid_core.tuning.dof import Dof
 from rovid_core.tuning.gains import Candidate, GainSweep, Steps, steps
@@ -48,18 +48,20 @@ class Swept:
 
     Attributes
     ----------
-    before : ndarray, shape (FOLDS - FIRST,)
-        As everything was [m/s or rad/s].
     scores : ndarray, shape (cutoffs, times, sizes, FOLDS - FIRST)
         With the new delay, lag and heading; first of each axis: the present value.
     sizes : list of tuple
         Typical force and velocity.
+    first, kept : ndarray, shape (FOLDS - FIRST,)
+        Of the identifier that the node runs, as everything was, and with the new delay, lag
+        and heading [m/s or rad/s].
 
     """
 
-    before: Array
     scores: Array
     sizes: list[tuple[float, float]]
+    first: Array
+    kept: Array
 
 
 def candidates_of(settings: Settings, dofs: Sequence[Dof]) -> tuple[list[float], list[float]]:
@@ -81,14 +83,16 @@ def sweep(old: Chain, new: Chain, commanded: Commanded, settings: Settings,
     sizes = [(own.force, own.velocity),
              *((f * data.force, v * data.velocity) for f, v in product(SIZES, SIZES))]
     candidates = [Candidate(t, *size) for t, size in product(times, sizes)]
-    # the first row is the chain as it was
-    trial = _stacked([_steps(old, commanded, cutoffs[:1]), _steps(new, commanded, cutoffs)])
-    rows = GainSweep(own, len(cutoffs) + 1, candidates, settings.identifier.integrator)
+    rows = GainSweep(own, len(cutoffs), candidates, settings.identifier.integrator)
     bounds = edges(new.dof.stretches)
-    found = rows.run(trial, bounds[FIRST:-1].tolist())  # (noted, 4, cutoffs, candidates)
-    before = _scores(old, commanded, found[:, :, 0, :1])
-    scores = _scores(new, commanded, found[:, :, 1:].reshape(*found.shape[:2], -1))
-    return Swept(before[0], scores.reshape(len(cutoffs), len(times), len(sizes), -1), sizes)
+    found = rows.run(_steps(new, commanded, cutoffs), bounds[FIRST:-1].tolist())
+    # (noted, 4, cutoffs, candidates)
+    scores = _scores(new, commanded, found.reshape(*found.shape[:2], -1))
+    present = (settings, cutoffs[0], times[0], sizes[0])
+    kept = ahead(new, commanded, *present)
+    same = old.dof is new.dof and old.pair == new.pair
+    return Swept(scores.reshape(len(cutoffs), len(times), len(sizes), -1), sizes,
+                 kept if same else ahead(old, commanded, *present), kept)
 
 
 def _steps(chain: Chain, commanded: Commanded, cutoffs: Sequence[float]) -> Steps:
@@ -97,29 +101,19 @@ def _steps(chain: Chain, commanded: Commanded, cutoffs: Sequence[float]) -> Step
     return steps(dof.stretches, impulses, cutoffs)
 
 
-def _stacked(parts: Sequence[Steps]) -> Steps:
-    first = parts[0]
-    return Steps(first.dt, first.end, first.restarts, *(
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ('before', 'after', 'force')))
-
-
 def _scores(chain: Chain, commanded: Commanded, found: Array) -> Array:
     """Return the mean error over the blocks ahead, shape (candidates, FOLDS - FIRST)."""
     dof, problem = chain.dof, chain.dof.problem
-    start = dof.fit(commanded, [chain.pair]).start
+    start = dof.model(commanded, chain.pair).start
     force = dof.blocks.force(commanded, dof.row, *chain.pair)[:, None] / problem.scales.force
     target = dof.blocks.measured[:, None] / problem.scales.velocity
     scores = []
     for k, parameters in enumerate(found, FIRST):
         theta = problem.scaled(parameters.T).T[:, :, None]
-        errors = problem.score(theta, start, force, target)
+        errors = problem.score(theta, start, force, target, k)
         scores.append(errors[:, k:].mean(axis=1))
     scores_of = np.stack(scores, axis=-1)
     return np.where(np.isfinite(scores_of), scores_of, np.inf)
-
-
-Each = Callable[[Callable[[int], Swept], Sequence[int]], Sequence[Swept]]
 
 
 @dataclass(frozen=True)
@@ -189,7 +183,7 @@ def tune_identifier(old: Sequence[Dof], new: Sequence[Dof], pairs: Sequence[tupl
         The thrust.
     settings : Settings
         As they are.
-    each : callable
+    each : Each
         Does work on each of some things, possibly at the same time.
 
     Returns
@@ -201,16 +195,18 @@ def tune_identifier(old: Sequence[Dof], new: Sequence[Dof], pairs: Sequence[tupl
 
     """
     cutoffs, times = candidates_of(settings, new)
-    swept = each(lambda k: sweep(Chain(old[k], pairs[0]), Chain(new[k], pairs[1]), commanded,
-                                 settings, cutoffs, times), range(len(new)))
+    # the longest first, or others would wait for it
+    order = sorted(range(len(new)), key=lambda k: -sum(len(s.ends) for s in new[k].stretches))
+    done = each(lambda k: sweep(Chain(old[k], pairs[0]), Chain(new[k], pairs[1]), commanded,
+                                settings, cutoffs, times), order)
+    swept = [done[order.index(k)] for k in range(len(new))]
     best = choose_gains(swept, cutoffs, times)
     present = (cutoffs[0], times[0])
     proposed = (cutoffs[best.cutoff], times[best.time])
-    kept = [ahead(Chain(dof, pairs[1]), commanded, settings, *present, one.sizes[0])
-            for dof, one in zip(new, swept)]
-    moved = [ahead(Chain(dof, pairs[1]), commanded, settings, *proposed, one.sizes[k])
-             for dof, one, k in zip(new, swept, best.sizes)]
-    gains = np.mean([(a - b) / a.mean() for a, b in zip(kept, moved)], axis=0)
+    moved = [one.kept if (*proposed, k) == (*present, 0) else ahead(
+        Chain(dof, pairs[1]), commanded, settings, *proposed, one.sizes[k])
+        for dof, one, k in zip(new, swept, best.sizes)]
+    gains = np.mean([(s.kept - b) / s.kept.mean() for s, b in zip(swept, moved)], axis=0)
     gain, spread = float(gains.mean()), float(sure_error(gains))
     better = best.is_better and gain > spread
     keys = {'velocity.cutoff': Change(present[0], proposed[0] if better else present[0]),
@@ -221,8 +217,8 @@ def tune_identifier(old: Sequence[Dof], new: Sequence[Dof], pairs: Sequence[tupl
         before, after = one.sizes[0], one.sizes[best.sizes[k] if better else 0]
         for n, name in enumerate(('force', 'velocity')):
             keys[f'{dof.name}.typical.{name}'] = Change(before[n], after[n])
-        first = ahead(Chain(old[k], pairs[0]), commanded, settings, *present, before)
-        scores[dof.name] = (float(first.mean()), float((moved if better else kept)[k].mean()))
+        scores[dof.name] = (
+            float(one.first.mean()), float((moved[k] if better else one.kept).mean()))
     return Stage(keys, gain, spread), scores
 
 

@@ -119,7 +119,7 @@ class TuningLog(ScoreLog):
     def stretches(self, dof: str) -> list[Stretch]:
         """Return the motion of a DOF."""
         found = []
-        for run in self._runs[dof]:
+        for run in self._steps[dof].runs:
             times, values = run.steps
             if run.count:
                 found.append(Stretch(

@@ -117,7 +117,8 @@ class OutputError:
                 break
         return Models(theta, start, self._held_out(theta, start, kept, force, target))
 
-    def score(self, theta: Array, start: Array, force: Array, target: Array) -> Array:
+    def score(self, theta: Array, start: Array, force: Array, target: Array,
+              first: int = 0) -> Array:
         """
         Return the error on each fold.
 
@@ -127,15 +128,21 @@ class OutputError:
         start : ndarray, shape (candidates or 1, pieces)
         force, target : ndarray, shape (steps, candidates or 1, pieces)
             All in typical sizes.
+        first : int
+            The first fold that is asked for.
 
         Returns
         -------
         ndarray, shape (candidates, FOLDS)
-            [m/s or rad/s]
+            [m/s or rad/s]; NaN for what is not asked for.
 
         """
-        errors = smoothed(self.weights, simulate(theta, start, self._dt, force) - target)
-        return self.blocks.by_fold(np.abs(errors)) * self.scales.velocity
+        own = self.blocks.fold >= first
+        if theta.shape[-1] > 1:
+            theta = theta[..., own]
+        errors = smoothed(self.weights[:, own], simulate(
+            theta, start[..., own], self._dt[:, own], force[..., own]) - target[..., own])
+        return self.blocks.by_fold(np.abs(errors), own) * self.scales.velocity
 
     def _held_out(self, theta: Array, start: Array, normal: Normal, force: Array,
                   target: Array) -> Array:

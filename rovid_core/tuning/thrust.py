@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from rovid_core.recurrence import Array
 from rovid_core.settings import Settings
-from rovid_core.tuning.choice import Change, Choice, choose, relative, Stage
+from rovid_core.tuning.choice import Change, Choice, choose, Each, relative, Stage
 from rovid_core.tuning.commanded import Commanded
 from rovid_core.tuning.dof import Dof
 
@@ -20,7 +20,7 @@ FINER = (0.5, 0.125)
 
 
 def tune_thrust(dofs: Sequence[Dof], commanded: Commanded, settings: Settings,
-                done: Callable[[float], None]) -> Stage:
+                each: Each, done: Callable[[float], None]) -> Stage:
     """Find delay and lag, which all thrusters share."""
     present = (settings.thrusters.delay, settings.thrusters.time_constant)
     pairs = [present]
@@ -28,8 +28,9 @@ def tune_thrust(dofs: Sequence[Dof], commanded: Commanded, settings: Settings,
 
     def add(wanted: Sequence[tuple[float, float]]) -> Choice:
         new = [pair for pair in dict.fromkeys(wanted) if pair not in pairs[1:]]
-        for dof, kept in zip(dofs, scores):
-            kept.append(dof.fit(commanded, new).scores)
+        found = each(lambda k: dofs[k].fit(commanded, new).scores, range(len(dofs)))
+        for kept, one in zip(scores, found):
+            kept.append(one)
         done(len(kept) / (1 + len(FINER)))
         pairs.extend(new if len(kept) > 1 else new[1:])
         return choose(relative([np.concatenate(kept) for kept in scores], 0), 0)

@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 
 from rovid_core.settings import DofSettings, IdentifierSettings, Settings
 from rovid_core.tuning.blocks import blocks, edges
-from rovid_core.tuning.choice import Change, Stage
+from rovid_core.tuning.choice import Change, Done, Each, Stage
 from rovid_core.tuning.commanded import Commanded
 from rovid_core.tuning.dof import Dof, usable
 from rovid_core.tuning.heading import tune_heading
-from rovid_core.tuning.identifier import Each, Swept, tune_identifier
+from rovid_core.tuning.identifier import tune_identifier
 from rovid_core.tuning.log import TuningLog, turnable, turned
 from rovid_core.tuning.thrust import tune_thrust
 
@@ -93,7 +93,7 @@ def observed(settings: Settings) -> Settings:
                    identifier=IdentifierSettings(integrator='euler'))
 
 
-def one_by_one(work: Callable[[int], Swept], given: Sequence[int]) -> list[Swept]:
+def one_by_one(work: Callable[[int], Done], given: Sequence[int]) -> list[Done]:
     """Return ``work`` of each."""
     return [work(k) for k in given]
 
@@ -137,7 +137,7 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
     new = _with_heading(log, old, heading, commanded, seen, pairs[0])
     done(0.1)
     stages.append(_rounded(tune_thrust(
-        new, commanded, settings, lambda share: done(0.1 + 0.3 * share))))
+        new, commanded, settings, each, lambda share: done(0.1 + 0.3 * share))))
     pairs.append(tuple(change.after for change in stages[-1].keys.values()))  # type: ignore
     notes = [_no_gains(settings)]
     identified: Mapping[str, tuple[float, float]] = {}
@@ -184,7 +184,7 @@ def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
 
 
 def _error(dof: Dof, commanded: Commanded, pair: tuple[float, float]) -> float:
-    return float(dof.fit(commanded, [pair]).scores.mean())
+    return float(dof.model(commanded, pair).scores.mean())
 
 
 def _rounded(stage: Stage) -> Stage:

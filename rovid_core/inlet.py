@@ -1,0 +1,123 @@
+"""What is let in of an input: neither what is stuck nor what does not follow from before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rovid_core.dofs import ANGULAR_DOFS, LINEAR_DOFS
+from rovid_core.gate import Floats, Gate
+from rovid_core.identifier import Scales
+from rovid_core.settings import Settings
+from rovid_core.slips import Units
+from rovid_core.thrust import Thrust
+
+STUCK = 10
+"""Repeats of the very same value in a row, under thrust, of a sensor that is stuck."""
+
+KNOWN = 500
+"""Values after which it is known how often a sensor repeats one."""
+
+SELDOM = 0.01
+"""Share of repeats up to which it never does, normally."""
+
+WORKING = 0.1
+"""Force that should move the vehicle, in typical ones."""
+
+TAKEN_ANEW = frozenset({'gap', 'shifted'})
+"""Reasons for which a measurement is not refused: it is where the input goes on."""
+
+
+class Inlet:
+    """
+    What is let in of one input.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    input : str
+        ``position``, ``depth``, ``attitude``, ``velocity`` or ``angular_velocity``.
+    thrust : Thrust
+        Tells whether the vehicle should be moving.
+    warn : callable
+        Told one line whenever the input gets stuck.
+
+    Attributes
+    ----------
+    gate : Gate
+        Tells the outliers.
+
+    """
+
+    def __init__(self, settings: Settings, input: str, thrust: Thrust,
+                 warn: Callable[[str], None]) -> None:
+        self._input = input
+        self._thrust = thrust
+        self._warn = warn
+        self.gate = Gate(settings, input)
+        self.change(settings)
+        self._units = Units(settings, input, warn)
+        names = ANGULAR_DOFS if input in ('attitude', 'angular_velocity') else (
+            ('heave',) if input == 'depth' else LINEAR_DOFS)
+        own = [i for i, d in enumerate(settings.dofs) if d in names]
+        self._forces = [  # any thrust will do where none is known to move what it measures
+            (i, WORKING * Scales.of(settings.dof[settings.dofs[i]]).force)
+            for i in own or range(len(settings.dofs))]
+        self.restart()
+
+    def change(self, settings: Settings) -> None:
+        """Take other limits."""
+        self._gated = settings.gate > 0.0
+        self.gate.change_limits(settings)
+
+    def restart(self) -> None:
+        """Forget everything."""
+        self.gate.restart()
+        self._units.restart()
+        self._value: Floats | None = None
+        self._count = self._repeats = self._run = 0
+        self._stuck = False
+
+    def take(self, time: int, value: Floats) -> str:
+        """
+        Judge a value at ``time`` [ns].
+
+        Returns
+        -------
+        str
+            '' to take it, one of ``TAKEN_ANEW`` to go on from it, or why it is refused.
+
+        """
+        self._count += 1
+        if value == self._value:
+            if self._is_stuck():
+                return 'stuck'
+        else:
+            self._value = value
+            if self._run:
+                self._repeats += self._run
+                self._run = 0
+            if self._stuck:
+                self._stuck = False
+                self.gate.take_up(time, value)
+                return 'gap'
+        reason = self.gate.take(time, value) if self._gated else ''
+        self._units.take(time, value, None if reason else self.gate.change)
+        return reason
+
+    def _is_stuck(self) -> bool:
+        """Take a value that is exactly the one before."""
+        if self._stuck:
+            self._count -= 1  # says nothing of how it normally is
+            return True
+        if not any(abs(self._thrust.newest(i)) > least for i, least in self._forces):
+            self._repeats += 1
+            return False
+        self._run += 1
+        usual = self._count - self._run
+        if self._run < STUCK or usual < KNOWN or self._repeats > SELDOM * usual:
+            return False
+        self._count, self._run, self._stuck = usual, 0, True
+        self._warn(f'{self._input} is stuck: it has repeated the very same value {STUCK} times '
+                   'under thrust; it is refused until it changes')
+        return True

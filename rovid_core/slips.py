@@ -1,0 +1,239 @@
+"""Tell slips of unit, sign and frame from the data, each once, with the key to change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+import math
+
+from rovid_core.dofs import Vector
+from rovid_core.identifier import Step
+from rovid_core.settings import Settings
+
+NS = 1e-9
+
+WINDOW = 1_000_000_000
+"""[ns] Speeds are taken over at least so long, which leaves the noise behind."""
+
+MOST = 30
+"""More of these that were too fast than were not are no accident."""
+
+PULSES = (800.0, 2200.0)
+"""[us] What the pulses of a servo or motor controller can be."""
+
+NEUTRAL = 1500.0
+"""[us] No thrust, as a pulse."""
+
+LOOKS = 600
+"""Steps after which force and acceleration are compared, and seconds that they take."""
+DURATION = 60.0
+
+CONTRARY, AGREEING = -0.15, 0.1
+"""Partial correlation of acceleration and force that is taken for a wrong or a right sign."""
+
+STRETCHES = 3
+"""So many in a row have to be wrong."""
+
+EXCITED = 0.1
+"""Force, in typical ones, below which it is no wonder that nothing follows it."""
+
+UNITS = {
+    'position': 'position.field takes metres',
+    'depth': 'depth.scale turns its unit into metres',
+    'attitude': 'attitude.unit may be deg, and a quaternion has to be one',
+    'velocity': 'velocity.field takes m/s',
+    'angular_velocity': 'angular_velocity.field takes rad/s',
+}
+
+
+class Units:
+    """
+    Tell when an input keeps moving faster than the vehicle can.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    input : str
+        Name of the input.
+    warn : callable
+        Told one line, once.
+
+    """
+
+    def __init__(self, settings: Settings, input: str, warn: Callable[[str], None]) -> None:
+        self._input = input
+        self._is_rate = input in ('velocity', 'angular_velocity')
+        self._axes = 2 if input == 'position' and settings.depth.topic else 3
+        self._max_speed = settings.max_speed
+        self._warn = warn
+        self._score = 0
+        self._watching = True
+        self._mean = 0.0  # speed where it was too fast
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget where the window began."""
+        self._begin: tuple[int, tuple[float, ...]] | None = None
+        self._turned = 0.0
+
+    def take(self, time: int, value: tuple[float, ...], change: Vector | None) -> None:
+        """
+        Take a measurement.
+
+        Parameters
+        ----------
+        time : int
+            [ns]
+        value : tuple of float
+            What was measured.
+        change : Vector, optional
+            Since the last one; an attitude is followed by it, for it goes round.
+
+        """
+        if not self._watching:
+            return
+        if change is not None:
+            self._turned += change[2]
+        if self._begin is None:
+            self._begin = time, value
+        elif time - self._begin[0] >= WINDOW:
+            self._end(time, value)
+
+    def _end(self, time: int, value: tuple[float, ...]) -> None:
+        assert self._begin is not None
+        dt, before = (time - self._begin[0]) * NS, self._begin[1]
+        if self._is_rate:
+            speed = math.hypot(*value)
+        elif self._input == 'attitude':
+            speed = abs(self._turned) / dt
+        else:
+            speed = math.dist(value[:self._axes], before[:self._axes]) / dt
+        self._begin, self._turned = (time, value), 0.0
+        if not speed > self._max_speed:
+            self._score = max(0, self._score - 1)
+        elif speed < math.inf:
+            self._score += 1
+            self._mean += (speed - self._mean) / self._score
+        if self._score == MOST:
+            self._watching = False
+            unit = 'rad/s' if self._input in ('attitude', 'angular_velocity') else 'm/s'
+            self._warn(f'{self._input} moves at about {self._mean:.0f} {unit}, again and again '
+                       f'faster than velocity.max: {UNITS[self._input]}')
+
+
+class Pulses:
+    """
+    Tell when thruster commands are pulse widths, and their middle is taken for thrust.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    warn : callable
+        Told one line, once.
+
+    """
+
+    def __init__(self, settings: Settings, warn: Callable[[str], None]) -> None:
+        thrusters = settings.thrusters
+        self._watching = thrusters.offset == 0.0 and thrusters.model in ('linear', 'quadratic')
+        self._warn = warn
+        self._low, self._high = math.inf, -math.inf
+        self._count = 0
+
+    def take(self, values: tuple[float, ...]) -> None:
+        """Take raw commands."""
+        if not self._watching:
+            return
+        self._low, self._high = min(self._low, *values), max(self._high, *values)
+        self._count += 1
+        if not PULSES[0] <= self._low <= self._high <= PULSES[1]:
+            self._watching = False
+        elif self._count >= LOOKS and self._low < NEUTRAL < self._high:
+            self._watching = False
+            self._warn(f'the thruster commands lie between {self._low:g} and {self._high:g}, as '
+                       'pulse widths do: set thrusters.offset to what gives no thrust, such as '
+                       f'{NEUTRAL:g}')
+
+
+class Sign:
+    """
+    Tell when a DOF accelerates against its thrust.
+
+    Judged by the partial correlation of acceleration and force at equal velocity, in
+    stretches of data one after the other; once it is clearly positive nothing more is.
+
+    Parameters
+    ----------
+    dof : str
+        Its name.
+    force : float
+        Its typical force [N or N m].
+    source : str
+        The input that measures its velocity.
+    warn : callable
+        Told one line, once.
+
+    """
+
+    def __init__(self, dof: str, force: float, source: str,
+                 warn: Callable[[str], None]) -> None:
+        self._dof = dof
+        self._least = (EXCITED * force) ** 2
+        self._source = source
+        self._warn = warn
+        self._watching = True
+        self._contrary = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        self._count, self._duration = 0, 0.0
+        # means and mean products of acceleration a, force f and velocity v
+        self._a = self._f = self._v = 0.0
+        self._aa = self._ff = self._vv = self._af = self._av = self._fv = 0.0
+
+    def step(self, step: Step) -> None:
+        """Take a step."""
+        if not self._watching:
+            return
+        before, v, after = step.velocity
+        f, dt = step.force[1], step.dt
+        a = (after - before) / dt
+        self._a += a
+        self._f += f
+        self._v += v
+        self._aa += a * a
+        self._ff += f * f
+        self._vv += v * v
+        self._af += a * f
+        self._av += a * v
+        self._fv += f * v
+        self._count += 1
+        self._duration += dt
+        if self._count >= LOOKS and self._duration >= DURATION:
+            self._look()
+
+    def _look(self) -> None:
+        n = self._count
+        a, f, v = self._a / n, self._f / n, self._v / n
+        aa, ff, vv = self._aa / n - a * a, self._ff / n - f * f, self._vv / n - v * v
+        af, av, fv = self._af / n - a * f, self._av / n - a * v, self._fv / n - f * v
+        self._begin()
+        # what the velocity leaves of each
+        rest = (aa * vv - av * av) * (ff * vv - fv * fv)
+        if not (ff > self._least and rest > 0.0):
+            return
+        partial = (af * vv - av * fv) / math.sqrt(rest)
+        self._contrary = self._contrary + 1 if partial < CONTRARY else 0
+        if partial > AGREEING:
+            self._watching = False
+        elif self._contrary == STRETCHES:
+            self._watching = False
+            self._tell()
+
+    def _tell(self) -> None:
+        depth = ', or that of depth.scale' if self._source == 'depth' else ''
+        frames = '' if self._dof in ('surge', 'roll') else (
+            '; if it is so of sway, heave and yaw, the messages may be in other axes: frames')
+        self._warn(f'{self._dof} accelerates against its thrust: turn the sign of its row of '
+                   f'thrusters.allocation{depth}{frames}')

@@ -1,0 +1,55 @@
+"""What to do when more comes than the node can take: let whole fixes go, and say so."""
+
+from __future__ import annotations
+
+LONG = 0.5
+"""[s] The oldest message of a batch has waited longer: the node is behind."""
+
+MOST = 64
+"""At least one message in so many is always taken."""
+
+
+class Backlog:
+    """
+    Decide how many messages to take of those that can be left out.
+
+    A difference over two intervals is a measurement like one over a single one, but with less
+    resolution in time; a command that is left out is wrong. So of the sensors only every second
+    message is taken, or fourth and so on, while a batch comes late and the one before took
+    longer than its messages took to come; and twice as many again once nothing is late. What
+    comes late after a pause of the process alone is all taken.
+
+    Attributes
+    ----------
+    every : int
+        One message in so many is taken.
+
+    """
+
+    def __init__(self) -> None:
+        self.every = 1
+        self._load = 0.0  # of the last batch: its work by the time in which it came
+        self._newest: float | None = None
+        self._counts: dict[str, int] = {}
+
+    def begin(self, waited: float) -> None:
+        """Take how long the oldest message of a batch has waited [s]."""
+        if waited > LONG:
+            while self._load > 1.0 and self.every < MOST:
+                self.every *= 2
+                self._load /= 2.0
+        elif waited < 0.1 * LONG and self.every > 1:
+            self.every //= 2
+
+    def end(self, work: float, newest: float) -> None:
+        """Take how long a batch took, and when its newest message came [s]."""
+        if self._newest is not None and newest > self._newest:
+            self._load = work / (newest - self._newest)
+        self._newest = newest
+
+    def leaves_out(self, topic: str) -> bool:
+        """Count a message of a topic, and tell whether it is one to leave out."""
+        if self.every == 1:
+            return False
+        count = self._counts[topic] = self._counts.get(topic, 0) + 1
+        return count % self.every != 0

@@ -93,7 +93,7 @@ class Recording:
     def put(self, message: LogMessage, input: str, values: Sequence[float]) -> LogMessage:
         """Return the message with another value of an input."""
         steps, shape = self._place(input)
-        return replace(message, data=_put(message.data, [str(s) for s in steps], shape, values))
+        return message._replace(data=_put(message.data, [str(s) for s in steps], shape, values))
 
     @cached_property
     def _topics(self) -> dict[str, str]:
@@ -183,7 +183,7 @@ def stuck(input: str) -> Edit:
 def late(input: str, delay: Callable[[LogMessage, Moment], float]) -> Edit:
     """Return the edit that makes messages arrive later by a time [s]; their stamps stay."""
     return changed(input, lambda message, moment: [
-        replace(message, time=message.time + round(SECOND * delay(message, moment)))])
+        message._replace(time=message.time + round(SECOND * delay(message, moment)))])
 
 
 def stamped(input: str, stamp: Callable[[int, Moment], int]) -> Edit:
@@ -212,10 +212,10 @@ def restamped(message: LogMessage, time: int) -> LogMessage:
     header = message.data.header
     seconds, nanoseconds = divmod(time, SECOND)
     stamp = replace(header.stamp, sec=seconds, nanosec=nanoseconds)
-    return replace(message, data=replace(message.data, header=replace(header, stamp=stamp)))
+    return message._replace(data=replace(message.data, header=replace(header, stamp=stamp)))
 
 
 def shifted(message: LogMessage, seconds: float) -> LogMessage:
     """Return a message that was sent and came later."""
     shift = round(SECOND * seconds)
-    return replace(restamped(message, stamp_of(message) + shift), time=message.time + shift)
+    return restamped(message, stamp_of(message) + shift)._replace(time=message.time + shift)

@@ -88,7 +88,7 @@ def upside_down(recording: Recording, span: Span) -> Messages:
 def damaged(make: Callable[[bytes, Moment], bytes]) -> Edit:
     """Return the edit that damages the bytes of the position's messages."""
     store = standard_types()
-    return changed('position', lambda message, moment: [replace(message, data=make(
+    return changed('position', lambda message, moment: [message._replace(data=make(
         bytes(store.serialize_cdr(message.data, message.type)), moment))])
 
 
@@ -99,7 +99,7 @@ def garbage(cdr: bytes, moment: Moment) -> bytes:
 
 def without_name(message: LogMessage, moment: Moment) -> Messages:
     """Return the message without its last joint."""
-    return [replace(message, data=replace(
+    return [message._replace(data=replace(
         message.data, name=message.data.name[:-1], effort=message.data.effort[:-1]))]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 import math
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from rovid_core.dofs import Four, PARAMETERS
 from rovid_core.plant import lumped
@@ -15,8 +15,7 @@ from rovid_core.uncertainty import NOTHING, Uncertainty
 Three = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(NamedTuple):
     """
     What was measured over one step of one DOF.
 

@@ -6,22 +6,18 @@ The paper's score: simulate the model with the logged thrust and compare the vel
 
 from __future__ import annotations
 
-from array import array
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from rovid_core.dofs import DOFS
 from rovid_core.identifier import Step
-from rovid_core.lowpass import filtered
-from rovid_core.prediction import predict
 from rovid_core.recurrence import Array
+from rovid_core.rows import BLOCK, Rows, Times
+from rovid_core.scored_run import ScoredSteps
 from rovid_core.settings import Settings
 from rovid_core.trial import Record, record
-
-NS = 1e-9
 
 
 @dataclass(frozen=True)
@@ -57,58 +53,61 @@ class Score:
         return Score(mae, 1.0 - float(np.sqrt((errors**2).mean()) / values.std()))
 
 
-@dataclass
-class _Run:
-    """The steps of one DOF between two interruptions."""
+class _Tally:
+    """The score of predictions that come a few at a time."""
 
-    start: int
-    velocity: float
-    cutoffs: list[tuple[int, float]]  # [Hz], each from the number of its first step
-    ends: array[int] = field(default_factory=lambda: array('q'))
-    middles: array[int] = field(default_factory=lambda: array('q'))
-    first_forces: array[float] = field(default_factory=lambda: array('d'))
-    last_forces: array[float] = field(default_factory=lambda: array('d'))
-    velocities: array[float] = field(default_factory=lambda: array('d'))
-    means: array[float] = field(default_factory=lambda: array('d'))
+    def __init__(self) -> None:
+        self._pairs: list[tuple[Array, Array]] = []
+        self._count = 0
+        self._parts: list[tuple[float, ...]] = []
 
-    def times(self) -> NDArray[np.int64]:
-        """Return the start, and middle and end of every step [ns]."""
-        pairs = np.stack([self.middles, self.ends], axis=1)
-        return np.concatenate([[self.start], pairs.ravel()])
+    def add(self, simulated: Array, measured: Array) -> None:
+        """Take some velocities."""
+        self._pairs.append((simulated, measured))
+        self._count += len(measured)
+        if self._count >= BLOCK:
+            self._sum_up()
 
-    def forces(self) -> Array:
-        """Return the mean force before and after the middle of every step [N or N m]."""
-        return np.stack([self.first_forces, self.last_forces], axis=1)
+    def score(self) -> Score:
+        """Return the score of all."""
+        if not self._parts:
+            return Score.of(*self._joined())
+        if self._count:
+            self._sum_up()
+        counts, sizes, squares, means, variances, lows, highs = zip(*self._parts)
+        count = math.fsum(counts)
+        if not math.isfinite(math.fsum(sizes)):
+            return Score(math.inf, -math.inf)
+        mae = math.fsum(sizes) / count
+        if min(lows) == max(highs):
+            return Score(mae)
+        mean = math.fsum(n * m for n, m in zip(counts, means)) / count
+        variance = math.fsum(
+            n * (v + (m - mean)**2) for n, m, v in zip(counts, means, variances)) / count
+        return Score(mae, 1.0 - math.sqrt(math.fsum(squares) / count / variance))
 
-    def cutoff(self) -> Array:
-        """Return the cutoff at the start and of every step [Hz]."""
-        firsts = [first for first, _ in self.cutoffs[1:]]
-        counts = np.diff([-1, *firsts, len(self.ends)])
-        return np.repeat([cutoff for _, cutoff in self.cutoffs], counts)
+    def _joined(self) -> tuple[Array, Array]:
+        nothing = np.empty(0)
+        simulated, measured = zip(*self._pairs) if self._pairs else ((), ())
+        return np.concatenate([nothing, *simulated]), np.concatenate([nothing, *measured])
 
-    def mean_forces(self) -> Array:
-        """Return the mean force of every step [N or N m]."""
-        dt = np.diff(self.times()).reshape(-1, 2)
-        return np.asarray((dt * self.forces()).sum(axis=1) / dt.sum(axis=1))
-
-    def predicted(self, parameters: Sequence[float]) -> Array:
-        """Return the velocity of a model at ``times`` [m/s or rad/s]."""
-        return predict(parameters, self.velocity, np.diff(self.times()) * NS,
-                       self.forces().ravel())
-
-    def at(self, times: NDArray[np.int64], values: Array,
-           parameters: Sequence[float]) -> tuple[Array, Array]:
-        """Return the prediction at those of some times that are in the run, and the values."""
-        own = self.times()
-        inside = (own[0] <= times) & (times <= own[-1])
-        # from the start: times since 1970 have too many digits for a float
-        return np.interp(times[inside] - own[0], own - own[0], self.predicted(parameters)), \
-            values[inside]
+    def _sum_up(self) -> None:
+        simulated, measured = self._joined()
+        errors = np.abs(simulated - measured)
+        total = float(errors.sum())
+        self._parts.append((
+            len(measured), total if math.isfinite(total) else math.inf,
+            float((errors**2).sum()), float(measured.mean()), float(measured.var()),
+            float(measured.min()), float(measured.max())))
+        self._pairs, self._count = [], 0
 
 
 class ScoreLog:
     """
-    Keeps thrust and velocity of every step (48 bytes each) to score any model on them.
+    Keeps thrust and velocity of every step to score any model on them.
+
+    All but the last ones are in a temporary file (48 bytes each), and are read again a few at
+    a time, so that the memory does not grow with the log.
 
     The simulation restarts from the measured velocity after each gap. Against the pipe's
     own velocity v_sim goes through the same interval mean and low-pass; against a
@@ -118,25 +117,25 @@ class ScoreLog:
     ----------
     settings : Settings
         The run.
+    spill : bool
+        False: keep all in memory.
 
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, spill: bool = True) -> None:
         self._cutoff = settings.cutoff
-        self._runs: dict[str, list[_Run]] = {dof: [] for dof in settings.dofs}
-        self._reference_times = array('q')
-        self._references = [array('d') for _ in DOFS]
+        self._steps = {dof: ScoredSteps(spill) for dof in settings.dofs}
+        self._references = Rows(1, len(DOFS), spill)
 
     def restarted(self, dof: str, time: int, velocity: float) -> None:
         """Take the velocity that a DOF takes up from."""
-        self._runs[dof].append(_Run(time, velocity, [(0, self._cutoff)]))
+        self._steps[dof].restarted(time, velocity, self._cutoff)
 
     def changed(self, cutoff: float) -> None:
         """Take the cutoff [Hz] of the steps from now on."""
         self._cutoff = cutoff
-        for runs in self._runs.values():
-            for run in runs[-1:]:
-                run.cutoffs.append((len(run.ends), cutoff))
+        for steps in self._steps.values():
+            steps.changed(cutoff)
 
     def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
         """
@@ -152,38 +151,34 @@ class ScoreLog:
             What was measured.
 
         """
-        run = self._runs[dof][-1]
-        run.middles.append(span[1])
-        run.ends.append(span[2])
-        run.first_forces.append(step.forces[0])
-        run.last_forces.append(step.forces[1])
-        run.velocities.append(step.velocity[2])
-        run.means.append(step.mean)
+        self._steps[dof].stepped(span, step)
 
     def reference(self, time: int, value: tuple[float, ...]) -> None:
         """Take a reference velocity: the linear then the angular one."""
-        self._reference_times.append(time)
-        for column, x in zip(self._references, value):
-            column.append(x)
+        self._references.append((time,), value)
 
     def records(self, dof: str) -> list[Record]:
         """Return what was measured of a DOF, for the offline methods."""
-        runs = self._runs[dof]
-        made = [record(runs[0].start, run.middles, run.ends, run.first_forces,
-                       run.last_forces, run.means) for run in runs]
+        runs = self._steps[dof].runs
+        made = [record(runs[0].start, *run.steps) for run in runs]
         return [one for one in made if one is not None]
 
     def series(self, dof: str) -> tuple[list[int], list[float], list[float]]:
         """Return the time [ns], filtered velocity and mean force of every step of a DOF."""
-        runs = self._runs[dof]
-        times = [time for run in runs for time in run.ends]
-        velocities = [v for run in runs for v in run.velocities]
-        forces = [f for run in runs for f in run.mean_forces().tolist()]
+        times: list[int] = []
+        velocities: list[float] = []
+        forces: list[float] = []
+        for run in self._steps[dof].runs:
+            at, values = run.steps
+            times += at[1].tolist()
+            velocities += values[2].tolist()
+            forces += run.mean_forces().tolist()
         return times, velocities, forces
 
     def predicted(self, dof: str, parameters: Sequence[float]) -> list[float]:
         """Return the velocity of a model at every step, filtered like the measured one."""
-        return [v for run in self._runs[dof] for v in self._as_measured(run, parameters).tolist()]
+        return [v for run in self._steps[dof].runs
+                for found, _ in run.as_measured(parameters) for v in found.tolist()]
 
     def score(self, dof: str, parameters: Sequence[float]) -> Score:
         """
@@ -197,27 +192,19 @@ class ScoreLog:
             alpha, beta, gamma, delta.
 
         """
-        column = np.array(self._references[DOFS.index(dof)])
-        known = ~np.isnan(column)
-        if known.any():
-            times = np.array(self._reference_times)[known]
-            pairs = [run.at(times, column[known], parameters) for run in self._runs[dof]]
-        else:
-            pairs = [(self._as_measured(run, parameters), np.array(run.velocities))
-                     for run in self._runs[dof]]
-        simulated, measured = zip(*pairs) if pairs else ((), ())
-        nothing = np.empty(0)
-        return Score.of(np.concatenate([nothing, *simulated]),
-                        np.concatenate([nothing, *measured]))
+        tally = _Tally()
+        column = DOFS.index(dof)
+        known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
+        for run in self._steps[dof].runs:
+            if not known:
+                for pair in run.as_measured(parameters):
+                    tally.add(*pair)
+                continue
+            for part in run.predicted(parameters):
+                for times, values in self._all_references():
+                    there = ~np.isnan(values[:, column])
+                    tally.add(*run.at(part, times[there, 0], values[there, column]))
+        return tally.score()
 
-    def _as_measured(self, run: _Run, parameters: Sequence[float]) -> Array:
-        """Return the prediction at every step, averaged and filtered like the measurement."""
-        v = run.predicted(parameters)
-        middle, end = v[1::2], v[2::2]
-        means = end.copy()
-        # of position, the mean from this fix to the next
-        averaged = (np.array(run.middles) < np.array(run.ends))[:-1]
-        means[:-1][averaged] = ((middle[:-1] + 4.0 * end[:-1] + middle[1:]) / 6.0)[averaged]
-        dt = np.diff([run.start, run.start, *run.ends]) * NS
-        with np.errstate(invalid='ignore'):  # of a model that runs away
-            return filtered(run.cutoff(), dt, np.concatenate([[run.velocity], means]))[1:]
+    def _all_references(self) -> Iterator[tuple[Times, Array]]:
+        return self._references.blocks(0, self._references.count)

@@ -232,6 +232,9 @@ class Thrust:
         """Return lagged force and impulse at ``time``, after node ``i``."""
         x = (time - self._times[i]) * NS
         lag = self._lag
+        if not (lag or slope):  # the usual chain; what is left out below is 0 then
+            forces = self._forces[i]
+            return forces, tuple([a + f * x for a, f in zip(self._impulses[i], forces)])
         decay = math.exp(-x / lag) if lag > 0.0 else 0.0
         lagged, impulses = [], []
         for j, f in enumerate(self._forces[i]):

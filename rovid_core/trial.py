@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -101,9 +100,7 @@ class Fit:
         return Fit(NAN4, None, note)
 
 
-def record(origin: int, middles: Sequence[int], ends: Sequence[int],
-           first_forces: Sequence[float], last_forces: Sequence[float],
-           means: Sequence[float]) -> Record | None:
+def record(origin: int, times: NDArray[np.int64], values: Array) -> Record | None:
     """
     Return the steps of the pipe, midpoint to midpoint, as a record from fix to fix.
 
@@ -111,12 +108,11 @@ def record(origin: int, middles: Sequence[int], ends: Sequence[int],
     ----------
     origin : int
         The trial's start [ns].
-    middles, ends : sequence of int
+    times : ndarray of int64, shape (2, n)
         Fix at which each step's measurement begins, and the step's end [ns].
-    first_forces, last_forces : sequence of float
-        Mean force of each step before and after its fix [N or N m].
-    means : sequence of float
-        Velocity that each step measured, not filtered [m/s or rad/s].
+    values : ndarray, shape (4, n)
+        Mean force of each step before and after its fix [N or N m]; its filtered velocity,
+        which is not used; the velocity that it measured, not filtered [m/s or rad/s].
 
     Returns
     -------
@@ -124,11 +120,9 @@ def record(origin: int, middles: Sequence[int], ends: Sequence[int],
         None if there are too few steps to be of use.
 
     """
-    if len(ends) < 3:
+    (fix, end), (first, last, _, mean) = times, values
+    if len(end) < 3:
         return None
-    fix, end = np.array(middles), np.array(ends)
-    mean = np.array(means)
-    first, last = np.array(first_forces), np.array(last_forces)
     if fix[-1] == end[-1]:  # a velocity sensor: steps from sample to sample
         dt = np.diff(end) * 1e-9
         return Record((end - origin) * 1e-9, np.empty(0), mean, dt, first[1:])

@@ -6,33 +6,49 @@ This is the one place that knows about ROS conventions: field paths, stamps, NED
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
-from rovid_core.settings import INPUTS, Settings, SettingsError
+from rovid_core.settings import Settings
 from rovid_core.values import Event, Sample
 from rovid_ros.field_paths import (
     describe,
     field_names,
     FieldError,
     MissingIndexError,
-    nearest,
 )
-from rovid_ros.message_types import standard_types
-from rovid_ros.sample_readers import Reader, reader, RefusedError, Source
+from rovid_ros.sample_readers import Reading, reading, RefusedError
+from rovid_ros.sources import conflict, Source, sources
 
-__all__ = ['Converter', 'FieldError']
+__all__ = ['Access', 'Converter', 'FieldError', 'STAMP']
+
+STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
 
 
 @dataclass(frozen=True, slots=True)
-class _Compiled:
-    """A source made fast for one message class."""
+class Access:
+    """
+    A source made fast for one kind of message: of a class, or serialised in one layout.
+
+    Attributes
+    ----------
+    fetch : callable
+        From the message to what the reading makes the value of.
+    stamp : callable or None
+        From the message to seconds and nanoseconds; None for the receive time.
+
+    """
 
     source: Source
-    read: Reader
-    stamp: Callable[[Any], tuple[int, int]] | None  # None: the receive time
+    reading: Reading
+    fetch: Callable[[Any], tuple[Any, ...]]
+    stamp: Callable[[Any], tuple[int, int]] | None
+
+    def value(self, message: Any) -> tuple[float, ...]:
+        """Return the value of a sample."""
+        return self.reading.make(*self.fetch(message))
 
 
 class Converter:
@@ -68,12 +84,12 @@ class Converter:
         self._settings = settings
         self._count = count
         self._sources: dict[str, list[Source]] = {}
-        self._compiled: dict[tuple[str, type], list[_Compiled]] = {}
-        for source in _sources(settings):
+        self._accesses: dict[tuple[str, type], list[Access]] = {}
+        for source in sources(settings):
             self._sources.setdefault(source.topic, []).append(source)
             known = self.topics.setdefault(source.topic, source.type)
             if source.type and known and source.type != known:
-                raise _conflict(source, next(
+                raise conflict(source, next(
                     other for other in self._sources[source.topic] if other.type == known))
             self.topics[source.topic] = known or source.type
 
@@ -105,14 +121,23 @@ class Converter:
             If the type of the message has no such field.
 
         """
-        compiled = self._compiled.get((topic, type(message)))
-        if compiled is None:
-            compiled = self._compile(topic, message)
-        times: dict[int, list[Sample]] = {}
-        for one in compiled:
-            source = one.source
+        accesses = self._accesses.get((topic, type(message)))
+        if accesses is None:
+            accesses = self._compile(topic, message)
+        return self.read(accesses, message, receive_time, origin)
+
+    def accesses(self, topic: str, message: Any) -> list[Access]:
+        """Return how messages like one that was converted are read, none if it lacked any."""
+        return self._accesses.get((topic, type(message)), [])
+
+    def read(self, accesses: Sequence[Access], message: Any, receive_time: int,
+             origin: Any = None) -> list[Event]:
+        """Return the events of a message, as in ``events``."""
+        events: list[Event] = []
+        for access in accesses:
+            source = access.source
             try:
-                value = one.read(message)
+                value = access.reading.make(*access.fetch(message))
             except RefusedError as refused:
                 self._refuse(source, refused.reason, refused.detail)
                 continue
@@ -120,15 +145,15 @@ class Converter:
                 self._refuse(source, 'missing_index', f'{source.field!r} is beyond the end')
                 continue
             time = receive_time
-            if one.stamp is not None:
-                seconds, nanoseconds = one.stamp(message)
+            if access.stamp is not None:
+                seconds, nanoseconds = access.stamp(message)
                 if seconds or nanoseconds:
                     time = seconds * 1_000_000_000 + nanoseconds
                 else:
                     self._count(source.input, 'zero_stamp')
-            sample = Sample(source.input, value, source.part)
-            times.setdefault(time - source.latency, []).append(sample)
-        return [Event(time, tuple(samples), origin) for time, samples in times.items()]
+            events.append(Event(time - source.latency, (
+                Sample(source.input, value, source.part),), origin))
+        return events if len(events) < 2 else _joined(events, origin)
 
     def check_type(self, topic: str, blank: Any) -> None:
         """
@@ -148,25 +173,26 @@ class Converter:
 
         """
         for source in self._sources.get(topic, ()):
-            _stamp(source, blank)
+            _stamped(source, blank)
             try:
-                reader(source, blank, self._settings, blank=True)
+                reading(source, blank, self._settings, blank=True)
             except MissingIndexError:  # what an empty array would hold is not known yet
                 pass
 
-    def _compile(self, topic: str, message: Any) -> list[_Compiled]:
+    def _compile(self, topic: str, message: Any) -> list[Access]:
         sources = self._sources.get(topic, [])
-        compiled = []
+        accesses = []
         for source in sources:
-            stamp = _stamp(source, message)
+            stamp = attrgetter(*STAMP) if _stamped(source, message) else None
             try:
-                compiled.append(
-                    _Compiled(source, reader(source, message, self._settings), stamp))
+                found = reading(source, message, self._settings)
             except MissingIndexError as missing:
                 self._refuse(source, 'missing_index', str(missing))
-        if len(compiled) == len(sources):
-            self._compiled[topic, type(message)] = compiled
-        return compiled
+            else:
+                accesses.append(Access(source, found, found.fetch(), stamp))
+        if len(accesses) == len(sources):
+            self._accesses[topic, type(message)] = accesses
+        return accesses
 
     def _refuse(self, source: Source, reason: str, detail: str) -> None:
         self._count(source.input, reason)
@@ -174,45 +200,23 @@ class Converter:
             self.details[source.input, reason] = f'{source.key}.field: {detail}'
 
 
-def _sources(settings: Settings) -> list[Source]:
-    """Return what to read, in the order of INPUTS."""
-    sources = []
-    for name in INPUTS:
-        if name not in settings.used_inputs():
-            continue
-        if name == 'thrusters':
-            given: Any = settings.thrusters
-            topics = settings.thrusters.topics
-        else:
-            given = settings.input(name)
-            topics = (given.topic,)
-        for part, topic in enumerate(topics):
-            sources.append(Source(
-                name, topic, given.type, given.field, given.stamp,
-                round(given.latency * 1e9), part))
-    return sources
+def _joined(events: Sequence[Event], origin: Any) -> list[Event]:
+    """Return one event per time."""
+    times: dict[int, tuple[Sample, ...]] = {}
+    for event in events:
+        times[event.time] = times.get(event.time, ()) + event.samples
+    return [Event(time, samples, origin) for time, samples in times.items()]
 
 
-def _conflict(one: Source, other: Source) -> SettingsError:
-    """Return the error for two types of one topic; one that ROS does not know is at fault."""
-    types = standard_types().fielddefs
-    if other.type not in types and one.type in types:
-        one, other = other, one
-    hint = '' if one.type in types else nearest(one.type, [other.type, *types])
-    return SettingsError(
-        f'{one.key}.type', f'is {one.type}, but {other.key}.type reads {one.topic} as '
-                           f'{other.type}{hint}')
-
-
-def _stamp(source: Source, message: Any) -> Callable[[Any], tuple[int, int]] | None:
-    """Return how to get the stamp, None for the receive time."""
+def _stamped(source: Source, message: Any) -> bool:
+    """Return whether the time is that of the header, and not the receive time."""
     if source.stamp == 'receive':
-        return None
+        return False
     header = getattr(message, 'header', None)
     if 'header' in field_names(message) and 'stamp' in field_names(header):
-        return attrgetter('header.stamp.sec', 'header.stamp.nanosec')
+        return True
     if source.stamp == 'header':
         raise FieldError(
             f'{source.key}.stamp', f"is 'header', but {describe(message)} has none, it has "
                                    f"{', '.join(field_names(message))}; use 'receive'")
-    return None
+    return False

@@ -10,7 +10,9 @@ from rovid_core.stream import Stream
 from rovid_core.values import Estimate
 from rovid_ros.controls import repeat
 from rovid_ros.convert import Converter
-from rovid_ros.logs import LogMessage
+from rovid_ros.logs import LogMessage, Maker
+from rovid_ros.message_types import Decoder, WireType
+from rovid_ros.unpack import Unpacker
 
 
 class Feeder(Protocol):
@@ -19,6 +21,9 @@ class Feeder(Protocol):
     stream: Stream
     converter: Converter
     scores: ScoreLog
+
+    def take(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
+        """Return what makes the data that ``feed`` takes, of the messages of a topic."""
 
     def feed(self, message: LogMessage) -> list[Estimate]:
         """Take the next message; return the estimates that it released."""
@@ -41,12 +46,17 @@ class PipeFeeder:
         self.stream = Stream(settings, scorer=self.scores)
         self.converter = Converter(settings, self.stream.reject)
 
+    def take(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
+        """Return what makes events of the messages of a topic."""
+        return Unpacker(self.converter, topic, wire, decode).events
+
     def feed(self, message: LogMessage) -> list[Estimate]:
-        """Take the next message; return the estimates that it released."""
-        return [
-            estimate
-            for event in self.converter.events(message.topic, message.data, message.time)
-            for estimate in self.stream.receive(event)]
+        """Take the next message, as events; return the estimates that it released."""
+        receive = self.stream.receive
+        events = message.data
+        if len(events) == 1:
+            return receive(events[0])
+        return [estimate for event in events for estimate in receive(event)]
 
     def control(self, name: str, value: str) -> list[Estimate]:
         """Do again what a service call did when the log was recorded."""

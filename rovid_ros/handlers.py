@@ -83,6 +83,7 @@ def compare(args: argparse.Namespace) -> None:
 
 def replay(args: argparse.Namespace) -> None:
     """Run ``rovid replay``."""
+    from rovid_core.score import ScoreLog
     from rovid_ros.feeder import PipeFeeder
     from rovid_ros.json_file import write_json
     from rovid_ros.replay import replay as run_replay
@@ -100,7 +101,9 @@ def replay(args: argparse.Namespace) -> None:
         args.checkpoint, args.append, settings.checkpoint_period) if args.checkpoint else None
 
     with naming(args.params_file):
-        feeder = _node(args, settings) if args.ros else PipeFeeder(settings)
+        # a state that can be gone on from holds the steps so far, which then are not in a file
+        feeder = _node(args, settings) if args.ros else PipeFeeder(
+            settings, ScoreLog(settings, spill=checkpoint is None))
         result = run_replay(
             args.logs, settings, feeder, output=args.output, start=args.start,
             duration=args.duration, checkpoint=checkpoint, warn=partial(_warn, args.prog))

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 import struct
-from typing import Any
+from typing import Any, BinaryIO
 
 from mcap.exceptions import McapError
 
@@ -101,6 +101,13 @@ class Container(ABC):
         self.path = path
         self.name = name  # what to call it in messages
         self.order = 0  # among the files that are read as one log
+        self.loaded = 0  # messages, since the reading began
+        self.forget()
+        self.look_through()
+        self._finish()
+
+    def forget(self) -> None:
+        """Know nothing of the file."""
         self.channels: dict[int, Channel] = {}
         self.counts: dict[int, int] | None = {}
         self.metadata: dict[str, dict[str, str]] = {}
@@ -108,10 +115,13 @@ class Container(ABC):
         self.start = NEVER
         self.end = -1
         self.cut = False
-        self.loaded = 0  # messages, since the reading began
         self._warnings: list[str] = []
         self._damaged = False
         self._declared = 0  # [bytes]
+
+    @abstractmethod
+    def look_through(self) -> None:
+        """Take note of channels, counts, metadata and blocks."""
 
     @abstractmethod
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
@@ -138,7 +148,7 @@ class Container(ABC):
         return [*self._warnings,
                 f'{self.name}: damaged; some of its messages are left out{read}']
 
-    def finish(self) -> None:
+    def _finish(self) -> None:
         """Say what is missing, after the file has been looked through."""
         if self.cut and not self.blocks:
             self._warnings.append(f'{self.name}: cut off before its first message')
@@ -189,6 +199,30 @@ class Container(ABC):
     def place(self, block: Block) -> int:
         """Return a number that grows from log to log and from block to block."""
         return self.order << 60 | block.number << 40
+
+
+class IndexedContainer(Container):
+    """A file that says at its end what it holds, if it was closed."""
+
+    def look_through(self) -> None:
+        """Read the index, or the whole file."""
+        self.size = written_size(self.path)
+        with self.path.open('rb') as file:
+            try:
+                indexed = self.read_index(file)
+            except MALFORMED:
+                indexed = False
+            if not indexed:
+                self.forget()
+                self.scan(file)
+
+    @abstractmethod
+    def read_index(self, file: BinaryIO) -> bool:
+        """Return whether the index at the end tells all; note what it tells."""
+
+    @abstractmethod
+    def scan(self, file: BinaryIO) -> None:
+        """Look through the whole file, up to its end or to where it stops making sense."""
 
 
 def written_size(path: Path) -> int:

@@ -6,40 +6,35 @@ The format's own Python package refuses a file without an end and stops at a chu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from io import BytesIO
-from pathlib import Path
+from collections.abc import Mapping
 import struct
 from typing import BinaryIO
 import zlib
 
 from mcap import records
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from rovid_ros.log_compression import inflate
 from rovid_ros.log_container import (
     Block,
     Channel,
-    Container,
+    IndexedContainer,
     LARGEST,
     MALFORMED,
     MOST_DECLARED,
     Raw,
-    written_size,
 )
+from rovid_ros.mcap_records import length_of, messages, RECORD, records_in, stream
 from rovid_ros.message_types import normalised
 
 MAGIC = b'\x89MCAP0\r\n'
 
-_RECORD = struct.Struct('<BQ')  # opcode, length
-_MESSAGE = struct.Struct('<H4xQ8x')  # channel, (sequence,) log time, (publish time)
 _CHUNK = struct.Struct('<QQQII')  # start, end, uncompressed size and CRC, length of a name
 _FOOTER = 9 + 20 + len(MAGIC)
 _RUN = 1 << 20  # [bytes] of messages outside chunks that are read as one block
 _ENCODINGS = {'ros2msg': False, 'ros1msg': False, 'ros2idl': True, 'omgidl': True}
 
 
-class McapFile(Container):
+class McapFile(IndexedContainer):
     """
     An MCAP file.
 
@@ -50,20 +45,10 @@ class McapFile(Container):
 
     """
 
-    def __init__(self, path: Path, name: str) -> None:
-        super().__init__(path, name)
+    def forget(self) -> None:
+        """Know nothing of the file."""
+        super().forget()
         self._schemas: dict[int, tuple[str, str, str]] = {}  # name, encoding, definition
-        self._size = written_size(path)
-        with path.open('rb') as file:
-            try:
-                indexed = self._read_summary(file)
-            except MALFORMED:
-                indexed = False
-            if not indexed:
-                super().__init__(path, name)
-                self._schemas.clear()
-                self._scan(file)
-        self.finish()
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
         """Return the messages of these channels in a block, in the order of the file."""
@@ -75,36 +60,36 @@ class McapFile(Container):
             data, whole = self._chunk(data)
             if not whole and not self.cut:
                 self.damaged()
-        return _messages(data, wanted, self.place(block))
+        return messages(data, wanted, self.place(block))
 
     def _summary(self, file: BinaryIO) -> bytes:
         """Return the records of the index at the end of the file; none if it is damaged."""
-        file.seek(max(self._size - _FOOTER, 0))
+        file.seek(max(self.size - _FOOTER, 0))
         tail = file.read(_FOOTER)
         if len(tail) < _FOOTER or tail[-8:] != MAGIC or tail[0] != Opcode.FOOTER:
             return b''
-        footer = records.Footer.read(_stream(tail[9:]))
-        if not 0 < footer.summary_start <= self._size - _FOOTER:
+        footer = records.Footer.read(stream(tail[9:]))
+        if not 0 < footer.summary_start <= self.size - _FOOTER:
             return b''
-        if self._size - footer.summary_start > LARGEST:
+        if self.size - footer.summary_start > LARGEST:
             return b''
         file.seek(footer.summary_start)
-        summary = file.read(self._size - _FOOTER - footer.summary_start)
+        summary = file.read(self.size - _FOOTER - footer.summary_start)
         crc = footer.summary_crc
         return b'' if crc and crc != zlib.crc32(summary + tail[:25]) else summary
 
-    def _read_summary(self, file: BinaryIO) -> bool:
+    def read_index(self, file: BinaryIO) -> bool:
         """Return whether the index at the end tells all; note what it tells."""
         statistics: records.Statistics | None = None
         chunks: list[records.ChunkIndex] = []
         metadata: list[records.MetadataIndex] = []
-        for opcode, body in _records(self._summary(file)):
+        for opcode, body in records_in(self._summary(file)):
             if opcode == Opcode.STATISTICS:
-                statistics = records.Statistics.read(_stream(body))
+                statistics = records.Statistics.read(stream(body))
             elif opcode == Opcode.CHUNK_INDEX:
-                chunks.append(records.ChunkIndex.read(_stream(body)))
+                chunks.append(records.ChunkIndex.read(stream(body)))
             elif opcode == Opcode.METADATA_INDEX:
-                metadata.append(records.MetadataIndex.read(_stream(body)))
+                metadata.append(records.MetadataIndex.read(stream(body)))
             else:
                 self._declare(opcode, body)
         if statistics is None or not self._agrees(statistics, len(chunks), len(metadata)):
@@ -116,7 +101,7 @@ class McapFile(Container):
             behind = index.chunk_start_offset + index.chunk_length
             self._index_chunk(index)
         for entry in metadata:
-            file.seek(min(entry.offset + 9, self._size))
+            file.seek(min(entry.offset + 9, self.size))
             self._declare(
                 Opcode.METADATA, file.read(max(min(entry.length - 9, MOST_DECLARED), 0)))
         return True
@@ -132,7 +117,7 @@ class McapFile(Container):
             and (chunks > 0 or statistics.message_count == 0))
 
     def _index_chunk(self, index: records.ChunkIndex) -> None:
-        if index.chunk_start_offset + index.chunk_length > self._size:
+        if index.chunk_start_offset + index.chunk_length > self.size:
             raise ValueError('a chunk behind the end of the file')
         if index.chunk_length > LARGEST:
             raise ValueError('a chunk that is too large')
@@ -144,19 +129,19 @@ class McapFile(Container):
     def _declare(self, opcode: int, body: bytes) -> None:
         """Take note of a schema, a channel or metadata."""
         if opcode == Opcode.SCHEMA:
-            schema = records.Schema.read(_stream(body))
+            schema = records.Schema.read(stream(body))
             known = schema.encoding in _ENCODINGS
             self.keep(self._schemas, schema.id, (
                 normalised(schema.name), schema.encoding,
                 schema.data.decode(errors='replace') if known else ''), len(body))
         elif opcode == Opcode.CHANNEL:
-            record = records.Channel.read(_stream(body))
+            record = records.Channel.read(stream(body))
             name, encoding, text = self._schemas.get(record.schema_id, ('unknown', '', ''))
             self.keep(self.channels, record.id, Channel(
                 record.id, '/' + record.topic.lstrip('/'), name, record.message_encoding, text,
                 _ENCODINGS.get(encoding, False)), len(body))
         elif opcode == Opcode.METADATA:
-            entry = records.Metadata.read(_stream(body))
+            entry = records.Metadata.read(stream(body))
             self.keep(self.metadata, entry.name, dict(entry.metadata), len(body))
 
     def _declare_if_sound(self, opcode: int, body: bytes) -> None:
@@ -165,28 +150,28 @@ class McapFile(Container):
         except MALFORMED:
             self.damaged()
 
-    def _scan(self, file: BinaryIO) -> None:
+    def scan(self, file: BinaryIO) -> None:
         """Look through the whole file, up to its end or to where it stops making sense."""
         offset = len(MAGIC)
         run = offset  # where the messages outside chunks begin that no block holds yet
         file.seek(offset)
         while True:
-            there = offset + _RECORD.size <= self._size
-            opcode, length = _RECORD.unpack(file.read(_RECORD.size)) if there else (0, 0)
+            there = offset + RECORD.size <= self.size
+            opcode, length = RECORD.unpack(file.read(RECORD.size)) if there else (0, 0)
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 break
-            end = offset + _RECORD.size + length
-            self.cut = opcode == 0 or Opcode.DATA_END < opcode < 0x80 or end > self._size
+            end = offset + RECORD.size + length
+            self.cut = opcode == 0 or Opcode.DATA_END < opcode < 0x80 or end > self.size
             is_chunk = opcode == Opcode.CHUNK
             if is_chunk or self.cut or end - run > _RUN:
                 self._scan_run(file, run, offset)
                 run = end if is_chunk else offset
-                file.seek(offset + _RECORD.size)
-            if is_chunk and min(length, self._size) > LARGEST:
+                file.seek(offset + RECORD.size)
+            if is_chunk and min(length, self.size) > LARGEST:
                 self.damaged()
             elif is_chunk:
                 self._scan_chunk(
-                    file, offset + _RECORD.size, min(end, self._size) - offset - _RECORD.size)
+                    file, offset + RECORD.size, min(end, self.size) - offset - RECORD.size)
             if self.cut:
                 return
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
@@ -194,7 +179,7 @@ class McapFile(Container):
             offset = end
             file.seek(offset)
         self._scan_run(file, run, offset)
-        file.seek(max(self._size - len(MAGIC), 0))
+        file.seek(max(self.size - len(MAGIC), 0))
         self.cut = file.read(len(MAGIC)) != MAGIC
 
     def _scan_run(self, file: BinaryIO, start: int, end: int) -> None:
@@ -204,17 +189,17 @@ class McapFile(Container):
         file.seek(start)
         data = file.read(end - start)
         self.add_counted(
-            _messages(data, self.channels, 0), (start, end - start, False))
+            messages(data, self.channels, 0), (start, end - start, False))
 
     def _scan_chunk(self, file: BinaryIO, offset: int, length: int) -> None:
         data, whole = self._chunk(file.read(length))
         if not whole and not self.cut:
             self.damaged()
-        for opcode, body in _records(data):
+        for opcode, body in records_in(data):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._declare_if_sound(opcode, body)
         self.add_counted(
-            _messages(data, self.channels, 0), (offset, length, True))
+            messages(data, self.channels, 0), (offset, length, True))
 
     def _chunk(self, body: bytes) -> tuple[bytes, bool]:
         """Return the records in a chunk and whether they are all there and right."""
@@ -227,45 +212,6 @@ class McapFile(Container):
             return b'', False
         data = inflate(body[start + 8:], compression, self.name, size)
         whole = len(data) == size and (not crc or zlib.crc32(data) == crc)
-        if not whole and len(data) >= size and _length(data) == len(data):
+        if not whole and len(data) >= size and length_of(data) == len(data):
             return b'', False  # every record is there, but some bits are wrong
         return data, whole
-
-
-def _stream(body: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(body))
-
-
-def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield opcode and body of the whole records."""
-    position = 0
-    while position + _RECORD.size <= len(data):
-        opcode, length = _RECORD.unpack_from(data, position)
-        start = position + _RECORD.size
-        position = start + length
-        if not opcode or position > len(data):
-            return
-        yield opcode, data[start:position]
-
-
-def _length(data: bytes) -> int:
-    """Return the length of the whole records [bytes]."""
-    return sum(_RECORD.size + len(body) for _, body in _records(data))
-
-
-def _messages(data: bytes, wanted: Mapping[int, Channel], place: int) -> list[Raw]:
-    """Return the whole messages of these channels."""
-    found: list[Raw] = []
-    position, size = 0, len(data)
-    record, message = _RECORD.unpack_from, _MESSAGE.unpack_from
-    while position + 9 <= size:
-        opcode, length = record(data, position)
-        end = position + 9 + length
-        if end > size or not opcode:
-            break
-        if opcode == 5 and length >= 22:
-            number, time = message(data, position + 9)
-            if number in wanted:
-                found.append((time, place | position, wanted[number], data[position + 31:end]))
-        position = end
-    return found

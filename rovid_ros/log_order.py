@@ -16,6 +16,45 @@ Wanted = Mapping[Container, Mapping[int, Channel]]
 """The channels to read of each file."""
 
 
+def parts(containers: Sequence[Container], wanted: Wanted, first: int, last: int,
+          in_file_order: bool) -> Iterator[list[Raw]]:
+    """
+    Yield the messages of some channels, part by part; blocks without them are not read.
+
+    Parameters
+    ----------
+    containers : sequence of Container
+        The files, by the time of their first message.
+    wanted : mapping
+        By file, the channels by number.
+    first, last : int
+        Log times [ns] between which they are, both included.
+    in_file_order : bool
+        Take them as they were written, and not by time.
+
+    Raises
+    ------
+    LogError
+        If too many blocks overlap in time.
+
+    """
+    blocks = [
+        block for container in containers for block in container.blocks
+        if block.end >= first and block.start <= last and wanted[container]
+        and not (block.channels and block.channels.isdisjoint(wanted[container]))]
+    for container in containers:
+        container.loaded = 0
+    if in_file_order:
+        for part in as_written(blocks, wanted):
+            yield [message for message in part if first <= message[0] <= last]
+        return
+    for part in in_time_order(blocks, wanted):
+        if part and not first <= part[0][0] <= part[-1][0] <= last:
+            yield part[bisect_left(part, (first,)):bisect_left(part, (last + 1,))]
+        else:
+            yield part
+
+
 def as_written(blocks: Sequence[Block], wanted: Wanted) -> Iterator[list[Raw]]:
     """Yield all messages in the order of the files."""
     for block in blocks:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 import struct
 from typing import BinaryIO
 
@@ -11,11 +10,10 @@ from rovid_ros.log_compression import inflate
 from rovid_ros.log_container import (
     Block,
     Channel,
-    Container,
+    IndexedContainer,
     LARGEST,
     MALFORMED,
     Raw,
-    written_size,
 )
 from rovid_ros.message_types import normalised
 
@@ -28,7 +26,7 @@ _MESSAGE, _BAG, _CHUNK, _CHUNK_INFO, _CONNECTION = b'\x02', b'\x03', b'\x05', b'
 Header = dict[bytes, bytes]
 
 
-class BagFile(Container):
+class BagFile(IndexedContainer):
     """
     A ROS 1 bag.
 
@@ -39,35 +37,21 @@ class BagFile(Container):
 
     """
 
-    def __init__(self, path: Path, name: str) -> None:
-        super().__init__(path, name)
-        self._size = written_size(path)
-        with path.open('rb') as file:
-            try:
-                indexed = self._read_index(file)
-            except MALFORMED:
-                indexed = False
-            if not indexed:
-                super().__init__(path, name)
-                self.cut = True  # the index is written when a bag is closed
-                self._scan(file)
-        self.finish()
-
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
         """Return the messages of these channels in a block, in the order of the file."""
         with self.path.open('rb') as file:
             file.seek(block.where)
-            _, header, data = next(_records(file, self._size))
+            _, header, data = next(_records(file, self.size))
         size = _size(header)
         inflated = inflate(data, _compression(header), self.name, size)
         if len(inflated) != size and not self.cut:
             self.damaged()
         return _messages(inflated, wanted, self.place(block))
 
-    def _read_index(self, file: BinaryIO) -> bool:
+    def read_index(self, file: BinaryIO) -> bool:
         """Return whether the index at the end tells all; note what it tells."""
         file.seek(len(MAGIC))
-        _, bag, _ = next(_records(file, self._size))
+        _, bag, _ = next(_records(file, self.size))
         position, = struct.unpack('<Q', bag[b'index_pos'])
         chunks, = _LENGTH.unpack(bag[b'chunk_count'])
         connections, = _LENGTH.unpack(bag[b'conn_count'])
@@ -75,7 +59,7 @@ class BagFile(Container):
             return False
         file.seek(position)
         found: list[tuple[int, int, int, dict[int, int]]] = []
-        for _, header, data in _records(file, self._size):
+        for _, header, data in _records(file, self.size):
             if header[b'op'] == _CONNECTION:
                 self._connect(header, data)
             elif header[b'op'] == _CHUNK_INFO:
@@ -91,10 +75,11 @@ class BagFile(Container):
                 self.counts[channel] = self.counts.get(channel, 0) + count
         return True
 
-    def _scan(self, file: BinaryIO) -> None:
+    def scan(self, file: BinaryIO) -> None:
         """Look through the whole file, up to its end or to where it stops making sense."""
+        self.cut = True  # the index is written when a bag is closed
         file.seek(len(MAGIC))
-        for place, header, data in _records(file, self._size):
+        for place, header, data in _records(file, self.size):
             if header.get(b'op') == _CHUNK:
                 inflated = inflate(data, _compression(header), self.name, _size(header))
                 for _, inner, body in _records_in(inflated):

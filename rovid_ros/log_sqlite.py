@@ -38,8 +38,8 @@ class SqliteFile(Container):
 
     """
 
-    def __init__(self, path: Path, name: str) -> None:
-        super().__init__(path, name)
+    def look_through(self) -> None:
+        """Read the tables."""
         try:
             with closing(self._connect()) as base:
                 self._read_topics(base)
@@ -51,8 +51,7 @@ class SqliteFile(Container):
                     self._read_rows(base)
         except (sqlite3.Error, UnicodeDecodeError) as error:
             raise LogError(
-                f'{name}: not a log of rosbag2, or cut off too early ({error})') from None
-        self.finish()
+                f'{self.name}: not a log of rosbag2, or cut off too early ({error})') from None
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
         """Return the messages of these channels in a block, in time order."""

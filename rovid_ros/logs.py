@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
 import os
 from pathlib import Path
 from tempfile import gettempdir, TemporaryDirectory
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import Any
 
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 from rovid_ros.field_paths import nearest
 from rovid_ros.leftovers import remove_leftovers
-from rovid_ros.log_container import Channel, LogError, MALFORMED
-from rovid_ros.log_order import as_written, in_time_order
+from rovid_ros.log_container import Channel, LogError, MALFORMED, Raw
+from rovid_ros.log_messages import LogMessage, Maker, RawMessage, Take, TopicInfo, topics_of
+from rovid_ros.log_order import parts
 from rovid_ros.log_paths import open_all
 from rovid_ros.message_types import (
     build,
@@ -25,38 +25,13 @@ from rovid_ros.message_types import (
     normalised,
     typestore,
     TypeUnknownError,
+    WireType,
 )
 from zstandard import ZstdError
 
-__all__ = ['Log', 'LogError', 'LogMessage', 'RawMessage', 'TopicInfo']
+__all__ = ['Log', 'LogError', 'LogMessage', 'Maker', 'RawMessage', 'Take', 'TopicInfo']
 
 RECORD = 'rovid_record'  # metadata of the logs that the node writes itself
-
-
-@dataclass(frozen=True)
-class TopicInfo:
-    """What a log holds of a topic."""
-
-    type: str
-    count: int | None  # None: the log does not say
-
-
-@dataclass(frozen=True, slots=True)
-class LogMessage:
-    """A decoded message; ``time`` is when it was received [ns]."""
-
-    topic: str
-    type: str
-    time: int
-    data: Any
-
-
-class RawMessage(NamedTuple):
-    """A message as it is in the file."""
-
-    time: int  # [ns]
-    channel: Channel
-    data: bytes
 
 
 class Log:
@@ -105,7 +80,7 @@ class Log:
         self.metadata: dict[str, dict[str, str]] = {}
         for container in self._containers:
             self.metadata.update(container.metadata)
-        self.topics = self._topics()
+        self.topics = topics_of(self._containers)
         records = [RECORD in container.metadata for container in self._containers]
         self.recorded = all(records)
         if any(records) and not self.recorded:
@@ -159,7 +134,8 @@ class Log:
         return build(self._typestore(channel), channel.type, {})
 
     def messages(self, topics: Collection[str], start: float = 0.0,
-                 duration: float | None = None) -> Iterator[LogMessage]:
+                 duration: float | None = None, take: Take | None = None
+                 ) -> Iterator[LogMessage]:
         """
         Yield the decoded messages of some topics.
 
@@ -169,6 +145,9 @@ class Log:
             Those that the log does not have are left out.
         start, duration : float
             Part of the log [s], from its first message on any topic.
+        take : callable, optional
+            Gets a topic, how its messages are written and their decoder; returns what makes
+            the data of bytes and log time. Without it, they are decoded as a whole.
 
         Raises
         ------
@@ -176,59 +155,34 @@ class Log:
             If a topic cannot be decoded.
 
         """
-        decoders = {}
-        for topic in topics:
-            for channel in self._channels(topic):
-                if channel.encoding not in ('cdr', 'ros1'):
-                    raise LogError(f'{self._name()}: {topic} is encoded as {channel.encoding!r}; '
-                                   'cdr and ros1 can be read')
-                decoders[channel] = decoder(
-                    self._typestore(channel), channel.type, channel.encoding)
-        decoded: set[Channel] = set()
-        for time, channel, raw in self.raw(topics, start, duration):
-            if len(raw) > LARGEST_MESSAGE:
-                self._warn_once(f'{self._name()}: {channel.topic} ({channel.type}) has messages '
-                                f'of more than {LARGEST_MESSAGE:,} bytes; they are left out')
-                continue
-            try:
-                data = decoders[channel](raw)
-            except (SerdeError, ZstdError, AssertionError, *MALFORMED) as error:  # by version
-                line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
-                if channel not in decoded:
-                    raise LogError(f'{line}: {error}') from None
-                self._warn_once(f'{line} everywhere; such messages are left out')
-                continue
-            decoded.add(channel)
-            yield LogMessage(channel.topic, channel.type, time, data)
+        # by identity: comparing channels for every message would take a third of the time
+        makers = {id(channel): self._maker(channel, take)
+                  for topic in topics for channel in self._channels(topic)}
+        decoded: dict[int, Channel] = {}
+        for part in self._parts(topics, start, duration):
+            for time, _, channel, raw in part:
+                if len(raw) > LARGEST_MESSAGE:
+                    self._warn_once(
+                        f'{self._name()}: {channel.topic} ({channel.type}) has messages of more '
+                        f'than {LARGEST_MESSAGE:,} bytes; they are left out')
+                    continue
+                try:
+                    data = makers[id(channel)](raw, time)
+                except (SerdeError, ZstdError, AssertionError, *MALFORMED) as error:  # by version
+                    line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
+                    if channel not in decoded.values():
+                        raise LogError(f'{line}: {error}') from None
+                    self._warn_once(f'{line} everywhere; such messages are left out')
+                    continue
+                decoded[id(channel)] = channel
+                yield LogMessage(channel.topic, channel.type, time, data)
 
     def raw(self, topics: Collection[str], start: float = 0.0,
             duration: float | None = None) -> Iterator[RawMessage]:
         """Yield the messages as they are in the files; parameters as in ``messages``."""
-        first = self.start + round(start * 1e9)
-        if first > self.end:
-            raise LogError(f'{self._name()}: is {(self.end - self.start) * 1e-9:.1f} s long; '
-                           f'nothing is left from {start:g} s on')
-        last = self.end if duration is None else min(
-            self.end, first + round(duration * 1e9) - 1)
-        wanted = {
-            container: {number: channel for number, channel in container.channels.items()
-                        if channel.topic in topics}
-            for container in self._containers}
-        blocks = [
-            block for container in self._containers for block in container.blocks
-            if block.end >= first and block.start <= last and wanted[container]
-            and not (block.channels and block.channels.isdisjoint(wanted[container]))]
-        span = max(last - first, 1)
-        for container in self._containers:
-            container.loaded = 0
-        batches = as_written if self.recorded else in_time_order
-        for batch in batches(blocks, wanted):
-            for time, _, channel, data in batch:
-                if first <= time <= last:
-                    yield RawMessage(time, channel, data)
-            if batch:
-                self._position = min(max(batch[-1][0] - first, 0) / span, 1.0)
-        self._position = 1.0
+        for part in self._parts(topics, start, duration):
+            for time, _, channel, data in part:
+                yield RawMessage(time, channel, data)
 
     def close(self) -> None:
         """Remove unpacked copies."""
@@ -243,6 +197,33 @@ class Log:
         """Close the log."""
         self.close()
 
+    def _parts(self, topics: Collection[str], start: float,
+               duration: float | None) -> Iterator[list[Raw]]:
+        """Yield the messages in order, some at a time, and note how far they are."""
+        first = self.start + round(start * 1e9)
+        if first > self.end:
+            raise LogError(f'{self._name()}: is {(self.end - self.start) * 1e-9:.1f} s long; '
+                           f'nothing is left from {start:g} s on')
+        last = self.end if duration is None else min(
+            self.end, first + round(duration * 1e9) - 1)
+        wanted = {
+            container: {number: channel for number, channel in container.channels.items()
+                        if channel.topic in topics}
+            for container in self._containers}
+        for part in parts(self._containers, wanted, first, last, self.recorded):
+            yield part
+            if part:
+                self._position = min(max(part[-1][0] - first, 0) / max(last - first, 1), 1.0)
+        self._position = 1.0
+
+    def _maker(self, channel: Channel, take: Take | None) -> Maker:
+        if channel.encoding not in ('cdr', 'ros1'):
+            raise LogError(f'{self._name()}: {channel.topic} is encoded as '
+                           f'{channel.encoding!r}; cdr and ros1 can be read')
+        wire = WireType(self._typestore(channel), channel.type, channel.encoding)
+        decode = decoder(*wire)
+        return take(channel.topic, wire, decode) if take else lambda raw, time: decode(raw)
+
     def _warn_once(self, line: str) -> None:
         if line not in self._warnings:
             self._warnings.append(line)
@@ -256,17 +237,6 @@ class Log:
             return typestore(channel.type, channel.definition, channel.idl)
         except TypeUnknownError as error:
             raise LogError(f'{self._name()}: {channel.topic}: {error}') from None
-
-    def _topics(self) -> dict[str, TopicInfo]:
-        topics: dict[str, TopicInfo] = {}
-        for container in self._containers:
-            for channel in container.channels.values():
-                counts = container.counts
-                count = None if counts is None else counts.get(channel.number, 0)
-                known = topics.get(channel.topic, TopicInfo(channel.type, 0))
-                total = None if count is None or known.count is None else known.count + count
-                topics[channel.topic] = TopicInfo(known.type, total)
-        return topics
 
     def _name(self) -> str:
         return ', '.join(container.name for container in self._containers)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cache
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.interfaces import Nodetype
@@ -31,6 +31,14 @@ LARGEST_MESSAGE = 1 << 20
 
 _RULE = '=' * 80 + '\n'
 _ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}  # others: 0
+
+
+class WireType(NamedTuple):
+    """How messages are written: their type, its definitions, and ``cdr`` or ``ros1``."""
+
+    store: Typestore
+    name: str
+    encoding: str
 
 
 class TypeUnknownError(ValueError):

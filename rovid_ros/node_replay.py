@@ -16,7 +16,8 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
 from rovid_core.values import Estimate
-from rovid_ros.logs import LogMessage
+from rovid_ros.logs import LogMessage, Maker
+from rovid_ros.message_types import Decoder, WireType
 from rovid_ros.node_identifier import IdentifierNode
 
 CLOCK_PERIOD = 10_000_000  # [ns] of log time between two messages on /clock
@@ -63,6 +64,10 @@ class NodeFeeder:
         self._first: int | None = None  # [ns] log time at which the replay began
         self._told = 0  # [ns] log time last published
         self._began = self._turn = time.monotonic()
+
+    def take(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
+        """Return the decoder: the node converts by itself."""
+        return lambda data, time: decode(data)
 
     def feed(self, message: LogMessage) -> list[Estimate]:
         """Take the next message when it is due; return the estimates that it released."""

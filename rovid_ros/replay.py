@@ -15,7 +15,8 @@ from rovid_core.values import Estimate
 from rovid_ros.convert import Converter
 from rovid_ros.feeder import Feeder
 from rovid_ros.interrupt import Interrupt, Interrupted
-from rovid_ros.logs import Log, LogMessage, RECORD
+from rovid_ros.logs import Log, LogMessage, Maker, RECORD
+from rovid_ros.message_types import Decoder, WireType
 from rovid_ros.output_file import OutputFile, part_of
 from rovid_ros.outputs import LATCHED, Output, Outputs
 from rovid_ros.progress import Progress
@@ -107,6 +108,7 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
         run = _Run(feeder, settings, _topics(log, feeder.converter, settings, warn))
         if checkpoint is not None:
             checkpoint.begin(log, (start, duration), feeder, run.read, run.memory(), output)
+            run.go_on()
         if log.recorded and not run.read.messages:
             _restore(log, feeder.stream)
         interrupt = stack.enter_context(Interrupt(part_of(output) if output else None))
@@ -117,7 +119,8 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
         span = min((log.end - begin) * 1e-9, duration or float('inf')) or 1.0
         progress = stack.enter_context(Progress('replay', lambda: run.until(begin) / span))
         wanted = [*run.topics, CONTROL] if log.recorded else [*run.topics]
-        run.take_all(log.messages(wanted, start, duration), interrupt, progress, checkpoint)
+        messages = log.messages(wanted, start, duration, run.maker)
+        run.take_all(messages, interrupt, progress, checkpoint)
     if interrupt.asked:
         raise Interrupted(_interrupted(run, output, checkpoint), interrupt.code)
     for line in (*log.warnings, *feeder.stream.take_warnings()):
@@ -146,10 +149,20 @@ class _Run:
         self._feeder = feeder
         self._settings = settings
         self._outputs = Outputs(settings)
+        self._again = 0
 
     def memory(self) -> dict[str, object]:
         """Return what remembers something, beside the feeder and ``read``."""
         return {'outputs': self._outputs}
+
+    def go_on(self) -> None:
+        """
+        Leave out the messages that an earlier call has read.
+
+        They are decoded again, for what that says of the log, but what an input refuses of
+        them has been counted.
+        """
+        self._again = self.read.here
 
     @property
     def duration(self) -> float:
@@ -163,11 +176,13 @@ class _Run:
     def take_all(self, messages: Iterable[LogMessage], interrupt: Interrupt, progress: Progress,
                  checkpoint: ReplayCheckpoint | None) -> None:
         """Feed messages up to the last or to a signal, and save what to go on from."""
-        before = self.read.here  # they are decoded again, for what that says of the log
-        for number, message in enumerate(messages):
+        before = self._again
+        for message in messages:
             if interrupt.asked:
                 break
-            if number >= before:
+            if self._again:
+                self._again -= 1
+            else:
                 self.take(message)
                 if checkpoint is not None and checkpoint.is_due:
                     checkpoint.save(self.writer)
@@ -176,6 +191,15 @@ class _Run:
             checkpoint.save(self.writer, complete=not interrupt.asked)
         if not interrupt.asked:
             self.write(self._feeder.finish())
+
+    def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
+        """Return what makes the data of the messages of a topic."""
+        if topic == CONTROL:
+            return lambda data, time: decode(data)
+        make = self._feeder.take(self.topics[topic], wire, decode)
+        if not self._again:
+            return make
+        return lambda data, time: decode(data) if self._again else make(data, time)
 
     def take(self, message: LogMessage) -> None:
         """Feed one message and write what it released."""
@@ -195,8 +219,9 @@ class _Run:
                 self._put(self._outputs.reset(), read.last)  # as the node does
         else:
             topic = self.topics[message.topic]
-            self.write(self._feeder.feed(
-                LogMessage(topic, message.type, message.time, message.data)))
+            if topic != message.topic:
+                message = message._replace(topic=topic)
+            self.write(self._feeder.feed(message))
 
     def write(self, estimates: Sequence[Estimate]) -> None:
         """Count the estimates and write the output topics."""

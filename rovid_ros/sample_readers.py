@@ -1,4 +1,4 @@
-"""Fast functions from a message to the plain floats of a sample, in FLU, ENU and SI units."""
+"""From the fields of a message to the plain floats of a sample, in FLU, ENU and SI units."""
 
 from __future__ import annotations
 
@@ -13,9 +13,10 @@ from rovid_core.rotation import from_yaw, product
 from rovid_core.settings import Settings
 from rovid_ros.field_paths import describe, field_names, FieldError, getter, Step, walk
 from rovid_ros.field_values import resolve
+from rovid_ros.sources import Source
 
 Floats = tuple[float, ...]
-Reader = Callable[[Any], Floats]
+Turn = Callable[[Any, Any, Any], Floats]
 
 _NAN3 = (math.nan, math.nan, math.nan)
 _NO_ATTITUDE = (math.nan, math.nan, math.nan, math.nan)
@@ -32,26 +33,36 @@ class RefusedError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
-    """Where an input's samples come from; one topic of several is a ``part``."""
-
-    input: str
-    topic: str
-    type: str
-    field: str
-    stamp: str
-    latency: int  # [ns]
-    part: int
-
-    @property
-    def key(self) -> str:
-        """Return the section of the parameter file."""
-        return 'thrusters.sign' if self.input == 'sign' else self.input
-
-
-def reader(source: Source, message: Any, settings: Settings, blank: bool = False) -> Reader:
+class Reading:
     """
-    Return the function that reads a source's value from messages like this one.
+    How to come from a message to a sample.
+
+    Attributes
+    ----------
+    paths : tuple of paths
+        To the fields that are needed: numbers, or arrays of numbers or texts.
+    make : callable
+        Takes what is at the paths and returns the sample's value.
+
+    """
+
+    paths: tuple[tuple[Step, ...], ...]
+    make: Callable[..., Floats]
+
+    def fetch(self) -> Callable[[Any], tuple[Any, ...]]:
+        """Return the function from a decoded message to what is at the paths."""
+        names = [step for path in self.paths for step in path]
+        if len(self.paths) > 1 and all(isinstance(name, str) for name in names):
+            get: Callable[[Any], tuple[Any, ...]] = attrgetter(
+                *['.'.join(map(str, path)) for path in self.paths])
+            return get
+        gets = [getter(path) for path in self.paths]
+        return lambda message: tuple([get(message) for get in gets])
+
+
+def reading(source: Source, message: Any, settings: Settings, blank: bool = False) -> Reading:
+    """
+    Return how to read a source's value from messages like this one.
 
     A message that is ``blank`` holds default values only: an array in it that is not empty
     always has that length.
@@ -66,42 +77,46 @@ def reader(source: Source, message: Any, settings: Settings, blank: bool = False
     """
     key = f'{source.key}.field'
     steps, value, shape = resolve(source.input, source.field, message, key)
-    get = getter(steps)
     if source.input in ('thrusters', 'sign'):
-        return _commands(source, shape, get, _joint_names(source, steps, message, settings),
-                         _expected(source, shape, value if blank else (), settings),
-                         settings)
+        count = _expected(source, shape, value if blank else (), settings)
+        return _commands(source, shape, steps, _joint_names(source, steps, message, settings),
+                         count, settings)
     if source.input == 'depth':
         scale, offset = settings.depth_scale, settings.depth_offset
-        return lambda message: (scale * float(get(message)) + offset,)
+        return Reading((tuple(steps),), lambda value: (scale * float(value) + offset,))
     if source.input == 'attitude':
-        read = _heading(settings) if shape == 'number' else _quaternion(settings)
-        return lambda message: read(get(message))
+        if shape == 'number':
+            return Reading((tuple(steps),), _heading(settings))
+        return Reading(_below(steps, 'xyzw'), _quaternion(settings))
+    ned = settings.frames == 'ned'
     if source.input == 'position':
-        return _vector(get, shape, _ned_to_enu if settings.frames == 'ned' else None)
-    turn = _frd_to_flu if settings.frames == 'ned' else None
+        return _vector(steps, shape, _ned_to_enu if ned else _floats)
+    turn = _frd_to_flu if ned else _floats
     if shape == 'twist':
-        linear = _vector(getter([*steps, 'linear']), 'vector', turn)
-        angular = _vector(getter([*steps, 'angular']), 'vector', turn)
-        return lambda message: linear(message) + angular(message)
+        return _pair(steps, ('linear', 'angular'), turn)
     if source.input == 'reference':
-        linear = _vector(get, shape, turn)
-        return lambda message: linear(message) + _NAN3
-    return _vector(get, shape, turn)
+        return Reading(_below(steps, 'xyz'), lambda x, y, z: turn(x, y, z) + _NAN3)
+    return _vector(steps, shape, turn)
 
 
-def _vector(get: Reader, shape: str, turn: Callable[[Any, Any, Any], Floats] | None) -> Reader:
-    xyz = attrgetter('x', 'y', 'z')
+def _below(steps: Sequence[Step], names: Sequence[str]) -> tuple[tuple[Step, ...], ...]:
+    return tuple([(*steps, name) for name in names])
 
-    def read(message: Any) -> Floats:
-        value = get(message)
-        if shape == 'vector':
-            x, y, z = xyz(value)
-        else:
-            x, y, z = _numbers(value, 3)
-        return (float(x), float(y), float(z)) if turn is None else turn(x, y, z)
 
-    return read
+def _vector(steps: Sequence[Step], shape: str, turn: Turn) -> Reading:
+    if shape == 'vector':
+        return Reading(_below(steps, 'xyz'), turn)
+    return Reading((tuple(steps),), lambda value: turn(*_numbers(value, 3)))
+
+
+def _pair(steps: Sequence[Step], names: tuple[str, str], turn: Turn) -> Reading:
+    one, other = (_below([*steps, name], 'xyz') for name in names)
+    return Reading(
+        one + other, lambda a, b, c, d, e, f: turn(a, b, c) + turn(d, e, f))
+
+
+def _floats(x: float, y: float, z: float) -> Floats:
+    return (float(x), float(y), float(z))
 
 
 def _ned_to_enu(x: float, y: float, z: float) -> Floats:
@@ -112,17 +127,16 @@ def _frd_to_flu(x: float, y: float, z: float) -> Floats:
     return (float(x), -float(y), -float(z))
 
 
-def _quaternion(settings: Settings) -> Callable[[Any], Quaternion]:
+def _quaternion(settings: Settings) -> Callable[[Any, Any, Any, Any], Quaternion]:
     """Return the conversion of body to world, both turned where the messages are in NED."""
     ned = settings.frames == 'ned'
     offset = from_yaw(settings.yaw_offset) if settings.yaw_offset else None
-    xyzw = attrgetter('x', 'y', 'z', 'w')
 
-    def read(value: Any) -> Quaternion:
-        x, y, z, w = map(float, xyzw(value))
-        q = (x, y, z, w)
+    def read(x: Any, y: Any, z: Any, w: Any) -> Quaternion:
+        q = (float(x), float(y), float(z), float(w))
         if ned:
             # (1, 1, 0, 0)/sqrt(2) takes NED to ENU, (1, 0, 0, 0) takes FLU to FRD
+            x, y, z, w = q
             s = _ROOT_HALF
             q = (s * (x + y), s * (x - y), s * (w - z), s * (w + z))
         return q if offset is None else product(offset, q)
@@ -143,28 +157,34 @@ def _heading(settings: Settings) -> Callable[[Any], Quaternion]:
     return read
 
 
-def _commands(source: Source, shape: str, get: Callable[[Any], Any],
-              joint_names: Callable[[Any], Any] | None, count: int,
-              settings: Settings) -> Reader:
-    """Return the reader of thruster values: a wrench, one number, or an array of them."""
+def _commands(source: Source, shape: str, steps: Sequence[Step],
+              joint_names: tuple[Step, ...] | None, count: int, settings: Settings) -> Reading:
+    """Return how to read thruster values: a wrench, one number, or an array of them."""
     if shape == 'wrench':
-        turn = _frd_to_flu if settings.frames == 'ned' else None
-        force = _vector(lambda message: get(message).force, 'vector', turn)
-        torque = _vector(lambda message: get(message).torque, 'vector', turn)
-        return lambda message: force(message) + torque(message)
+        return _pair(steps, ('force', 'torque'),
+                     _frd_to_flu if settings.frames == 'ned' else _floats)
     if shape == 'number':
-        return lambda message: (float(get(message)),)
+        return Reading((tuple(steps),), lambda value: (float(value),))
     if joint_names is None:
-        return lambda message: _numbers(get(message), count)
-    names = settings.thrusters.names
+        return Reading((tuple(steps),), lambda value: _numbers(value, count))
+    return Reading((joint_names, tuple(steps)), _picked(settings.thrusters.names))
 
-    def read(message: Any) -> Floats:
-        there = joint_names(message)
-        values = _numbers(get(message), len(there))
-        try:
-            return tuple([values[there.index(name)] for name in names])
-        except ValueError:
-            raise RefusedError('missing_name') from None
+
+def _picked(names: Sequence[str]) -> Callable[[Any, Any], Floats]:
+    """Return how to pick an array's entries by the names beside it."""
+    known: Sequence[str] | None = None  # the names hardly ever change
+    places: list[int] = []
+
+    def read(there: Sequence[str], value: Any) -> Floats:
+        nonlocal known, places
+        values = _numbers(value, len(there))
+        if there != known:
+            try:
+                places = [there.index(name) for name in names]
+            except ValueError:
+                raise RefusedError('missing_name') from None
+            known = there
+        return tuple([values[place] for place in places])
 
     return read
 
@@ -194,13 +214,13 @@ def _expected(source: Source, shape: str, value: Any, settings: Settings) -> int
 
 
 def _joint_names(source: Source, steps: Sequence[Step], message: Any,
-                 settings: Settings) -> Callable[[Any], Any] | None:
-    """Return how to get the names beside an array, where entries are picked by name."""
+                 settings: Settings) -> tuple[Step, ...] | None:
+    """Return the path to the names beside an array, where entries are picked by name."""
     if not settings.thrusters.names:
         return None
     parent = walk(message, steps[:-1], source.field, f'{source.key}.field')
     if 'name' in field_names(parent):
-        return getter([*steps[:-1], 'name'])
+        return (*steps[:-1], 'name')
     if source.input == 'sign':
         return None
     raise FieldError(

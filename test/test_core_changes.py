@@ -203,7 +203,7 @@ def test_an_interruption_starts_the_histories_anew(events: list[Event]) -> None:
     before = stream.identifier('surge').parameters
     stream.interrupt()
     assert stream.finish() == []
-    later = [replace(event, time=event.time + 3600 * 10**9) for event in events[half:]]
+    later = [event._replace(time=event.time + 3600 * 10**9) for event in events[half:]]
     after = feed(stream, later)
     assert stream.rejected == {}
     assert after[0].dofs[0].parameters == pytest.approx(before, rel=0.05)

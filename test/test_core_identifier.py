@@ -275,7 +275,7 @@ def test_a_restored_mean_follows_a_vehicle_that_changes():
     one = run(averaged(), sequence)
     two = averaged()
     two.restore(json.loads(json.dumps(one.state())))
-    run(two, [replace(step, force=tuple(1.25 * f for f in step.force)) for step in sequence])
+    run(two, [step._replace(force=tuple(1.25 * f for f in step.force)) for step in sequence])
     assert two.parameters[0] == pytest.approx(one.parameters[0] / 1.25, rel=0.01)
 
 

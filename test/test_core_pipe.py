@@ -148,7 +148,7 @@ def test_shifted_stamps_change_nothing():
     settings = surge_settings()
     shift = 1_700_000_000_123_456_789
     plain = feed(Stream(settings), events(settings))
-    later = feed(Stream(settings), [replace(e, time=e.time + shift) for e in events(settings)])
+    later = feed(Stream(settings), [e._replace(time=e.time + shift) for e in events(settings)])
     assert [d.dofs[0].parameters for d in plain] == [d.dofs[0].parameters for d in later]
     assert later[-1].time == plain[-1].time + shift
 
@@ -178,7 +178,7 @@ def test_what_is_refused_changes_nothing():
         bad.append(event)
         if k % 50 == 49:
             bad.append(event)  # duplicate
-            bad.append(replace(clean[k - 40], samples=event.samples))  # backward
+            bad.append(clean[k - 40]._replace(samples=event.samples))  # backward
     stream = Stream(settings)
     assert bits(feed(stream, bad)) == bits(expected)
     assert set(stream.rejected_by_reason()) == {'duplicate', 'backward'}
@@ -194,7 +194,7 @@ def test_one_wild_fix_costs_one_step():
     clean = events(settings)
     expected = feed(Stream(settings), clean)[-1].dofs[0]
     k = [i for i, e in enumerate(clean) if e.samples[0].input == 'position'][150]
-    clean[k] = replace(clean[k], samples=(Sample('position', (500.0, 0.0, 0.0)),))
+    clean[k] = clean[k]._replace(samples=(Sample('position', (500.0, 0.0, 0.0)),))
     stream = Stream(settings)
     got = feed(stream, clean)[-1].dofs[0]
     assert stream.rejected == {('position', 'too_fast'): 1}
@@ -206,7 +206,7 @@ def test_one_wild_fix_costs_one_step():
 def test_a_shift_of_the_fix_is_taken_up_once_it_is_no_echo():
     settings = surge_settings()
     clean = events(settings)
-    moved = [replace(e, samples=(Sample('position', tuple(x + 5.0 for x in e.samples[0].value)),))
+    moved = [e._replace(samples=(Sample('position', tuple(x + 5.0 for x in e.samples[0].value)),))
              if e.samples[0].input == 'position' and e.time > 15e9 else e for e in clean]
     stream = Stream(settings)
     got = feed(stream, moved)
@@ -324,7 +324,7 @@ def test_reset_enable_and_a_jump_of_time():
     feed(stream, sequence)
     stream.enable(False)
     frozen = stream.estimate.dofs[0].parameters
-    later = [replace(e, time=e.time + 20_000_000_000) for e in sequence]
+    later = [e._replace(time=e.time + 20_000_000_000) for e in sequence]
     estimates = feed(stream, later)
     assert {e.dofs[0].parameters for e in estimates[1:]} == {frozen}
     assert estimates[-1].dofs[0].status == 'frozen'
@@ -370,7 +370,7 @@ def test_recorded_controls_replay_to_the_same_bits():
     live += feed(stream, sequence)  # starts with a jump back
     again, other = [], Stream(settings)
     for item in note:
-        again += other.control(*item) if isinstance(item, tuple) else other.receive(item)
+        again += other.receive(item) if isinstance(item, Event) else other.control(*item)
     assert bits(again + other.finish()) == bits(live)
 
 
@@ -473,7 +473,7 @@ def test_no_stream_of_samples_breaks_the_pipe(moves, adaptation_time):
     for step, (name, value) in moves:
         time += step
         estimates += stream.receive(Event(time, (Sample(name, value),)))
-    estimates += feed(stream, [replace(e, time=e.time + time + 10**9)
+    estimates += feed(stream, [e._replace(time=e.time + time + 10**9)
                                for e in events(settings, 1.0)])
     for estimate in estimates:
         for dof in estimate.dofs:

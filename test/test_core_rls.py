@@ -140,7 +140,7 @@ def test_outliers_cost_little():
     steps = trial(8, 120.0)
     for k in range(150, len(steps) - 1, 97):  # one fix 0.3 m off
         for i, off in ((k, 3.0), (k + 1, -3.0)):
-            steps[i] = replace(steps[i], mean=steps[i].mean + off)
+            steps[i] = steps[i]._replace(mean=steps[i].mean + off)
     assert prediction(identified(GUESS, steps).parameters).mae < 0.010
 
 
@@ -149,8 +149,8 @@ def test_what_is_not_finite_is_refused_and_changes_no_estimate():
     before = one.parameters, one.covariance
     good = trial(0, 1.0)[0]
     for bad in (float('nan'), float('inf'), 1e200):
-        assert one.step(replace(good, mean=bad)) == 'out_of_range'
-        assert one.step(replace(good, forces=(bad, 0.0))) == 'out_of_range'
+        assert one.step(good._replace(mean=bad)) == 'out_of_range'
+        assert one.step(good._replace(forces=(bad, 0.0))) == 'out_of_range'
         assert (one.parameters, one.covariance) == before
     assert one.step(good) == ''
     assert isfinite(one.v_hat)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple
 from math import fsum, sqrt
 from statistics import median
 from typing import Any
@@ -115,7 +114,7 @@ class Start:
 
     def state(self) -> list[list[Any]]:
         """Return all that is needed to go on from here."""
-        return [[list(astuple(piece)) if isinstance(piece, Step) else piece, outlier]
+        return [[list(piece) if isinstance(piece, Step) else piece, outlier]
                 for piece, outlier in self._pieces]
 
     def restore(self, state: Sequence[Sequence[Any]]) -> None:
@@ -137,7 +136,7 @@ def _level(sizes: Sequence[float]) -> float:
 def _step(values: Sequence[Any]) -> Step:
     numbers = [
         tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in values]
-    if _sizes(numbers) != _sizes(astuple(Step(0.0, (0.0,) * 3, (0.0,) * 3))):
+    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)):
         raise ValueError('a step does not fit')
     step = Step(*numbers)  # type: ignore[arg-type]
     if not step.dt > 0.0:

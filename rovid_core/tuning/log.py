@@ -118,8 +118,13 @@ class TuningLog(ScoreLog):
 
     def stretches(self, dof: str) -> list[Stretch]:
         """Return the motion of a DOF."""
-        return [Stretch(run.start, run.velocity, np.array(run.middles), np.array(run.ends),
-                        np.array(run.means)) for run in self._runs[dof] if len(run.ends)]
+        found = []
+        for run in self._steps[dof].runs:
+            times, values = run.steps
+            if run.count:
+                found.append(Stretch(
+                    run.start, run.velocity, times[0], times[1], values[3]))
+        return found
 
 
 def turned(forward: list[Stretch], sideways: list[Stretch],

@@ -118,7 +118,7 @@ class Stream:
         ----------
         settings : Settings
             Those of now with other values of what can change: ``identifier`` without its
-            method and integrator, ``cutoff``, ``max_speed``, ``max_gap``, ``max_wait``,
+            method and integrator, ``cutoff``, ``gate``, ``max_speed``, ``max_gap``, ``max_wait``,
             ``thrusters.timeout``, ``enable``, ``checkpoint_period``.
         told : str
             What the recorder is told of it, to be repeated in a replay.

@@ -33,7 +33,6 @@ def _source(name: str, setting: str, what: str, owner: type = InputSettings) -> 
         'silent for longer it starts anew, and what needs it waits no more; 0: max_gap', 's',
         0.0, 3600.0)]
     return [
-        *timeout,
         key_of(f'{name}.{topic}', f'{setting}.{topic}', owner, what),
         key_of(f'{name}.type', f'{setting}.type', owner,
                'message type, package/msg/Type; a log knows its own'),
@@ -48,6 +47,7 @@ def _source(name: str, setting: str, what: str, owner: type = InputSettings) -> 
                'quality of service of the live subscription: sensor_data hears every publisher, '
                'transient_local also what was published before',
                choices=('sensor_data', 'reliable', 'transient_local')),
+        *timeout,
     ]
 
 

@@ -36,8 +36,8 @@ from std_srvs.srv import SetBool, Trigger
 
 LIVE = {
     'enable', 'identifier.adaptation_time', 'identifier.feedback_gain',
-    'identifier.adaptation_gains', 'velocity.cutoff', 'velocity.max', 'max_gap', 'max_wait',
-    'thrusters.timeout', 'checkpoint.period'}
+    'identifier.adaptation_gains', 'velocity.cutoff', 'velocity.gate', 'velocity.max',
+    'max_gap', 'max_wait', 'thrusters.timeout', 'checkpoint.period'}
 RAW = {'identifier.feedback_gain': -2.0, 'identifier.adaptation_gains': [1e-5, 5.0, 1.0, 0.1]}
 NAME = '/identifier_node'
 

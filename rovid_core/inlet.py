@@ -55,8 +55,8 @@ class Inlet:
         self._thrust = thrust
         self._warn = warn
         self.gate = Gate(settings, input)
-        self.change(settings)
         self._units = Units(settings, input, warn)
+        self.change(settings)
         names = ANGULAR_DOFS if input in ('attitude', 'angular_velocity') else (
             ('heave',) if input == 'depth' else LINEAR_DOFS)
         own = [i for i, d in enumerate(settings.dofs) if d in names]
@@ -69,6 +69,9 @@ class Inlet:
         """Take other limits."""
         self._gated = settings.gate > 0.0
         self.gate.change_limits(settings)
+        self._units.change(settings)
+        if not self._gated:
+            self.gate.restart()  # what it last saw must not stand for what comes
 
     def restart(self) -> None:
         """Forget everything."""

@@ -18,6 +18,10 @@ SPEED_SPAN = 0.1
 """[s] Least span of a speed that is too fast: at 1 kHz fixes of 5 mm seem to move at 7 m/s."""
 
 
+SHORTEST = 0.001
+"""[s] Least interval of which that holds; below, a burst was stamped as it came."""
+
+
 @dataclass(frozen=True, slots=True)
 class Motion:
     """
@@ -250,7 +254,7 @@ class MotionSource:
     def _is_slow(self, velocity: tuple[float, ...], dt: float) -> bool:
         limit = self._max_speed
         if 0.0 < dt < SPEED_SPAN:
-            limit *= SPEED_SPAN / dt
+            limit *= SPEED_SPAN / max(dt, SHORTEST)
         # written so that a NaN (positions of 1e300 give some) is too fast as well
         return all(-limit <= v <= limit for v in velocity)
 

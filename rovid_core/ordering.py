@@ -87,7 +87,7 @@ class EventOrder:
         if self._newest is not None:
             self._past = max(self._past, self._newest - self._max_wait)
         self._max_wait = round(max_wait * 1e9)
-        self._far = max(AHEAD, self._max_wait)
+        self._jump.far = self._far = max(AHEAD, self._max_wait)
 
     def push(self, event: Event) -> tuple[list[Event], bool]:
         """

@@ -79,8 +79,9 @@ class Rows:
 
     def _write(self) -> None:
         if self._file is None:
-            self._file = TemporaryFile(prefix='rovid-', buffering=0)
+            self._file = TemporaryFile(prefix='rovid-')
         self._file.write(self._times.tobytes() + self._values.tobytes())
+        self._file.flush()  # all of it, or an OSError
         del self._times[:], self._values[:]
         self._spilled = self.count
 

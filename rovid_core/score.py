@@ -106,8 +106,8 @@ class ScoreLog:
     """
     Keeps thrust and velocity of every step to score any model on them.
 
-    All but the last ones are in a temporary file (48 bytes each), and are read again a few at
-    a time, so that the memory does not grow with the log.
+    All but the last ones are in a temporary file (48 bytes each, where ``TMPDIR`` says), and are
+    read again a few at a time, so that the memory of the process does not grow with the log.
 
     The simulation restarts from the measured velocity after each gap. Against the pipe's
     own velocity v_sim goes through the same interval mean and low-pass; against a

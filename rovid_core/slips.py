@@ -64,12 +64,16 @@ class Units:
         self._input = input
         self._is_rate = input in ('velocity', 'angular_velocity')
         self._axes = 2 if input == 'position' and settings.depth.topic else 3
-        self._max_speed = settings.max_speed
+        self.change(settings)
         self._warn = warn
         self._score = 0
         self._watching = True
         self._mean = 0.0  # speed where it was too fast
         self.restart()
+
+    def change(self, settings: Settings) -> None:
+        """Take another ``velocity.max``."""
+        self._max_speed = settings.max_speed
 
     def restart(self) -> None:
         """Forget where the window began."""

@@ -25,7 +25,7 @@ class TimeJump:
     Parameters
     ----------
     far : int
-        [ns] Stamps that are closer are of the same time.
+        [ns] Stamps that are closer are of the same time; an attribute too.
     drop : callable
         Told every event that is not used, and why.
     warn : callable
@@ -35,7 +35,7 @@ class TimeJump:
 
     def __init__(self, far: int, drop: Callable[[Event, str], None],
                  warn: Callable[[str], None]) -> None:
-        self._far = far
+        self.far = far
         self._drop = drop
         self._warn = warn
         self.restart()
@@ -48,7 +48,7 @@ class TimeJump:
     def put(self, key: Key, event: Event) -> None:
         """Put an event aside."""
         for other, events in list(self._behind.items()):
-            if abs(events[-1].time - event.time) > self._far:
+            if abs(events[-1].time - event.time) > self.far:
                 self._drop_all(other)  # they do not go back to the same time
         events = self._behind.setdefault(key, [])
         if events and event.time <= events[-1].time:
@@ -61,7 +61,7 @@ class TimeJump:
     def has_happened(self, key: Key, inputs: Collection[Key]) -> bool:
         """Tell whether time jumped, of the input put last and all that there are."""
         own = self._behind[key]
-        if own[-1].time - own[0].time > self._far:
+        if own[-1].time - own[0].time > self.far:
             return True
         pending = [event for events in self._behind.values() for event in events]
         back = {(s.input, s.part) for event in pending for s in event.samples}

@@ -10,8 +10,9 @@ from rovid_ros.keys import Key, KEYS
 
 _NO_NUMBERS = ('record.path', 'checkpoint.path', 'checkpoint.period')
 
-_FORCE = ('names', 'offset', 'deadband', 'model', 'gain', 'polynomial', 'table_command',
-          'table_force', 'delay', 'time_constant', 'allocation', 'sign.topic')
+_FORCE = ('names', 'offset', 'scale', 'deadband', 'limit', 'model', 'gain', 'polynomial',
+          'table_command', 'table_force', 'delay', 'time_constant', 'hold', 'allocation',
+          'sign.topic')
 _UNITS = ('dofs', 'identifier.method', 'frames', 'depth.scale', 'attitude.unit',
           *(f'thrusters.{name}' for name in _FORCE))
 

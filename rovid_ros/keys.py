@@ -109,7 +109,8 @@ def _inputs() -> list[Key]:
         key_of('velocity.max', 'max_speed', Settings, 'faster measurements are refused',
                'm/s or rad/s', 0.01, 1000.0, live=True),
         key_of('velocity.gate', 'gate', Settings,
-               'measurements that miss their prediction by more are refused; 0: none are',
+               'measurements that miss their prediction by more are refused, if noise is alike on '
+               'all axes; 0: none are',
                'std', 0.0, 1000.0, live=True),
         *_source('reference', 'reference',
                  'topic of a body velocity to score against, never used to identify'),

@@ -22,7 +22,7 @@ class Backlog:
     Attributes
     ----------
     every : int
-        One message in so many is taken.
+        One message in so many is taken, and one whenever the last is long ago.
 
     """
 
@@ -31,6 +31,7 @@ class Backlog:
         self._load = 0.0  # of the last batch: its work by the time in which it came
         self._newest: float | None = None
         self._counts: dict[str, int] = {}
+        self._taken: dict[str, int] = {}  # [ns] when the last one came
 
     def begin(self, waited: float) -> None:
         """Take how long the oldest message of a batch has waited [s]."""
@@ -47,9 +48,11 @@ class Backlog:
             self._load = work / (newest - self._newest)
         self._newest = newest
 
-    def leaves_out(self, topic: str) -> bool:
-        """Count a message of a topic, and tell whether it is one to leave out."""
-        if self.every == 1:
-            return False
+    def leaves_out(self, topic: str, time: int, patience: int) -> bool:
+        """Count a message that came at ``time``; tell whether to leave it out, both [ns]."""
         count = self._counts[topic] = self._counts.get(topic, 0) + 1
-        return count % self.every != 0
+        last = self._taken.get(topic)
+        if last is not None and count % self.every and time - last < patience:
+            return True
+        self._taken[topic] = time
+        return False

@@ -23,6 +23,9 @@ from rovid_ros.node_messages import import_type, MessageTypeError
 from rovid_ros.node_publishers import best_effort, DEPTH, latched, reliable
 from rovid_ros.node_recorder import Received
 
+SHARE = 0.3
+"""Of the timeout of an input: messages that are further apart are never left out."""
+
 
 def message_classes(settings: Settings, converter: Converter) -> dict[str, type[Any]]:
     """Import the message class of every topic; raises as :func:`message_class`."""
@@ -94,8 +97,9 @@ class Subscriptions:
         self._reject = reject
         self._backlog = Backlog()
         inputs = {topic: inputs_of(settings, topic) for topic in classes}
-        self._sensors = {  # those of whose messages some can be left out
-            topic: names for topic, names in inputs.items()
+        self._sensors = {  # those of whose messages some can be left out, but not for long
+            topic: (names, round(SHARE * 1e9 * min(map(settings.timeout_of, names))))
+            for topic, names in inputs.items()
             if 'thrusters' not in names and 'sign' not in names}
         self._topics: dict[str, Subscription[Any]] = {}
         try:
@@ -158,10 +162,9 @@ class Subscriptions:
 
     def _thinned(self, batch: dict[str, list[Received]]) -> dict[str, list[Received]]:
         """Leave out what the node cannot keep up with."""
-        if self._backlog.every == 1:
-            return batch
-        for topic, names in self._sensors.items():
-            taken = [one for one in batch[topic] if not self._backlog.leaves_out(topic)]
+        for topic, (names, patience) in self._sensors.items():
+            taken = [one for one in batch[topic]
+                     if not self._backlog.leaves_out(topic, one.time, patience)]
             for _ in range(len(batch[topic]) - len(taken)):
                 for name in names:
                     self._reject(name, 'overload')

@@ -50,14 +50,14 @@ def spoilt(input: str, fault: Fault, events: Sequence[Event] | None = None) -> l
             value = fault(seconds(event), sample.value, random)
             if value is None:
                 continue
-            event = replace(event, samples=(replace(sample, value=value),))
+            event = event._replace(samples=(sample._replace(value=value),))
         out.append(event)
     return out
 
 
 def stepped(inputs: Sequence[str], start: float, end: float, by: float) -> list[Event]:
     """Return the stream with the clock of some inputs off for a while [s]."""
-    return [replace(e, time=e.time + round(by * 1e9))
+    return [e._replace(time=e.time + round(by * 1e9))
             if e.samples[0].input in inputs and start <= seconds(e) < end else e
             for e in clean()]
 

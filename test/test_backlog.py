@@ -13,8 +13,8 @@ from rovid_ros.node_backlog import Backlog, LONG, MOST
 from rovid_ros.node_identifier import IdentifierNode
 
 
-def taken(backlog: Backlog, count: int = 64) -> int:
-    return sum(not backlog.leaves_out('/position') for _ in range(count))
+def taken(backlog: Backlog, topic: str = '/fast', patience: int = 1 << 60) -> int:
+    return sum(not backlog.leaves_out(topic, 1000 * k, patience) for k in range(64))
 
 
 def test_a_pause_costs_nothing() -> None:
@@ -35,6 +35,7 @@ def test_what_is_too_much_is_thinned_by_its_measure_and_then_less() -> None:
         now += 1.0
         backlog.end(3.0, now)
     assert backlog.every == MOST
+    assert taken(backlog, '/slow', patience=3000) >= 20  # these are needed
     backlog.begin(0.5 * LONG)  # neither late nor early: it just holds
     assert backlog.every == MOST
     for every in (32, 16, 8, 4, 2, 1, 1):

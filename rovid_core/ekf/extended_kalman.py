@@ -200,8 +200,8 @@ class ExtendedKalman(Identifier):
         size = abs(normalised) / HUBER
         filter.update(i, error, variance * size if size > 1.0 else variance, adapt)
         filter.relinearise(self._normalised.box)
-        if (adapt and upsets.was_right and innovations.model_error
-                and innovations.surprise > SURPRISE):
+        if adapt and (upsets.still_wrong or upsets.was_right and innovations.model_error
+                      and innovations.surprise > SURPRISE):
             self._note_change()
         return False
 

@@ -28,6 +28,14 @@ FOLLOWING = 60.0
 """[s] after a change in which it is said."""
 
 
+RETRY = 30.0
+"""
+[s] after a change in which the model has to become right, or its parameters are let go again.
+
+What was no change but a fault of an input leaves a model that is sure and wrong.
+"""
+
+
 class Upsets:
     """
     Outliers in a row, the last loss and the last change.
@@ -52,6 +60,11 @@ class Upsets:
         """Return the time since the vehicle changed [s], infinite after ``FOLLOWING``."""
         since = self.time - self._changed_at
         return since if since < FOLLOWING else math.inf
+
+    @property
+    def still_wrong(self) -> bool:
+        """Tell whether the model has been wrong for ``RETRY`` since a change."""
+        return not self.was_right and 0.0 <= self._changed_at <= self.time - RETRY
 
     def outlier(self, normalised: float) -> bool:
         """Tell whether an innovation in standard deviations is that of an outlier."""

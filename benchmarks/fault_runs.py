@@ -148,7 +148,8 @@ def replayed(messages: Messages, settings: Settings) -> Outcome:
         path = Path(folder, 'faulty.mcap')
         write(messages, path)
         try:
-            replay([path], settings, feeder, warn=outcome.warnings.append)
+            replay([path], settings, feeder, warn=lambda line: outcome.warnings.append(
+                line.replace(f'{folder}/', '')))
         except Exception as failure:  # a defect of any kind is a row of the table
             outcome.failed = f'{type(failure).__name__}: {failure}'
     outcome.rejected = {f'{name}.{reason}': count

@@ -171,7 +171,7 @@ NUMBERS = [
 
 UNITS = [
     Fault('position in mm', '1000 times too large', 'position', 20.0,
-          valued('position', times(1000.0)), r'\bmm\b|millimet|unit'),
+          valued('position', times(1000.0)), 'takes metres'),
     Fault('heading in degrees', 'taken for radians', 'attitude', 20.0,
           valued('attitude', as_degrees), 'degree|unit'),
     Fault('depth upside down', 'its sign is wrong', 'depth', 20.0,

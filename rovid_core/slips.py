@@ -14,7 +14,7 @@ NS = 1e-9
 WINDOW = 1_000_000_000
 """[ns] Speeds are taken over at least so long, which leaves the noise behind."""
 
-MOST = 30
+MOST = 10
 """More of these that were too fast than were not are no accident."""
 
 PULSES = (800.0, 2200.0)

@@ -7,7 +7,8 @@ import math
 
 from rovid_core.settings import Settings
 from rovid_core.slips import Pulses
-from rovid_core.thrust import are_commands, Thrust
+from rovid_core.thrust import Thrust
+from rovid_core.thruster_force import are_commands
 from rovid_core.watch import OneSided
 
 NS = 1e-9

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rovid_core.dofs import DOFS
 from rovid_core.profile import Profile
 from rovid_core.settings import SettingsError, ThrusterSettings
-from rovid_core.thrust import thruster_model, wrench
+from rovid_core.thruster_force import thruster_model, wrench
 
 
 class ThrusterCommands:

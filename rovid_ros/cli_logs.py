@@ -16,9 +16,7 @@ def add_replay(commands: Any) -> None:
         commands, 'replay', handlers.replay, 'identify from recorded logs',
         'Prints the parameters of each degree of freedom, how well they predict the log, and '
         'what was refused.')
-    command.add_argument(
-        'logs', nargs='+', type=Path, metavar='LOG',
-        help='.mcap, .db3 or .bag file or rosbag2 directory; several are joined in time order')
+    _add_logs(command)
     command.add_argument(
         '--method', default='', metavar='M', help="use this method, not the file's")
     command.add_argument(
@@ -66,9 +64,7 @@ def add_tune(commands: Any) -> None:
         commands, 'tune', handlers.tune, 'find delay, lag, heading offset, cutoff and gains',
         'Tries them on blocks of the log that the model was not identified from, and writes a '
         'parameter file with what clearly predicts better; the rest of the file stays as it is.')
-    command.add_argument(
-        'logs', nargs='+', type=Path, metavar='LOG',
-        help='.mcap, .db3 or .bag file or rosbag2 directory; several are joined in time order')
+    _add_logs(command)
     command.add_argument(
         '--output', type=Path, required=True, metavar='TUNED.yaml',
         help='parameter file to write')
@@ -78,6 +74,13 @@ def add_tune(commands: Any) -> None:
     command.add_argument(
         '--json', type=Path, metavar='OUT.json', help='write the result for a program to read')
     _add_part(command)
+
+
+def _add_logs(command: argparse.ArgumentParser) -> None:
+    """Let a command take logs that are parts of one."""
+    command.add_argument(
+        'logs', nargs='+', type=Path, metavar='LOG',
+        help='.mcap, .db3 or .bag file or rosbag2 directory; several are joined in time order')
 
 
 def _add_part(command: argparse.ArgumentParser) -> None:

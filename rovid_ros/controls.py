@@ -10,6 +10,9 @@ from rovid_core.stream import Stream
 from rovid_core.values import Estimate
 from rovid_ros.parameters import changed
 
+CONTROL = '/rovid/control'
+"""Topic of a node's own log that says what was done to it."""
+
 PARAMETERS = 'parameters'
 """The control that says which parameters changed, as JSON by dotted key."""
 

@@ -4,25 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-import heapq
 from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.serialization import deserialize_message
 from rclpy.timer import Timer
 from rovid_core.pipe import Scorer
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.values import Estimate, Event
 from rovid_ros.controls import apply, changes_of, PARAMETERS, repeat
-from rovid_ros.convert import Converter, FieldError
+from rovid_ros.convert import Converter
 from rovid_ros.input_topics import inputs_of
-from rovid_ros.message_types import LARGEST_MESSAGE
 from rovid_ros.node_changes import ParameterNode
 from rovid_ros.node_checkpoint import Checkpoint
 from rovid_ros.node_inputs import message_classes, Subscriptions
+from rovid_ros.node_intake import Intake
 from rovid_ros.node_messages import definition
 from rovid_ros.node_parameters import NODE_NAME
 from rovid_ros.node_publishers import Publishers
@@ -114,6 +112,8 @@ class IdentifierNode(ParameterNode):
         self.converter = Converter(settings, self.stream.reject)
         self._classes = message_classes(settings, self.converter) if self._live else {}
         self._report = Report(self, self.stream, self._recorder, live=self._live)
+        self._intake = Intake(self.stream, self.converter, self._classes, self._report.arrivals,
+                              self.get_logger(), keep=self._recorder is not None)
         self._outputs = Outputs(settings)
         self._checkpoint = Checkpoint(settings, self.stream, self.get_logger())
         restored = self._checkpoint.restore()
@@ -165,7 +165,7 @@ class IdentifierNode(ParameterNode):
         """
         if not self.active:
             return []
-        return self._publish(self._events(topic, message, receive_time))
+        return self._publish(self._intake.events(topic, message, receive_time))
 
     def control(self, name: str, value: str) -> list[Estimate]:
         """Do again what was done to a node when a log was recorded; publish and return."""
@@ -221,39 +221,7 @@ class IdentifierNode(ParameterNode):
             self._save_again_and_again()
 
     def _take(self, batch: dict[str, list[Received]]) -> None:
-        """Take what has come, the oldest data of all topics first."""
-        queues = [[event for received in messages for event in self._decoded(received)]
-                  for messages in batch.values()]
-        self._publish(heapq.merge(*queues, key=lambda event: event.time))
-
-    def _decoded(self, received: Received) -> list[Event]:
-        topic = received.topic
-        if len(received.cdr) > LARGEST_MESSAGE:
-            for name in inputs_of(self.settings, topic):
-                self.stream.reject(name, 'too_large')
-            return []
-        try:
-            message = deserialize_message(received.cdr, self._classes[topic])
-            return self._events(
-                topic, message, received.time, received if self._recorder else None)
-        except (RuntimeError, FieldError) as error:  # a peer with another definition
-            self.get_logger().error(f'{topic}: {error}', once=True)
-            self._report.arrivals.note(topic, received.time)
-            for name in inputs_of(self.settings, topic):
-                self.stream.reject(name, 'undecodable')
-            return []
-
-    def _events(self, topic: str, message: Any, receive_time: int,
-                origin: Any = None) -> list[Event]:
-        events = self.converter.events(topic, message, receive_time, origin)
-        self._report.arrivals.note(topic, receive_time, events)
-        if receive_time:
-            return events
-        for event in events:  # simulated time has not begun: there is no time to give it
-            if event.time <= 0:
-                for sample in event.samples:
-                    self.stream.reject(sample.input, 'no_clock')
-        return [event for event in events if event.time > 0]
+        self._publish(self._intake.merged(batch))
 
     def _publish(self, events: Iterable[Event]) -> list[Estimate]:
         return self._tell([

@@ -11,11 +11,10 @@ from typing import Any
 
 from rovid_core.values import Event
 from rovid_ros import __version__
+from rovid_ros.controls import CONTROL
 from rovid_ros.json_file import sync_folder
 from rovid_ros.log_writer import LogWriter
 from rovid_ros.node_files import free, prepare
-
-CONTROL_TOPIC = '/rovid/control'
 
 
 @dataclass
@@ -116,7 +115,7 @@ class Recorder:
         """Write what a service call or a jump of time did to the stream."""
         text = json.dumps({'control': name, 'value': value})
         self._write(lambda writer: writer.write(
-            CONTROL_TOPIC, 'std_msgs/msg/String', {'data': text}, self._time,
+            CONTROL, 'std_msgs/msg/String', {'data': text}, self._time,
             self._event_time))
 
     def flush(self) -> None:

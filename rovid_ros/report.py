@@ -9,7 +9,7 @@ import textwrap
 from typing import Any
 
 from rovid_core.dofs import PARAMETERS, PHYSICAL
-from rovid_ros.replay import Result
+from rovid_ros.replay_run import Result
 from rovid_ros.units import unit
 
 NONE = '-'

@@ -17,7 +17,8 @@ from rovid_core.trial import Fit
 from rovid_core.values import Estimate
 from rovid_ros.feeder import PipeFeeder
 from rovid_ros.logs import LogMessage
-from rovid_ros.replay import replay, Result
+from rovid_ros.replay import replay
+from rovid_ros.replay_run import Result
 
 PAPER = 'aid'
 """The paper's method, of which the report draws the figures."""

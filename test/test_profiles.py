@@ -16,8 +16,8 @@ from rovid_core.settings import (
     ThrusterSettings,
 )
 from rovid_core.simulator import profile_of, simulate
-from rovid_core.thrust import wrench
 from rovid_core.thruster_commands import shortfall, ThrusterCommands
+from rovid_core.thruster_force import wrench
 from rovid_ros.cli import main
 from rovid_ros.logs import Log, LogMessage
 from rovid_ros.profile_text import GRAMMAR, parse_profile, profile_text

@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 from rovid_core.dofs import DOFS
 from rovid_core.settings import Settings
-from rovid_core.thrust import thruster_model, wrench
+from rovid_core.thruster_force import thruster_model, wrench
 from rovid_ros.feeder import PipeFeeder
 from rovid_ros.log_writer import LogWriter
 from rovid_ros.message_types import standard_types
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
-from rovid_ros.replay import replay, Result
+from rovid_ros.replay import replay
+from rovid_ros.replay_run import Result
 from rovid_ros.simulate import simulate_log
 
 REPOSITORY = Path(__file__).parents[1]

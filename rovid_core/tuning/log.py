@@ -12,7 +12,8 @@ from rovid_core.dofs import DOFS
 from rovid_core.recurrence import Array
 from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
-from rovid_core.thrust import are_commands, LARGEST_FORCE, wrench
+from rovid_core.thrust import LARGEST_FORCE
+from rovid_core.thruster_force import are_commands, wrench
 from rovid_core.tuning.commanded import Commanded
 from rovid_core.values import Event
 

@@ -22,7 +22,9 @@ from live_node import (
     VALUES,
     write_parameters,
 )
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rovid_core.reasons import REASONS
@@ -456,7 +458,7 @@ def peer() -> Iterator[Peer]:
 def test_a_start_without_thrusters(messages: list[Raw], peer: Peer, environment: dict[str, str],
                                    tmp_path: Path, repository: Path) -> None:
     """The summary says what is missing, says it again when it has come; silence is told."""
-    file = write_parameters(tmp_path / 'parameters.yaml', changed({'max_wait': 0.1}))
+    file = write_parameters(tmp_path / 'parameters.yaml', VALUES)
     health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
     other = peer.node.create_publisher(import_type(THRUSTERS), '/thrusters/current', 10)
     node = NodeProcess(['--ros-args', '--params-file', file], environment, tmp_path, repository)
@@ -481,6 +483,11 @@ def test_a_start_without_thrusters(messages: list[Raw], peer: Peer, environment:
         assert '[INFO]' in line
         assert 'thrusters 20.0 Hz (JointState)' in line
 
+        # so far no order of delivery was too late; from now on silence is soon too long
+        request = SetParameters.Request(
+            parameters=[Parameter('max_wait', value=0.1).to_parameter_msg()])
+        (answer,) = peer.call(SetParameters, '/identifier_node/set_parameters', request).results
+        assert answer.successful, answer.reason
         peer.until(lambda: statuses_of(health)['surge'][1] == STALE)
         _, level, message, _ = statuses_of(health)['surge']
         assert message.startswith('no step for ')

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import exp
 import sys
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,7 @@ def filterpy_ekf(trial: Trial, scales: Scales) -> Peer:
     h = np.array([[1.0, 0.0, 0.0, 0.0, 0.0, 0.0]])
     dt = np.diff(trial.time)
     force = np.diff(trial.impulse(trial.time)) / dt
-    began = perf_counter()
+    began = process_time()
     for span, thrust, fix in zip(dt.tolist(), force.tolist(), trial.fixes[1:].tolist()):
         filter.F = _jacobian(filter.x, thrust, span)
         moved = _moved(filter.x, thrust, span)
@@ -69,7 +69,7 @@ def filterpy_ekf(trial: Trial, scales: Scales) -> Peer:
         filter.update(np.array([fix]), lambda _: h, lambda x: x[:1])
         filter.x[2] = max(filter.x[2], 0.01 * alpha)
         filter.x[3:5] = np.minimum(filter.x[3:5], 0.0)  # drags do not push
-    return Peer(tuple(filter.x[2:].tolist()), (perf_counter() - began) / len(dt))
+    return Peer(tuple(filter.x[2:].tolist()), (process_time() - began) / len(dt))
 
 
 def _moved(x: Array, force: float, h: float) -> Array:
@@ -111,7 +111,7 @@ def padasip_rls(trial: Trial, scales: Scales) -> Peer:
     filter = FilterRLS(4, mu=1.0, eps=0.01, w=np.array(scales.initial) * unit)
     steps = [piece for piece in trial.pieces() if isinstance(piece, Step)]
     s, z, psi, chi, age = 0.0, 0.0, np.zeros(4), np.zeros(4), 0.0
-    began = perf_counter()
+    began = process_time()
     for step in steps:
         before, middle, after = (v / scales.velocity for v in step.velocity)
         keep = exp(-CORNER * step.dt)
@@ -124,7 +124,7 @@ def padasip_rls(trial: Trial, scales: Scales) -> Peer:
         if age > 5.0 / CORNER:
             filter.adapt(z, chi)
     parameters = filter.w / unit
-    return Peer(tuple(parameters.tolist()), (perf_counter() - began) / len(steps))
+    return Peer(tuple(parameters.tolist()), (process_time() - began) / len(steps))
 
 
 def filterpy_ekf7(trial: Trial) -> float:
@@ -142,7 +142,7 @@ def filterpy_ekf7(trial: Trial) -> float:
     force = np.diff(impulse) / dt
     middle = trial.impulse(0.5 * (trial.time[1:] + trial.time[:-1]))
     rise = 2.0 * (impulse[:-1] + impulse[1:] - 2.0 * middle) / dt
-    began = perf_counter()
+    began = process_time()
     for span, thrust, half, fix in zip(
             dt.tolist(), force.tolist(), rise.tolist(), fixes[1:]):
         transition = filter.F
@@ -155,16 +155,16 @@ def filterpy_ekf7(trial: Trial) -> float:
         filter.update(fix, _position_row, _position)
         filter.x[2] = max(filter.x[2], 1e-5)
         filter.x[3:5] = np.minimum(filter.x[3:5], 0.0)  # drags do not push
-    return (perf_counter() - began) / len(dt)
+    return (process_time() - began) / len(dt)
 
 
 def filterpy_update(trial: Trial) -> float:
     """Return the time [s] of the measurement update alone, with 7 states."""
     filter, fixes = _seven(trial)
-    began = perf_counter()
+    began = process_time()
     for fix in fixes:
         filter.update(fix, _position_row, _position)
-    return (perf_counter() - began) / len(fixes)
+    return (process_time() - began) / len(fixes)
 
 
 def padasip_adapt(trial: Trial) -> float:
@@ -175,10 +175,10 @@ def padasip_adapt(trial: Trial) -> float:
     regressors = [np.array([step.force[1] / 100.0, v * abs(v), v, 1.0])
                   for step in steps for v in step.velocity[1:2]]
     change = [(step.velocity[2] - step.velocity[0]) / step.dt for step in steps]
-    began = perf_counter()
+    began = process_time()
     for value, regressor in zip(change, regressors):
         filter.adapt(value, regressor)
-    return (perf_counter() - began) / len(steps)
+    return (process_time() - began) / len(steps)
 
 
 def _seven(trial: Trial) -> tuple[Any, list[Array]]:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """[s] Discovery takes up to 3 s, more on a busy machine."""
 
 PAGE = os.sysconf('SC_PAGE_SIZE')

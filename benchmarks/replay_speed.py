@@ -10,20 +10,16 @@ replay of ten hours. The logs are made once and kept in the folder for temporary
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 import importlib.util
-import os
 from pathlib import Path
-from statistics import median
 import subprocess
 import sys
 import tempfile
-import time
 
-# this process imports nothing large: a child's peak memory is never below its parent's
+from benchmarks.commands import CLI, environment, measure, ratios, ROOT, table
+
 FOLDER = Path(tempfile.gettempdir()) / 'rovid-benchmarks'
-ROOT = Path(__file__).parents[1]
 READ = """
 import sys
 from pathlib import Path
@@ -43,14 +39,6 @@ with open(sys.argv[1], 'rb') as file:
 BASE = 'AnyReader + deserialize'
 
 
-@dataclass
-class Measured:
-    """Wall-clock times [s], and peak memory [MB], of a command."""
-
-    times: list[float] = field(default_factory=list)
-    memory: list[float] = field(default_factory=list)
-
-
 def log(hours: int) -> tuple[Path, Path]:
     """Return a log and its parameter file; make them if they are not there."""
     FOLDER.mkdir(exist_ok=True)
@@ -62,17 +50,11 @@ def log(hours: int) -> tuple[Path, Path]:
     return path, parameters
 
 
-def environment() -> dict[str, str]:
-    """Return that of the commands: this project, and no more threads than one."""
-    return {**os.environ, 'OPENBLAS_NUM_THREADS': '1', 'PYTHONPATH': os.pathsep.join(
-        filter(None, [str(ROOT), os.environ.get('PYTHONPATH', '')]))}
-
-
 def replay(hours: int) -> list[str]:
     """Return the command."""
     path, parameters = log(hours)
-    return [sys.executable, '-m', 'rovid_ros.cli', 'replay', str(path), '--params-file',
-            str(parameters), '--json', str(FOLDER / f'{hours}h.json')]
+    return [*CLI, 'replay', str(path), '--params-file', str(parameters), '--json',
+            str(FOLDER / f'{hours}h.json')]
 
 
 def readers(hours: int) -> dict[str, list[str]]:
@@ -83,40 +65,6 @@ def readers(hours: int) -> dict[str, list[str]]:
     if importlib.util.find_spec('mcap_ros2'):
         programs['mcap_ros2 decoded'] = READ_MCAP
     return {name: [sys.executable, '-c', text, path] for name, text in programs.items()}
-
-
-def measure(commands: Mapping[str, Sequence[str]], runs: int) -> dict[str, Measured]:
-    """Run all commands in turn, ``runs`` times."""
-    found = {name: Measured() for name in commands}
-    for _ in range(runs):
-        for name, command in commands.items():
-            start = time.perf_counter()
-            child = subprocess.Popen(
-                command, env=environment(), cwd=ROOT, stdout=subprocess.DEVNULL)
-            _, status, usage = os.wait4(child.pid, 0)
-            found[name].times.append(time.perf_counter() - start)
-            found[name].memory.append(usage.ru_maxrss / 1024.0)
-            child.returncode = os.waitstatus_to_exitcode(status)
-            if child.returncode:
-                raise SystemExit(f'{name}: exit code {child.returncode}')
-    return found
-
-
-def ratios(one: Sequence[float], other: Sequence[float]) -> tuple[float, float, float]:
-    """Return the median, lowest and highest ratio of the runs that were side by side."""
-    each = [a / b for a, b in zip(one, other)]
-    return median(one) / median(other), min(each), max(each)
-
-
-def table(found: Mapping[str, Measured], base: str) -> str:
-    """Return time, ratio to ``base`` with its spread, and peak memory, as Markdown."""
-    lines = ['| command | time [s] | ratio | lowest to highest | peak memory [MB] |',
-             '|---|---|---|---|---|']
-    for name, one in found.items():
-        middle, low, high = ratios(one.times, found[base].times)
-        lines.append(f'| {name} | {median(one.times):.2f} | {middle:.2f} | {low:.2f} to '
-                     f'{high:.2f} | {median(one.memory):.0f} |')
-    return '\n'.join(lines)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -11,7 +11,7 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from statistics import median
-from time import perf_counter
+from time import process_time
 
 import numpy as np
 from rovid_core.identification import Identification
@@ -54,10 +54,10 @@ def alone(settings: Settings) -> Work:
         first, *steps = one.pieces()
         assert isinstance(first, float)
         identifier.restart(first)
-        began = perf_counter()
+        began = process_time()
         for step in steps:
             identifier.step(step)  # type: ignore[arg-type]
-        return (perf_counter() - began) / len(steps)
+        return (process_time() - began) / len(steps)
     return work
 
 
@@ -69,11 +69,11 @@ def piped(settings: Settings) -> Work:
         assert isinstance(first, float)
         dof.identifier.restart(first)
         time = 0
-        began = perf_counter()
+        began = process_time()
         for step in steps:
             time += 100_000_000
             dof.step(time, step, True)  # type: ignore[arg-type]
-        return (perf_counter() - began) / len(steps)
+        return (process_time() - began) / len(steps)
     return work
 
 

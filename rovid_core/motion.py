@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from rovid_core.dofs import ANGULAR_DOFS, DOFS, Quaternion, Vector
 from rovid_core.rotation import rotate, rotate_back, rotation_between
@@ -22,8 +22,7 @@ SHORTEST = 0.001
 """[s] Least interval of which that holds; below, a burst was stamped as it came."""
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(NamedTuple):
     """
     One measured velocity.
 
@@ -31,6 +30,8 @@ class Motion:
     ----------
     start, end : int
         The interval over which it is the mean [ns]; the same for a point measurement.
+    time : int
+        At which the velocity stands: the middle of the interval [ns].
     velocity : tuple of float
         One value per DOF of the source [m/s or rad/s], in the body frame.
     turn : float
@@ -43,14 +44,10 @@ class Motion:
 
     start: int
     end: int
+    time: int
     velocity: tuple[float, ...]
     turn: float = 0.0
     slips: tuple[float, ...] = ()
-
-    @property
-    def time(self) -> int:
-        """Return the time at which the velocity stands: the middle of its interval [ns]."""
-        return (self.start + self.end) // 2
 
 
 Fix = tuple[int, tuple[float, ...]]
@@ -130,6 +127,11 @@ class MotionSource:
         self._waiting.append((time, value, anew))
         return True
 
+    @property
+    def is_waiting(self) -> bool:
+        """Tell whether a measurement has not been taken."""
+        return bool(self._waiting)
+
     def take(self, now: int) -> Motion | str | None:
         """
         Return the next velocity, why a measurement gives none, or None.
@@ -143,71 +145,71 @@ class MotionSource:
         """
         if not self._waiting:
             return None
-        *_, anew = self._waiting[0]
-        new = self._waiting[0][:2]
+        time, value, anew = self._waiting[0]
         if anew:
             self._waiting.popleft()
-            self._take_up_anew(new)
+            self._take_up_anew((time, value))
             return anew
         if self._is_point:
             self._waiting.popleft()
-            return self._body(Motion(new[0], new[0], new[1][:3]))
+            return self._body(time, time, value) or 'too_fast'
         last = self._last
         missing = 'gap' if last else 'first'
-        if last is not None and new[0] - last[0] <= self._timeout:
-            missing = self._missing(last[0], new[0])
-            if missing == 'later' and now - new[0] <= self._patience:
+        if last is not None and time - last[0] <= self._timeout:
+            missing = self._missing(last[0], time) if self._turned else ''
+            if missing == 'later' and now - time <= self._patience:
                 return None
         self._waiting.popleft()
+        new = time, value
         if missing or last is None:
             self._take_up_anew(new)
             return 'no_attitude' if missing == 'later' else missing
         motion = self._difference(last, new)
         if motion is not None:
-            self._take_up(new)
+            self._last, self._refused = new, None
             return motion
-        if self._refused and self._difference(self._refused, new) is not None:
+        refused = self._refused
+        if refused and not (self._turned and self._missing(refused[0], time)) and (
+                self._difference(refused, new) is not None):
             self._take_up_anew(new)
             return 'shifted'
         self._refused = new
         return 'too_fast'
 
-    def _take_up(self, fix: Fix) -> None:
-        self._last, self._refused = fix, None
-
     def _take_up_anew(self, fix: Fix) -> None:
         self._attitude = None
         if self.input == 'depth':
             self._shared.forget_depths()
-        self._take_up(fix)
+        self._last, self._refused = fix, None
 
     def _missing(self, start: int, end: int) -> str:
-        if not self._turned:
-            return ''
+        """Return '' if the attitudes of an interval are known, or why they are not."""
+        missing = self._shared.attitude.missing
+        if self._lever is None:
+            return missing((start + end) // 2)
         # the lever arm is taken off at both ends; else the middle will do
-        times = (start, end) if self._lever else ((start + end) // 2,)
-        return next((m for m in map(self._shared.attitude.missing, times) if m), '')
+        return missing(start) or missing(end)
 
     def _difference(self, last: Fix, new: Fix) -> Motion | None:
         """Return the velocity between two measurements, None if it is too fast."""
         start, end = last[0], new[0]
         dt = (end - start) * NS
         if self.input == 'attitude':
-            turn = rotation_between(last[1], new[1])  # type: ignore[arg-type]
-            motion = self._body(Motion(start, end, tuple([x / dt for x in turn])))
-            return motion if isinstance(motion, Motion) else None
+            x, y, z = rotation_between(last[1], new[1])  # type: ignore[arg-type]
+            return self._body(start, end, (x / dt, y / dt, z / dt))
         velocity = self._world_velocity(last, new, dt)
-        if velocity is None or self._missing(start, end):
+        if velocity is None:
             return None
-        body, turned = velocity, 0.0
-        slips: tuple[float, ...] = ()
-        if self._turned:
+        if not self._turned:
+            motion = self._body(start, end, velocity)
+        else:
             attitude = self._shared.attitude.at((start + end) // 2)
             body = rotate_back(attitude, velocity)
-            turned = math.hypot(*rotation_between(self._attitude or attitude, attitude))
-            slips = self._slips(body, dt)
-        motion = self._body(Motion(start, end, body, turned, slips))
-        if isinstance(motion, str):
+            motion = self._body(start, end, body)
+            if motion is not None and self._shared.attitude.noisy:
+                motion = motion._replace(turn=math.hypot(*rotation_between(
+                    self._attitude or attitude, attitude)), slips=self._slips(body, dt))
+        if motion is None:
             return None
         if self._turned:
             self._attitude = attitude
@@ -245,18 +247,22 @@ class MotionSource:
         return tuple([
             math.sqrt(variance * max(square - body[i] * body[i], 0.0)) for i in self._axes])
 
-    def _body(self, motion: Motion) -> Motion | str:
-        velocity = tuple([motion.velocity[i] for i in self._axes])
-        if not self._is_slow(velocity, (motion.end - motion.start) * NS):
-            return 'too_fast'
-        return Motion(motion.start, motion.end, velocity, motion.turn, motion.slips)
+    def _body(self, start: int, end: int, velocity: tuple[float, ...]) -> Motion | None:
+        """Return the velocity of the DOFs over an interval, None if it is too fast."""
+        own = tuple([velocity[i] for i in self._axes])
+        if not self._is_slow(own, (end - start) * NS):
+            return None
+        return Motion(start, end, (start + end) // 2, own)
 
     def _is_slow(self, velocity: tuple[float, ...], dt: float) -> bool:
         limit = self._max_speed
         if 0.0 < dt < SPEED_SPAN:
             limit *= SPEED_SPAN / max(dt, SHORTEST)
-        # written so that a NaN (positions of 1e300 give some) is too fast as well
-        return all(-limit <= v <= limit for v in velocity)
+        for v in velocity:
+            # written so that a NaN (positions of 1e300 give some) is too fast as well
+            if not -limit <= v <= limit:
+                return False
+        return True
 
 
 def _scalar(fix: Fix) -> tuple[int, float]:

@@ -24,6 +24,9 @@ ALONE = 20
 
 NEVER = -(1 << 62)
 
+RANK = {name: rank for rank, name in enumerate(INPUTS)}
+"""In which order events of the same time come."""
+
 
 class EventOrder:
     """
@@ -71,6 +74,8 @@ class EventOrder:
     def restart(self) -> None:
         """Forget all times and held events, as at the start."""
         self._last: dict[Key, int] = {}  # newest accepted event time of each input
+        self._slowest: Key | None = None  # when all have been heard: the input that is
+        self._reached = NEVER  # furthest behind, and how far it has come
         self._newest: int | None = None  # newest accepted event time of all
         self._past = NEVER  # what is before it is late, even if ``max_wait`` has grown
         self._held: list[tuple[int, int, int, Event]] = []
@@ -141,9 +146,10 @@ class EventOrder:
             self._believe(event.time)
 
     def _is_doubtful(self, key: Key, event: Event) -> bool:
-        waiting = self._ahead.get(key, [])
-        return (self._newest is None or event.time > self._newest + self._far
-                or len(waiting) > 0 and event.time > waiting[-1].time)
+        if self._newest is None or event.time > self._newest + self._far:
+            return True
+        waiting = self._ahead.get(key)
+        return waiting is not None and len(waiting) > 0 and event.time > waiting[-1].time
 
     def _doubt(self, key: Key, event: Event) -> None:
         """Put an event aside until something stands for its time."""
@@ -215,26 +221,35 @@ class EventOrder:
         return key not in self._last or event.time > self._last[key]
 
     def _hold_new(self, key: Key, event: Event) -> None:
-        if not self._is_new(key, event):
-            self._drop(event, 'duplicate' if event.time == self._last[key] else 'backward')
+        last = self._last.get(key, NEVER)
+        if event.time <= last:
+            self._drop(event, 'duplicate' if event.time == last else 'backward')
             return
         if len(self._held) >= MOST_HELD:
             self._drop(event, 'overload')
             return
         for sample in event.samples:
             self._last[(sample.input, sample.part)] = event.time
-        if key in self._inputs:
-            self._newest = max(NEVER if self._newest is None else self._newest, event.time)
+        if len(event.samples) > 1:  # some of these inputs may have been further
+            self._slowest = None
+        if key in self._inputs and (self._newest is None or event.time > self._newest):
+            self._newest = event.time
         self._arrivals += 1
-        heappush(self._held, (event.time, INPUTS.index(key[0]), self._arrivals, event))
+        heappush(self._held, (event.time, RANK[key[0]], self._arrivals, event))
 
     def _release(self) -> list[Event]:
         if self._newest is None:
             return []
         # strictly later, so that ties do not depend on the order of delivery
         until = self._newest - self._max_wait - (1 if self._max_wait else 0)
-        if self._last.keys() >= self._inputs:
-            until = max(until, min(self._last[key] for key in self._inputs))
+        slowest = self._slowest
+        if slowest is None or self._last[slowest] != self._reached:
+            # the slowest input has come further, or was not known yet
+            if self._last.keys() >= self._inputs:
+                self._slowest = min(self._inputs, key=self._last.__getitem__)
+                self._reached = self._last[self._slowest]
+        if self._slowest is not None and self._reached > until:
+            until = self._reached
         released = []
         while self._held and self._held[0][0] <= until:
             released.append(heappop(self._held)[3])

@@ -154,10 +154,11 @@ class Pipe:
     def _take(self, time: int, sample: Sample) -> str:
         """Hand a sample to those who use it; return why it was refused, or ''."""
         value, name = sample.value, sample.input
-        # a NaN in a reference stands for a DOF that it does not measure
-        sound = map(math.isfinite, value) if name != 'reference' else (
-            not math.isinf(x) for x in value)
-        if not all(sound):
+        total = sum(value)
+        # most sums say at once that all is finite, whatever they round to
+        if total - total != 0.0 and not all(map(
+                # a NaN in a reference stands for a DOF that it does not measure
+                math.isfinite if name != 'reference' else _is_no_infinity, value)):
             return 'non_finite'
         if name in self._inlets:
             return self._measure(time, name, value)
@@ -191,7 +192,7 @@ class Pipe:
         return anew
 
     def _run(self, track: Track, now: int, estimates: list[Estimate]) -> None:
-        while True:
+        while track.held is not None or track.source.is_waiting:
             motion = track.held or track.source.take(now)
             track.held = None
             if motion is None:
@@ -220,36 +221,37 @@ class Pipe:
         if last is not None and motion.time - last.time > track.timeout:
             self._skip(track, 'gap')
             last = None
-        missing = self._thrust.missing(last.time if last else motion.time, motion.time)
+        time = motion.time
+        missing = self._thrust.missing(last.time if last else time, time)
         if missing:
             self._skip(track, missing)
             return
-        if last is None or track.velocity.value is None:
+        before = track.velocity.value
+        if last is None or before is None:
             self._take_up(track, motion)
             return
-        span = (last.time, min(max(motion.start, last.time), motion.time), motion.time)
-        impulses = [self._thrust.impulse(t) for t in span]
-        dt = (span[2] - span[0]) * NS
-        before = track.velocity.value
+        begin = last.time
+        middle = min(max(motion.start, begin), time)
+        span = begin, middle, time
+        dt, lead, rest = (time - begin) * NS, (middle - begin) * NS, (time - middle) * NS
+        first, second, third = self._thrust.impulses(span, track.indices)
         after = track.velocity.step(dt, motion.velocity)
-        forces = track.force.step(dt, tuple(
-            [(impulses[2][i] - impulses[0][i]) / dt for i in track.indices]))
-        parts = ((span[1] - span[0]) * NS, (span[2] - span[1]) * NS)
-        interval = (motion.end - motion.start) * NS
+        forces = track.force.step(dt, tuple([(q - p) / dt for p, q in zip(first, third)]))
+        interval, turn, slips = (motion.end - motion.start) * NS, motion.turn, motion.slips
         for j, i in enumerate(track.indices):
-            step = Step(
-                dt, (before[j], 0.5 * (before[j] + after[j]), after[j]), (forces[j],) * 3,
-                motion.velocity[j], interval, parts,
-                (_mean(impulses[0][i], impulses[1][i], parts[0]),
-                 _mean(impulses[1][i], impulses[2][i], parts[1])), motion.turn,
-                motion.slips[j] if motion.slips else 0.0)
-            self._dofs[i].step(motion.time, step, self.adapt)
-            self._commands.one_sided.velocity(i, step.velocity[2])
+            v, w, f, p, q = before[j], after[j], forces[j], first[j], second[j]
+            step = Step._make((
+                dt, (v, 0.5 * (v + w), w), (f, f, f), motion.velocity[j], interval, (lead, rest),
+                ((q - p) / lead if lead > 0.0 else 0.0,
+                 (third[j] - q) / rest if rest > 0.0 else 0.0),
+                turn, slips[j] if slips else 0.0))
+            self._dofs[i].step(time, step, self.adapt)
+            self._commands.one_sided.velocity(i, w)
             if self._scorer is not None:
                 self._scorer.stepped(self._settings.dofs[i], span, step)
         track.last = motion
         track.warn_if_clamped()
-        estimates.append(self.estimate(motion.time, tuple(track.indices)))
+        estimates.append(self.estimate(time, track.indices))
 
     def _take_up(self, track: Track, motion: Motion) -> None:
         """Start the filters and v_hat from a measurement."""
@@ -262,5 +264,5 @@ class Pipe:
                 self._scorer.restarted(self._settings.dofs[i], motion.time, v)
 
 
-def _mean(start_impulse: float, end_impulse: float, span: float) -> float:
-    return (end_impulse - start_impulse) / span if span > 0.0 else 0.0
+def _is_no_infinity(x: float) -> bool:
+    return not math.isinf(x)

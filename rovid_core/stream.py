@@ -42,9 +42,9 @@ class InputHealth:
         """Take the event time [ns] of a sample."""
         if self.last_time is not None and time > self.last_time:
             gap = time - self.last_time
-            self.longest_gap = max(self.longest_gap, gap * 1e-9)
-            now = 1e9 / gap
-            self.rate += (now - self.rate) * (0.05 if self.rate else 1.0)
+            if gap * 1e-9 > self.longest_gap:
+                self.longest_gap = gap * 1e-9
+            self.rate += (1e9 / gap - self.rate) * (0.05 if self.rate else 1.0)
         self.last_time = time
         self.count += 1
 
@@ -240,9 +240,10 @@ class Stream:
         for event in events:
             if self._recorder is not None:
                 self._recorder.released(event)
+            time = event.time
             for sample in event.samples:
-                self.inputs[sample.input].note(event.time)
-                estimates += self._pipe.handle(event.time, sample)
+                self.inputs[sample.input].note(time)
+                estimates += self._pipe.handle(time, sample)
         if estimates:
             self.estimate = estimates[-1]
         return estimates

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import math
 from typing import Any
 
@@ -154,23 +154,48 @@ class Thrust:
         return bool(self._times) and self._times[-1] >= time
 
     def impulse(self, time: int) -> tuple[float, ...]:
-        """Return the integral of the force per DOF [N s or N m s] from the first command."""
-        i = bisect_right(self._times, time) - 1
-        slope = None
-        if i + 1 < len(self._times):
-            slope = self._slope(i, self._times[i + 1], self._forces[i + 1])
-        return self._at(i, time, slope)[1]
+        """Return the integral of the force per DOF [N s or N m s] up to ``time`` [ns]."""
+        return tuple(self.impulses((time,), range(len(self._rows)))[0])
+
+    def impulses(self, times: tuple[int, ...], dofs: Iterable[int]) -> list[list[float]]:
+        """
+        Return the integrals of the force [N s or N m s] from the first command.
+
+        Parameters
+        ----------
+        times : tuple of int
+            Up to these [ns], in order.
+        dofs : iterable of int
+            Of these DOFs, by their numbers.
+
+        """
+        nodes, usual = self._times, not (self._lag or self._linear)
+        found = []
+        i = bisect_right(nodes, times[0])
+        for time in times:
+            while i < len(nodes) and nodes[i] <= time:
+                i += 1
+            if usual:  # what ``_at`` gives, of these DOFs alone
+                x = (time - nodes[i - 1]) * NS
+                so_far, forces = self._impulses[i - 1], self._forces[i - 1]
+                found.append([so_far[j] + forces[j] * x for j in dofs])
+            else:
+                slope = None if i == len(nodes) else self._slope(i - 1, nodes[i], self._forces[i])
+                impulses = self._at(i - 1, time, slope)[1]
+                found.append([impulses[j] for j in dofs])
+        return found
 
     def missing(self, start: int, end: int) -> str:
         """Return why the force over ``[start, end]`` [ns] is not known, or ''."""
-        i = bisect_right(self._times, start) - 1
+        times, good_until = self._times, self._good_until
+        i = bisect_right(times, start) - 1
         if i < 0:
             return 'no_thrust'
         if self._timeout == 0:
             return ''
-        while i < len(self._times) and self._times[i] < end:
-            until = self._times[i + 1] if i + 1 < len(self._times) else end
-            if min(until, end) > self._good_until[i]:
+        while i < len(times) and times[i] < end:
+            until = times[i + 1] if i + 1 < len(times) else end
+            if (until if until < end else end) > good_until[i]:
                 return 'stale_thrust'
             i += 1
         return ''

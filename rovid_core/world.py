@@ -16,6 +16,9 @@ NS = 1e-9
 MOST_KEPT = 65536
 """Attitudes and depths that are kept, however close their stamps are."""
 
+HEEDING = ('ekf',)
+"""Methods that ask how the noise of the attitude bends the path."""
+
 SHARE = 0.01
 """Of a new sample in the mean that tells the noise of the attitude."""
 
@@ -26,13 +29,16 @@ class AttitudeHistory:
 
     Attributes
     ----------
+    noisy : bool
+        Somebody asks for ``wander``.
     wander : float
         Spectral density of their noise on one axis [rad^2 s]: times speed squared it is how
         fast the variance grows of a path that is turned by them.
 
     """
 
-    def __init__(self, timeout: int, memory: int) -> None:
+    def __init__(self, timeout: int, memory: int, noisy: bool = True) -> None:
+        self.noisy = noisy
         self.change(timeout, memory)
         self.restart()
 
@@ -66,7 +72,8 @@ class AttitudeHistory:
             cut = max(bisect_left(self._times, time - self._memory),
                       len(self._times) - MOST_KEPT)
             del self._times[:cut], self._values[:cut]
-        if self._times and 0 < time - self._times[-1] <= self._timeout:  # a gap says nothing
+        # a gap says nothing
+        if self.noisy and self._times and 0 < time - self._times[-1] <= self._timeout:
             self._note_noise((time - self._times[-1]) * NS,
                              turn or rotation_between(self._values[-1], q))
         self._times.append(time)
@@ -108,7 +115,7 @@ class World:
     """What the sources know of each other: the attitude and the world velocity."""
 
     def __init__(self, settings: Settings) -> None:
-        self.attitude = AttitudeHistory(0, 0)
+        self.attitude = AttitudeHistory(0, 0, settings.identifier.method in HEEDING)
         self.change(settings)
         self.restart()
 
@@ -149,9 +156,12 @@ class World:
         if len(self._depths) < 2 or time - self._depths[-1][0] > self._depth_timeout:
             return None
         end, z = self._depths[-1]
-        first = next(((t, x) for t, x in reversed(self._depths) if t <= end - span),
-                     self._depths[0])
-        return (z - first[1]) / ((end - first[0]) * NS)
+        start, before = self._depths[0]
+        for then, x in reversed(self._depths):
+            if then <= end - span:
+                start, before = then, x
+                break
+        return (z - before) / ((end - start) * NS)
 
     def horizontal(self, time: int) -> tuple[float, float]:
         """Return the newest rate of the position [m/s]; 0 where it is too old."""

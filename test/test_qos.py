@@ -153,15 +153,24 @@ def test_what_the_middleware_loses_is_counted(
         health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
         node = start(BULKY)
         peer.advertise({'/current': BULKY['thrusters.type']}, best_effort(1))
+        sent = 0
+
+        def send(size: int) -> None:
+            nonlocal sent
+            peer.send('/current', Float64MultiArray(data=[0.0] * size))
+            sent += 1
+
+        send(3)  # a reader misses only what comes after its first
+        peer.spin(0.5)
         node.process.send_signal(signal.SIGSTOP)
         for _ in range(200):
-            peer.send('/current', Float64MultiArray(data=[0.0] * 50_000))
+            send(50_000)
         node.process.send_signal(signal.SIGCONT)
-        peer.send('/current', Float64MultiArray(data=[0.0] * 3))
 
         def lost() -> int:
+            send(3)  # it may be lost as well
             return max((int(value.value) for message in health for status in message.status
                         for value in status.values if value.key.endswith('lost')), default=0)
 
         peer.until(lost)
-        assert lost() <= 200
+        assert lost() < sent

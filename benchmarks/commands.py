@@ -1,0 +1,75 @@
+"""Whole commands, timed in turn, so that what else the machine does hits all alike."""
+
+# this imports nothing large: a child's peak memory is never below its parent's
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+import os
+from pathlib import Path
+from statistics import median
+import subprocess
+import sys
+
+ROOT = Path(__file__).parents[1]
+CLI = (sys.executable, '-m', 'rovid_ros.cli')
+"""What ``rovid`` runs, with these sources."""
+
+
+@dataclass
+class Measured:
+    """Processor times [s], and peak memory [MB], of a command."""
+
+    times: list[float] = field(default_factory=list)
+    memory: list[float] = field(default_factory=list)
+
+
+def environment() -> dict[str, str]:
+    """Return that of the commands: this project, and no more threads than one."""
+    return {**os.environ, 'OPENBLAS_NUM_THREADS': '1', 'PYTHONPATH': os.pathsep.join(
+        filter(None, [str(ROOT), os.environ.get('PYTHONPATH', '')]))}
+
+
+def measure(commands: Mapping[str, Sequence[object]], runs: int) -> dict[str, Measured]:
+    """
+    Run all commands in turn, ``runs`` times.
+
+    What is measured is the processor time, of a command and what it started: for these it
+    is what they take on a machine that does nothing else.
+
+    Raises
+    ------
+    SystemExit
+        If one of them fails.
+
+    """
+    found = {name: Measured() for name in commands}
+    for _ in range(runs):
+        for name, command in commands.items():
+            child = subprocess.Popen(
+                [*map(str, command)], env=environment(), cwd=ROOT, stdout=subprocess.DEVNULL)
+            _, status, usage = os.wait4(child.pid, 0)
+            found[name].times.append(usage.ru_utime + usage.ru_stime)
+            found[name].memory.append(usage.ru_maxrss / 1024.0)
+            child.returncode = os.waitstatus_to_exitcode(status)
+            if child.returncode:
+                raise SystemExit(f'{name}: exit code {child.returncode}')
+    return found
+
+
+def ratios(one: Sequence[float], other: Sequence[float]) -> tuple[float, float, float]:
+    """Return the median, lowest and highest ratio of the runs that were side by side."""
+    each = [a / b for a, b in zip(one, other)]
+    return median(one) / median(other), min(each), max(each)
+
+
+def table(found: Mapping[str, Measured], base: str) -> str:
+    """Return time, ratio to ``base`` with its spread, and peak memory, as Markdown."""
+    lines = ['| command | processor time [s] | ratio | lowest to highest | peak memory [MB] |',
+             '|---|---|---|---|---|']
+    for name, one in found.items():
+        middle, low, high = ratios(one.times, found[base].times)
+        lines.append(f'| {name} | {median(one.times):.3g} | {middle:.2f} | {low:.2f} to '
+                     f'{high:.2f} | {median(one.memory):.0f} |')
+    return '\n'.join(lines)

@@ -2,20 +2,21 @@
 Run for long; ``python -m benchmarks.soak [--hours H | --live S] [--output docs/soak.md]``.
 
 Without ``--live``, H hours of a simulated vehicle with ten times the sensor rates go through
-the live pipe, message by message: converter, stream, output messages. With it, the node runs
-in a process of its own for S seconds and hears sensors at 50 Hz over DDS.
+the live pipe, message by message: converter, stream, output messages; after every hour what came
+of it so far is written. With ``--live``, the node runs in a process of its own for S seconds and
+hears sensors at 50 Hz over DDS.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from multiprocessing import get_context
+from multiprocessing.queues import Queue
 import os
 from pathlib import Path
+from queue import Empty
 import re
 
 from rovid_core.dofs import PARAMETERS
@@ -101,38 +102,58 @@ class Soak:
         return found + [f'| {time / 60:.1f} | {size / 1e6:.2f} |' for time, size in shown] + ['']
 
 
-def simulated(method: str, hours: float, samples: int = 200) -> Soak:
-    """Let a vehicle run through the pipe, as the node does it, in one process."""
+def simulated(method: str, hours: float, samples: int = 200) -> Iterator[Soak]:
+    """
+    Let a vehicle run through the pipe, as the node does it, in one process.
+
+    Yields
+    ------
+    Soak
+        After every hour, and in the end.
+
+    """
     settings = _settings()
     settings = replace(settings, identifier=replace(settings.identifier, method=method))
     stream = Stream(settings)
     converter = Converter(settings, stream.reject)
     outputs = Outputs(settings)
     duration = 3600.0 * hours
-    soak = Soak(f'{hours:g} h of simulated time, {method}', duration)
-    begin = due = None
+    memory: list[tuple[float, int]] = []
+
+    def soak(time: float) -> Soak:
+        assert stream.estimate is not None
+        # two measurements make the first velocity, which the filters start from
+        missed = [stream.inputs[settings.source(dof.dof)].count - 2 - dof.steps
+                  for dof in stream.estimate.dofs]
+        return Soak(
+            f'{time / 3600.0:.3g} h of simulated time, {method}', time,
+            [*memory, (time, resident())], sum(dof.steps for dof in stream.estimate.dofs),
+            sum(missed), sum(stream.rejected.values()),
+            {dof.dof: dof.parameters for dof in stream.estimate.dofs})
+
+    begin, due, hour = 0, 0.0, 3600.0
     count = 0
     for message in sensed(settings, duration):
-        begin = message.time if begin is None else begin
+        begin = begin or message.time
         for event in converter.events(message.topic, built(message), message.time):
             for estimate in stream.receive(event):
                 count += 1
                 if not count % round(FASTER):  # published as often as the sensors usually come
                     outputs.messages(estimate)
-        if due is None or message.time >= due:
-            time = (message.time - begin) * 1e-9
-            soak.memory.append((time, resident()))
-            due = message.time + round(1e9 * duration / samples)
+        time = (message.time - begin) * 1e-9
+        if time >= due:
+            memory.append((time, resident()))
+            due += duration / samples
+        if time >= hour and hour < duration:
+            yield soak(hour)
+            hour += 3600.0
     stream.finish()
-    soak.memory.append((duration, resident()))
-    assert stream.estimate is not None
-    for dof in stream.estimate.dofs:
-        # two measurements make the first velocity, which the filters start from
-        soak.missed += stream.inputs[settings.source(dof.dof)].count - 2 - dof.steps
-        soak.steps += dof.steps
-        soak.models[dof.dof] = dof.parameters
-    soak.refused = sum(stream.rejected.values())
-    return soak
+    yield soak(duration)
+
+
+def _tell(method: str, hours: float, told: Queue[tuple[str, Soak]]) -> None:
+    for soak in simulated(method, hours):
+        told.put((method, soak))
 
 
 def _settings() -> Settings:
@@ -166,11 +187,22 @@ def main() -> None:
         soak = live(given.live)
         write(given.output, f'The node on DDS, {RATE:g} Hz', soak.lines(_settings()))
         return
-    with ProcessPoolExecutor(len(given.methods), mp_context=get_context('spawn')) as pool:
-        for method, soak in zip(given.methods, pool.map(
-                partial(simulated, hours=given.hours), given.methods)):
+    context = get_context('spawn')
+    told: Queue[tuple[str, Soak]] = context.Queue()
+    runs = [context.Process(target=_tell, args=(method, given.hours, told), daemon=True)
+            for method in given.methods]
+    for run in runs:
+        run.start()
+    while any(run.is_alive() for run in runs) or not told.empty():
+        try:
+            method, soak = told.get(timeout=1.0)
+        except Empty:
+            continue
+        if given.output or soak.duration == 3600.0 * given.hours:
             write(given.output, f'Simulated time, ten times the sensor rates, {method}',
                   soak.lines(_settings()))
+    if any(run.exitcode for run in runs):
+        raise SystemExit('a run failed')
 
 
 INTRODUCTION = """\

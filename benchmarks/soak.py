@@ -10,14 +10,13 @@ hears sensors at 50 Hz over DDS.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from multiprocessing import get_context
 from multiprocessing.queues import Queue
 import os
 from pathlib import Path
 from queue import Empty
-import re
 
 from rovid_core.dofs import PARAMETERS
 from rovid_core.plant import lumped
@@ -29,6 +28,7 @@ from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 
 from benchmarks.processes import resident
+from benchmarks.sections import write
 from benchmarks.sensors import built, sensed, times_faster
 from benchmarks.trials import CONFIG
 
@@ -160,18 +160,6 @@ def _settings() -> Settings:
     return times_faster(settings_from(load(CONFIG / 'jhurov.yaml')), FASTER)
 
 
-def write(path: Path | None, title: str, lines: Sequence[str]) -> None:
-    """Put a section into a file, in the place of the one with the same title, or print it."""
-    text = f'## {title}\n\n' + '\n'.join(lines).rstrip() + '\n'
-    if path is None:
-        print(text, end='')
-        return
-    before = path.read_text() if path.exists() else INTRODUCTION
-    pattern = re.compile(rf'^## {re.escape(title)}\n.*?(?=^## |\Z)', re.M | re.S)
-    path.write_text(pattern.sub(lambda _: text + '\n', before).rstrip() + '\n'
-                    if pattern.search(before) else f'{before.rstrip()}\n\n{text}')
-
-
 def main() -> None:
     """Run, and print or write what came of it."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -185,7 +173,7 @@ def main() -> None:
     if given.live:
         from benchmarks.soak_live import live, RATE
         soak = live(given.live)
-        write(given.output, f'The node on DDS, {RATE:g} Hz', soak.lines(_settings()))
+        write(given.output, INTRODUCTION, f'The node on DDS, {RATE:g} Hz', soak.lines(_settings()))
         return
     context = get_context('spawn')
     told: Queue[tuple[str, Soak]] = context.Queue()
@@ -199,7 +187,8 @@ def main() -> None:
         except Empty:
             continue
         if given.output or soak.duration == 3600.0 * given.hours:
-            write(given.output, f'Simulated time, ten times the sensor rates, {method}',
+            write(given.output, INTRODUCTION,
+                  f'Simulated time, ten times the sensor rates, {method}',
                   soak.lines(_settings()))
     if any(run.exitcode for run in runs):
         raise SystemExit('a run failed')

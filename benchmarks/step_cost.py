@@ -136,13 +136,19 @@ def _ignore(*_: str) -> None:
     """Take a refusal or a warning."""
 
 
+def lines(runs: int) -> list[str]:
+    """Return the tables, and what they are of."""
+    found = measure(works(), runs)
+    return [f'One step of one DOF, processor time, {runs} runs in turn. *Alone* is the method; '
+            '*in the pipe* is with status, excitation, watchers and the estimate that is handed on.',
+            '', table(found), '', ratios(found)]
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--runs', type=int, default=7)
-    given = parser.parse_args(arguments)
-    found = measure(works(), given.runs)
-    print(f'one step of one DOF, {given.runs} runs in turn\n\n{table(found)}\n\n{ratios(found)}')
+    print('\n'.join(lines(parser.parse_args(arguments).runs)))
 
 
 if __name__ == '__main__':

@@ -34,15 +34,19 @@ def measured(folder: Path, runs: int) -> dict[str, Measured]:
                        '--output', folder / 'tuned.yaml')}, runs)
 
 
+def lines(runs: int) -> list[str]:
+    """Return the table, and what it is of."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = measured(Path(folder), runs)
+    return [f'{DURATION:.0f} s of log, 3 DOFs, `aid`, {runs} runs in turn, reading included; '
+            f'asked for: at most {ASKED:g} replays.', '', table(found, 'rovid replay')]
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--runs', type=int, default=5)
-    given = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory() as folder:
-        found = measured(Path(folder), given.runs)
-    print(f'{DURATION:.0f} s of log, 3 DOFs, {given.runs} runs in turn; asked for: '
-          f'{ASKED:g}\n\n{table(found, "rovid replay")}')
+    print('\n'.join(lines(parser.parse_args(arguments).runs)))
 
 
 if __name__ == '__main__':

@@ -1,0 +1,48 @@
+"""
+All figures of docs/performance.md; ``python -m benchmarks.performance [SECTION ...]``.
+
+They are ratios of what ran side by side, medians with their spread. ``make bench`` runs all of
+them in about a quarter of an hour, and writes that file.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+from benchmarks import replay_speed, step_cost, tune_speed
+from benchmarks.sections import machine, write
+
+RUNS = 5
+SECTIONS: dict[str, tuple[str, Callable[[], list[str]]]] = {
+    'replay': ('Replay', lambda: replay_speed.lines(RUNS, ten=True)),
+    'step': ('One step', lambda: step_cost.lines(7)),
+    'tune': ('Tuning', lambda: tune_speed.lines(RUNS)),
+}
+INTRODUCTION = """\
+# What it costs
+
+`make bench` measures everything below and writes this file;
+`python -m benchmarks.performance SECTION --output docs/performance.md` measures one section anew.
+All are ratios of what ran in turn beside each other, medians with the lowest and the highest.
+"""
+
+
+def main() -> None:
+    """Measure, and print or write what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('sections', nargs='*', metavar='SECTION',
+                        help=f'{", ".join(SECTIONS)}; default: all')
+    parser.add_argument('--output', type=Path, metavar='FILE.md')
+    given = parser.parse_args()
+    for name in given.sections or SECTIONS:
+        if name not in SECTIONS:
+            parser.error(f'no section {name!r}: takes {", ".join(SECTIONS)}')
+    for name in given.sections or SECTIONS:
+        title, lines = SECTIONS[name]
+        write(given.output, INTRODUCTION, title, [*lines(), '', f'On {machine()}.'])
+
+
+if __name__ == '__main__':
+    main()

@@ -140,8 +140,8 @@ def lines(runs: int) -> list[str]:
     """Return the tables, and what they are of."""
     found = measure(works(), runs)
     return [f'One step of one DOF, processor time, {runs} runs in turn. *Alone* is the method; '
-            '*in the pipe* is with status, excitation, watchers and the estimate that is handed on.',
-            '', table(found), '', ratios(found)]
+            '*in the pipe* is with status, excitation, watchers and the estimate that '
+            'is handed on.', '', table(found), '', ratios(found)]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -69,9 +69,9 @@ class Commands:
             if len(signs) > len(value):
                 signs = signs[part:part + 1]
             value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
+        self._pulses.take(value)  # what is beyond the limit, too
         if not are_commands(self._settings, value, part):
             return 'not_a_command'
         self.one_sided.command(value)
-        self._pulses.take(value)
         self._thrust.forget(time - self._memory)
         return '' if self._thrust.command(time, value, part) else 'force_out_of_range'

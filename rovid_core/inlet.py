@@ -14,7 +14,7 @@ from rovid_core.thrust import Thrust
 STUCK = 10
 """Repeats of the very same value in a row, under thrust, of a sensor that is stuck."""
 
-KNOWN = 500
+KNOWN = 200
 """Values after which it is known how often a sensor repeats one."""
 
 SELDOM = 0.01
@@ -22,6 +22,12 @@ SELDOM = 0.01
 
 WORKING = 0.1
 """Force that should move the vehicle, in typical ones."""
+
+LOOK = 300
+"""Values after which it is told when most of them only repeat the one before, under thrust."""
+
+MOST = 200
+"""Repeats among them that are most."""
 
 TAKEN_ANEW = frozenset({'gap', 'shifted'})
 """Reasons for which a measurement is not refused: it is where the input goes on."""
@@ -56,6 +62,7 @@ class Inlet:
         self._warn = warn
         self.gate = Gate(settings, input)
         self._units = Units(settings, input, warn)
+        self._told = False
         self.change(settings)
         names = ANGULAR_DOFS if input in ('attitude', 'angular_velocity') else (
             ('heave',) if input == 'depth' else LINEAR_DOFS)
@@ -79,6 +86,7 @@ class Inlet:
         self._units.restart()
         self._value: Floats | None = None
         self._count = self._repeats = self._run = 0
+        self._looked = self._same = 0
         self._stuck = False
 
     def take(self, time: int, value: Floats) -> str:
@@ -92,9 +100,12 @@ class Inlet:
 
         """
         self._count += 1
+        self._looked += 1
         if value == self._value:
             if self._is_stuck():
                 return 'stuck'
+            if self._looked >= LOOK:
+                self._look()
         else:
             self._value = value
             if self._run:
@@ -117,6 +128,7 @@ class Inlet:
             self._repeats += 1
             return False
         self._run += 1
+        self._same += 1
         usual = self._count - self._run
         if self._run < STUCK or usual < KNOWN or self._repeats > SELDOM * usual:
             return False
@@ -124,3 +136,11 @@ class Inlet:
         self._warn(f'{self._input} is stuck: it has repeated the very same value {STUCK} times '
                    'under thrust; it is refused until it changes')
         return True
+
+    def _look(self) -> None:
+        """Say once when most of the last values were only repeats."""
+        if self._same >= MOST and not self._told:
+            self._told = True
+            self._warn(f'{self._input} mostly repeats its last value under new stamps: it is '
+                       'published more often than it is measured, or in coarse steps')
+        self._looked = self._same = 0

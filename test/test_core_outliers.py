@@ -176,6 +176,17 @@ def test_a_stuck_sensor_is_refused_told_and_taken_up_again(input, method):
     assert worse(stream) < 1.05
 
 
+def test_what_is_published_more_often_than_measured_is_told_once():
+    settings = vehicle()
+    stream = Stream(settings)
+    for time, name, value in simulate(settings, 120.0, 1):
+        for k in range(5 if name == 'position' else 1):
+            stream.receive(Event(time + 20_000_000 * k, (Sample(name, value),)))
+    (warning,) = stream.take_warnings()
+    assert warning.startswith('position mostly repeats its last value')
+    assert ('position', 'stuck') not in stream.rejected
+
+
 def test_every_episode_is_told():
     both = spoilt('depth', held(60.0, 70.0), spoilt('depth', held(100.0, 120.0)))
     assert len(run(vehicle(), both).take_warnings()) == 2

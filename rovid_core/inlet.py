@@ -116,7 +116,7 @@ class Inlet:
                 self.gate.take_up(time, value)
                 return 'gap'
         reason = self.gate.take(time, value) if self._gated else ''
-        self._units.take(time, value, None if reason else self.gate.change)
+        self._units.take(time, value, reason, self.gate.change)
         return reason
 
     def _is_stuck(self) -> bool:

@@ -14,6 +14,9 @@ NS = 1e-9
 WINDOW = 1_000_000_000
 """[ns] Speeds are taken over at least so long, which leaves the noise behind."""
 
+OFTEN = 0.3
+"""Share of attitudes that the gate finds too fast, in a window of such."""
+
 MOST = 10
 """More of these that were too fast than were not are no accident."""
 
@@ -79,8 +82,10 @@ class Units:
         """Forget where the window began."""
         self._begin: tuple[int, tuple[float, ...]] | None = None
         self._turned = 0.0
+        self._seen = self._too_fast = 0
 
-    def take(self, time: int, value: tuple[float, ...], change: Vector | None) -> None:
+    def take(self, time: int, value: tuple[float, ...], reason: str,
+             change: Vector | None) -> None:
         """
         Take a measurement.
 
@@ -90,13 +95,17 @@ class Units:
             [ns]
         value : tuple of float
             What was measured.
+        reason : str
+            Why the gate refuses it, or ''.
         change : Vector, optional
-            Since the last one; an attitude is followed by it, for it goes round.
+            Since the last good one; an attitude is followed by it, for it goes round.
 
         """
         if not self._watching:
             return
-        if change is not None:
+        self._seen += 1
+        self._too_fast += reason == 'too_fast'
+        if not reason and change is not None:
             self._turned += change[2]
         if self._begin is None:
             self._begin = time, value
@@ -109,10 +118,13 @@ class Units:
         if self._is_rate:
             speed = math.hypot(*value)
         elif self._input == 'attitude':
-            speed = abs(self._turned) / dt
+            # turns beyond half a turn look like smaller ones, here and there
+            speed = abs(self._turned) / dt if self._too_fast < OFTEN * self._seen else (
+                2.0 * self._max_speed)
         else:
             speed = math.dist(value[:self._axes], before[:self._axes]) / dt
-        self._begin, self._turned = (time, value), 0.0
+        self.restart()
+        self._begin = time, value
         if not speed > self._max_speed:
             self._score = max(0, self._score - 1)
         elif speed < math.inf:
@@ -120,9 +132,11 @@ class Units:
             self._mean += (speed - self._mean) / self._score
         if self._score == MOST:
             self._watching = False
-            unit = 'rad/s' if self._input in ('attitude', 'angular_velocity') else 'm/s'
-            self._warn(f'{self._input} moves at about {self._mean:.0f} {unit}, again and again '
-                       f'faster than velocity.max: {UNITS[self._input]}')
+            unit = 'rad/s' if self._input == 'angular_velocity' else 'm/s'
+            # how fast an attitude turns cannot be told when it is too fast
+            about = '' if self._input == 'attitude' else f' at about {self._mean:.0f} {unit},'
+            self._warn(f'{self._input} moves{about} again and again faster than velocity.max: '
+                       f'{UNITS[self._input]}')
 
 
 class Pulses:

@@ -57,8 +57,10 @@ class Soak:
         [s]
     memory : list of (float, int)
         Time [s] and what the process held [bytes].
-    steps, missed, refused : int
-        Steps; measurements that gave none; samples and steps that were refused.
+    steps, missed : int
+        Steps; measurements that gave none.
+    refused : dict
+        ``input.reason`` -> how many samples or steps.
     models : dict
         DOF -> parameters in the end.
 
@@ -69,7 +71,7 @@ class Soak:
     memory: list[tuple[float, int]] = field(default_factory=list)
     steps: int = 0
     missed: int = 0
-    refused: int = 0
+    refused: dict[str, int] = field(default_factory=dict)
     models: dict[str, tuple[float, ...]] = field(default_factory=dict)
 
     @property
@@ -90,9 +92,10 @@ class Soak:
 
     def lines(self, settings: Settings) -> list[str]:
         """Return the result in Markdown."""
+        refused = ', '.join(f'{name} {count:,}' for name, count in self.refused.items() if count)
         found = [
-            f'{self.name}: {self.steps:,} steps, {self.missed:,} missed, '
-            f'{self.refused:,} samples or steps refused; largest error of '
+            f'{self.name}: {self.steps:,} steps, {self.missed:,} missed; refused: '
+            f'{refused or "nothing"}; largest error of '
             f'{", ".join(PARAMETERS)}: {100 * self.off(settings):.2f} %; memory grew by '
             f'{self.growth / 1000:,.0f} kB after the first '
             f'{min(SETTLED, self.duration / 3) / 60:.3g} minutes.', '',
@@ -128,7 +131,8 @@ def simulated(method: str, hours: float, samples: int = 200) -> Iterator[Soak]:
         return Soak(
             f'{time / 3600.0:.3g} h of simulated time, {method}', time,
             [*memory, (time, resident())], sum(dof.steps for dof in stream.estimate.dofs),
-            sum(missed), sum(stream.rejected.values()),
+            sum(missed),
+            {f'{name}.{reason}': count for (name, reason), count in stream.rejected.items()},
             {dof.dof: dof.parameters for dof in stream.estimate.dofs})
 
     begin, due, hour = 0, 0.0, 3600.0

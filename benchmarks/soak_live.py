@@ -47,7 +47,7 @@ class _Run:
             f'{namespace}/rov/params', 'std_msgs/msg/Float64MultiArray')
         self._health = self.peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
         self._count = 0
-        self._refused = 0
+        self._refused: dict[str, int] = {}
         self._last: Any = None
         self._inputs = ('position', 'depth', 'attitude', 'thrusters')
         self._dofs = values['dofs']
@@ -101,5 +101,5 @@ class _Run:
         self._heard.clear()
         for message in self._health:
             if any(status.name.startswith(f'{self._namespace}/') for status in message.status):
-                self._refused = sum(rejected_in(message).values())
+                self._refused = rejected_in(message)
         self._health.clear()

@@ -16,7 +16,8 @@ from benchmarks.sections import machine, write
 
 RUNS = 5
 SECTIONS: dict[str, tuple[str, Callable[[], list[str]]]] = {
-    'replay': ('Replay', lambda: replay_speed.lines(RUNS, ten=True)),
+    'replay': ('Replay', lambda: replay_speed.lines(RUNS)),
+    'long': ('Ten hours', lambda: replay_speed.long_lines(2)),
     'step': ('One step', lambda: step_cost.lines(7)),
     'tune': ('Tuning', lambda: tune_speed.lines(RUNS)),
 }

@@ -3,7 +3,7 @@ Put faults into a simulated and a real log; ``python -m benchmarks.faults [LOGS]
 
 LOGS is a folder with the two tank recordings; without it, they are left out. ``--live``
 publishes every faulty log over DDS as well, into the node in a process of its own.
-All cores work. ``--output docs/faults.md`` keeps what came out.
+``--output docs/faults.md`` keeps what came out.
 """
 
 from __future__ import annotations
@@ -110,11 +110,13 @@ def main() -> None:
     parser.add_argument('logs', nargs='?', type=Path, help='folder of the tank recordings')
     parser.add_argument('--live', action='store_true', help='over DDS as well')
     parser.add_argument('--only', default='', metavar='NAME', help='faults with this in the name')
+    parser.add_argument('--workers', type=int, metavar='N', help='processes; default: one per '
+                        'core, but a live run mostly waits')
     parser.add_argument('--output', type=Path, metavar='FILE.md')
     given = parser.parse_args()
     os.environ['OPENBLAS_NUM_THREADS'] = '1'  # one process per core is enough
     lines = [*_head(given.live)]
-    with ProcessPoolExecutor(mp_context=get_context('spawn')) as pool:
+    with ProcessPoolExecutor(given.workers, mp_context=get_context('spawn')) as pool:
         for name in ('simulated', 'tank') if given.logs else ('simulated',):
             recording = _bench(name, given.logs).recording
             fitting = [fault for fault in BY_NAME.values()

@@ -21,7 +21,10 @@ def main() -> None:
     node = rclpy.create_node('pass_through')
     publisher = node.create_publisher(Float64MultiArray, 'rov/params', reliable(DEPTH))
     message = Float64MultiArray(data=[0.0] * 16)
-    for name in ('position', 'attitude', 'thrusters'):
+    for name in ('position', 'depth', 'attitude', 'thrusters'):
+        if not values.get(f'{name}.topic'):
+            continue
+
         def take(received: object, name: str = name) -> None:
             if name == 'position':
                 publisher.publish(message)

@@ -11,7 +11,7 @@ import argparse
 from collections.abc import Callable
 from pathlib import Path
 
-from benchmarks import replay_speed, step_cost, tune_speed
+from benchmarks import latency, replay_speed, startup, step_cost, tune_speed
 from benchmarks.sections import machine, write
 
 RUNS = 5
@@ -19,6 +19,8 @@ SECTIONS: dict[str, tuple[str, Callable[[], list[str]]]] = {
     'replay': ('Replay', lambda: replay_speed.lines(RUNS)),
     'long': ('Ten hours', lambda: replay_speed.long_lines(2)),
     'step': ('One step', lambda: step_cost.lines(7)),
+    'live': ('The live node', lambda: [latency.report((latency.PASSING, 'aid'), RUNS, 4.0)]),
+    'start': ('Start', lambda: startup.lines(15)),
     'tune': ('Tuning', lambda: tune_speed.lines(RUNS)),
 }
 INTRODUCTION = """\

@@ -44,6 +44,17 @@ def cpu_time(pid: int | str = 'self') -> float:
     return (int(fields[11]) + int(fields[12])) / TICK
 
 
+def run_time(pid: int | str) -> float:
+    """Return the same of its present threads, to the microsecond [s]."""
+    total = 0
+    for task in Path(f'/proc/{pid}/task').iterdir():
+        try:
+            total += int((task / 'schedstat').read_text().split()[0])
+        except OSError:  # it has just ended
+            continue
+    return total * 1e-9
+
+
 class NodeProcess:
     """The node, or another module that takes its arguments, as its own process."""
 

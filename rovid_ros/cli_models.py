@@ -9,11 +9,11 @@ from typing import Any
 
 from rovid_ros import handlers
 from rovid_ros.arguments import add_command, dofs, duration, factor, mcap, per_dof, seed
+from rovid_ros.profile_grammar import GRAMMAR
 
 
 def add_simulate(commands: Any) -> None:
     """Add ``rovid simulate``."""
-    from rovid_ros.profile_text import GRAMMAR
     command = add_command(
         commands, 'simulate', handlers.simulate, 'write the log of a simulated vehicle',
         'Its parameters are those under "simulation" in the file; the log says them under the '

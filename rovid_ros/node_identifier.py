@@ -9,6 +9,7 @@ from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from rovid_core.pipe import Scorer
 from rovid_core.settings import Settings
@@ -73,6 +74,11 @@ class IdentifierNode(ParameterNode):
         """Return what the node runs with; live parameters change it."""
         return self.stream.settings
 
+    @property
+    def heard(self) -> list[Subscription[Any]]:
+        """Return the subscriptions of the inputs, none while it is not active."""
+        return self._in.subscriptions if self.active and self._live else []
+
     def configure(self) -> None:
         """Make all but the inputs."""
         settings = self.initial()
@@ -97,6 +103,7 @@ class IdentifierNode(ParameterNode):
         """Publish what is held and hear nothing more; the estimate stays."""
         self._in.drain()
         self._tell(self.stream.interrupt())
+        self._out.catch_up(self._outputs)
         self._in.close()
         if self.settings.checkpoint_path:
             self._checkpoint.save()
@@ -179,6 +186,10 @@ class IdentifierNode(ParameterNode):
         self.note({'enable': self.stream.adapting})
         return estimates
 
+    def take(self) -> None:
+        """Take what waits on the inputs, and publish the estimates that it releases."""
+        self._in.take()
+
     def finish(self) -> list[Estimate]:
         """Publish what is held, save the state and end the record; for the end of a run."""
         if not self._configured:
@@ -186,6 +197,7 @@ class IdentifierNode(ParameterNode):
         if self.active:
             self._in.drain()
         estimates = self._tell(self.stream.finish())
+        self._out.catch_up(self._outputs)
         if self.settings.checkpoint_path:
             self._checkpoint.save()
         if self._recorder:
@@ -224,14 +236,11 @@ class IdentifierNode(ParameterNode):
         self._publish(self._intake.merged(batch))
 
     def _publish(self, events: Iterable[Event]) -> list[Estimate]:
-        return self._tell([
-            estimate for event in events for estimate in self.stream.receive(event)])
+        return [estimate for event in events for estimate in self._tell(
+            self.stream.receive(event))]
 
     def _tell(self, estimates: list[Estimate]) -> list[Estimate]:
-        wanted = self._out.wanted if estimates else []
-        for estimate in estimates:
-            for output in self._outputs.messages(estimate, wanted):
-                self._out.publish(output)
+        self._out.tell(self._outputs, estimates)
         self._report.told(estimates)
         return estimates
 
@@ -241,6 +250,7 @@ class IdentifierNode(ParameterNode):
             self._out.publish(output)
 
     def _each_second(self) -> None:
+        self._out.catch_up(self._outputs)
         self._out.publish(self._report.each_second(self.label))
         if self._recorder:
             self._recorder.flush()

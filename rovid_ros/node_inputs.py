@@ -115,9 +115,22 @@ class Subscriptions:
             self._node.destroy_subscription(subscription)
         self._topics.clear()
 
+    @property
+    def subscriptions(self) -> list[Subscription[Any]]:
+        """Return what is subscribed to."""
+        return list(self._topics.values())
+
+    def take(self) -> None:
+        """Hand over what waits, or what the node can keep up with of it."""
+        began = time.time()  # the clock of the middleware's times, whatever the node's is
+        batch = self._none()
+        self._hand_over(batch, began, self._add_waiting(batch))
+
     def drain(self) -> None:
         """Hand over everything that waits."""
-        self._take(self._waiting({topic: [] for topic in self._topics}))
+        batch = self._none()
+        self._add_waiting(batch)
+        self._take(batch)
 
     def _subscribe(self, settings: Settings, topic: str, cls: type[Any]) -> Subscription[Any]:
         inputs = inputs_of(settings, topic)
@@ -151,11 +164,18 @@ class Subscriptions:
     def _arrived(self, topic: str, cdr: bytes, info: Any) -> None:
         if topic not in self._topics:
             return  # taken before, told after the end
-        batch: dict[str, list[Received]] = {name: [] for name in self._topics}
-        batch[topic].append(self._received(topic, cdr, info))
-        began = time.time()  # the clock of the middleware's times, whatever the node's is
-        self._backlog.begin(began - (1e-9 * info['received_timestamp'] or began))
-        self._waiting(batch)
+        began = time.time()
+        batch = self._none()
+        batch[topic].append(self._received(topic, cdr, info, self._is_simulated()))
+        self._add_waiting(batch)
+        self._hand_over(batch, began, info['received_timestamp'])
+
+    def _none(self) -> dict[str, list[Received]]:
+        return {topic: [] for topic in self._topics}
+
+    def _hand_over(self, batch: dict[str, list[Received]], began: float, oldest: int) -> None:
+        """Hand over a batch whose oldest message came at a time [ns], 0: not known."""
+        self._backlog.begin(began - (1e-9 * oldest or began))
         came = time.time()
         self._take(self._thinned(batch))
         self._backlog.end(time.time() - began, came)
@@ -171,22 +191,31 @@ class Subscriptions:
             batch[topic] = taken
         return batch
 
-    def _waiting(self, batch: dict[str, list[Received]]) -> dict[str, list[Received]]:
+    def _add_waiting(self, batch: dict[str, list[Received]]) -> int:
+        """Add all that waits; return when the oldest of it came [ns], 0: not known."""
+        simulated = self._is_simulated()
+        oldest = []
         for topic, subscription in self._topics.items():
-            for _ in range(DEPTH):  # a publisher that never pauses must not hold this up
-                with subscription.handle:
-                    taken = subscription.handle.take_message(subscription.msg_type, True)
-                if taken is None:
-                    break
-                batch[topic].append(self._received(topic, *taken))
-        return batch
+            messages, handle = batch[topic], subscription.handle
+            with handle:
+                for count in range(DEPTH):  # a publisher that never pauses must not hold this up
+                    taken = handle.take_message(subscription.msg_type, True)
+                    if taken is None:
+                        break
+                    if not count:
+                        oldest.append(taken[1]['received_timestamp'])
+                    messages.append(self._received(topic, *taken, simulated))
+        return min(oldest, default=0)
 
-    def _received(self, topic: str, cdr: bytes, info: Any) -> Received:
-        # where the clock is the system's, the time when it came says more than the present
+    def _is_simulated(self) -> bool:
         clock = self._node.get_clock()
-        simulated = isinstance(clock, ROSClock) and clock.ros_time_is_active
+        return isinstance(clock, ROSClock) and clock.ros_time_is_active
+
+    def _received(self, topic: str, cdr: bytes, info: Any, simulated: bool) -> Received:
+        # where the clock is the system's, the time when it came says more than the present
         time = 0 if simulated else info['received_timestamp']
-        return Received(topic, self._types[topic], cdr, time or clock.now().nanoseconds)
+        return Received(topic, self._types[topic], cdr,
+                        time or self._node.get_clock().now().nanoseconds)
 
 
 def qos(settings: Settings, topic: str) -> QoSProfile:

@@ -12,9 +12,11 @@ from rovid_core.stream import Stream
 from rovid_core.values import Event
 from rovid_ros.convert import Converter, FieldError
 from rovid_ros.input_topics import inputs_of
-from rovid_ros.message_types import LARGEST_MESSAGE
+from rovid_ros.message_types import LARGEST_MESSAGE, typestore, WireType
+from rovid_ros.node_messages import definition
 from rovid_ros.node_recorder import Received
 from rovid_ros.recent import Arrivals
+from rovid_ros.unpack import Unpacker
 
 
 class Intake:
@@ -42,7 +44,8 @@ class Intake:
                  arrivals: Arrivals, log: RcutilsLogger, keep: bool) -> None:
         self._stream = stream
         self._converter = converter
-        self._classes = classes
+        self._unpackers = {
+            topic: _unpacker(converter, topic, cls) for topic, cls in classes.items()}
         self._arrivals = arrivals
         self._log = log
         self._keep = keep
@@ -53,10 +56,12 @@ class Intake:
                   for messages in batch.values()]
         return heapq.merge(*queues, key=lambda event: event.time)
 
-    def events(self, topic: str, message: Any, receive_time: int,
-               origin: Any = None) -> list[Event]:
+    def events(self, topic: str, message: Any, receive_time: int) -> list[Event]:
         """Return the events of a message that came at ``receive_time`` [ns], 0: no clock yet."""
-        events = self._converter.events(topic, message, receive_time, origin)
+        return self._noted(
+            topic, receive_time, self._converter.events(topic, message, receive_time))
+
+    def _noted(self, topic: str, receive_time: int, events: list[Event]) -> list[Event]:
         self._arrivals.note(topic, receive_time, events)
         if receive_time:
             return events
@@ -72,9 +77,8 @@ class Intake:
             self._refuse(topic, 'too_large')
             return []
         try:
-            message = deserialize_message(received.cdr, self._classes[topic])
-            return self.events(
-                topic, message, received.time, received if self._keep else None)
+            return self._noted(topic, received.time, self._unpackers[topic].events(
+                received.cdr, received.time, received if self._keep else None))
         except (RuntimeError, FieldError) as error:  # a peer with another definition
             self._log.error(f'{topic}: {error}', once=True)
             self._arrivals.note(topic, received.time)
@@ -84,3 +88,10 @@ class Intake:
     def _refuse(self, topic: str, reason: str) -> None:
         for name in inputs_of(self._stream.settings, topic):
             self._stream.reject(name, reason)
+
+
+def _unpacker(converter: Converter, topic: str, cls: type[Any]) -> Unpacker:
+    """Return what knows the fields of a topic also in the bytes of its messages."""
+    name = converter.topics[topic]
+    wire = WireType(typestore(name, definition(name)), name, 'cdr')
+    return Unpacker(converter, topic, wire, lambda cdr: deserialize_message(cdr, cls))

@@ -80,7 +80,7 @@ def definition(name: str) -> str:
 def _setters(cls: Any) -> dict[str, Callable[[Any], Any] | None]:
     setters: dict[str, Callable[[Any], Any] | None] = {}
     for name, text in cls.get_fields_and_field_types().items():
-        base, array = _split(text)
+        base, array = split_array(text)
         if '/' in base:
             setters[name] = _filler(import_type(base), bool(array))
         elif base == 'octet' and not array:
@@ -99,18 +99,18 @@ def _filler(cls: type[Any], many: bool) -> Callable[[Any], Any]:
 def _fields_text(cls: type[Any]) -> str:
     lines = []
     for name, text in cls.get_fields_and_field_types().items():
-        base, array = _split(text)
+        base, array = split_array(text)
         base = re.sub(r'<(\d+)>', r'<=\1', NAMES.get(base, base))
         lines.append(f'{base}{array} {name}\n')
     return ''.join(lines)
 
 
 def _nested(cls: type[Any]) -> list[str]:
-    types = [_split(text)[0] for text in cls.get_fields_and_field_types().values()]
+    types = [split_array(text)[0] for text in cls.get_fields_and_field_types().values()]
     return [name for name in types if '/' in name]
 
 
-def _split(text: str) -> tuple[str, str]:
+def split_array(text: str) -> tuple[str, str]:
     """Split ``sequence<double, 3>`` into the element and what a .msg file puts behind it."""
     if found := re.fullmatch(r'sequence<(.+?)(?:, (\d+))?>', text):
         element, bound = found.groups()

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 import re
 import sys
-from typing import Any, Protocol
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import (
@@ -17,22 +17,12 @@ from rclpy.exceptions import (
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.logging_severity import LoggingSeverity
 from rclpy.logging import set_logger_level
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rovid_ros.command import AT_FAULT, DONE, printable, USAGE, UsageError
 from rovid_ros.node_parameters import NODE_NAME, read_files
 from rovid_ros.node_stop import Stop
-
-PATIENCE = 0.1
-"""[s] A signal is noticed within this time."""
-
-
-class Finishing(Protocol):
-    """A node with an orderly end."""
-
-    def finish(self) -> Any:
-        """Send and write what is held."""
+from rovid_ros.node_wait import Wait
 
 
 def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
@@ -103,15 +93,18 @@ def one_line(error: Exception) -> str:
     return re.sub(r', at /\S+:\d+', '', text)
 
 
-def _spin(node: Node, stop: Stop) -> None:
+def _spin(node: Any, stop: Stop) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    woken = node.create_guard_condition(lambda: None)
+    stop.wakes(woken.trigger)
+    wait = Wait(node, executor)
     try:
         while not stop.asked:
-            executor.spin_once(timeout_sec=PATIENCE)
+            wait.turn()
     finally:
         stop.ignore()  # a second one must not break this off
-        node.finish()  # type: ignore[attr-defined]
+        node.finish()
         executor.remove_node(node)
         node.destroy_node()
         executor.shutdown()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 import time
 from typing import Any
@@ -17,8 +18,10 @@ from rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
 )
-from rovid_ros.node_messages import fill, import_type
-from rovid_ros.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, TOPICS
+from rovid_core.values import Estimate
+from rovid_ros.node_encoder import encoded
+from rovid_ros.node_messages import import_type
+from rovid_ros.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, Outputs, TOPICS
 
 DEPTH = 1000
 """Messages that are kept for a slow peer, so that none of a burst is lost."""
@@ -62,7 +65,8 @@ class Publishers:
     def __init__(self, node: Node) -> None:
         self.incompatible: dict[str, str] = {}
         self._node = node
-        self._publishers: dict[str, tuple[type[Any], Publisher[Any]]] = {}
+        self._unsent: set[str] = set()
+        self._publishers: dict[str, Publisher[Any]] = {}
         try:
             for topic, name in TOPICS.items():
                 profile = latched() if topic in LATCHED else reliable(DEPTH)
@@ -74,33 +78,41 @@ class Publishers:
 
     def publish(self, output: Output) -> None:
         """Send a message."""
-        cls, publisher = self._publishers[output.topic]
-        publisher.publish(fill(cls, output.fields))
+        self._unsent.discard(output.topic)
+        self._publishers[output.topic].publish(encoded(output.type, output.fields))
 
-    @property
-    def wanted(self) -> list[str]:
-        """Return which outputs of an estimate have to be sent: those heard, and the latched."""
-        return [topic for topic in TOPICS if topic in LATCHED
-                or self._publishers[topic][1].get_subscription_count()]
+    def tell(self, outputs: Outputs, estimates: Sequence[Estimate]) -> None:
+        """Send of estimates what somebody hears, each message before the next is made."""
+        if not estimates:
+            return
+        wanted = [topic for topic in TOPICS if self._publishers[topic].get_subscription_count()]
+        for estimate in estimates:
+            for output in outputs.each(estimate, wanted):
+                self.publish(output)
+        self._unsent.update(set(LATCHED).difference(wanted))
+
+    def catch_up(self, outputs: Outputs) -> None:
+        """Send the latched topics of the last estimate that nobody heard, for who comes later."""
+        for output in outputs.latched(sorted(self._unsent)):
+            self.publish(output)
 
     def wait(self, timeout: float) -> None:
         """Wait until all subscribers have what was sent, at most ``timeout`` [s]."""
         end = time.monotonic() + timeout
-        for _, publisher in self._publishers.values():
+        for publisher in self._publishers.values():
             left = max(0.0, end - time.monotonic())
             publisher.wait_for_all_acked(Duration(nanoseconds=round(left * 1e9)))
 
     def close(self) -> None:
         """Leave the graph."""
-        for _, publisher in self._publishers.values():
+        for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
 
     def _add(self, node: Node, topic: str, name: str, profile: QoSProfile) -> None:
-        cls = import_type(name)
         events = PublisherEventCallbacks(
             incompatible_qos=partial(self._on_incompatible, node.resolve_topic_name(topic)))
-        self._publishers[topic] = (
-            cls, node.create_publisher(cls, topic, profile, event_callbacks=events))
+        self._publishers[topic] = node.create_publisher(
+            import_type(name), topic, profile, event_callbacks=events)
 
     def _on_incompatible(self, topic: str, event: Any) -> None:
         policy = qos_policy_name_from_kind(event.last_policy_kind).lower()

@@ -7,7 +7,7 @@ same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -68,32 +68,56 @@ class Outputs:
         self._initial: dict[str, tuple[Four, Four]] = {
             name: (Scales.of(settings.dof[name]).initial, NAN4) for name in settings.dofs}
         self._rows = dict(self._initial)
+        self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = dict(zip(TOPICS, (
+            lambda _: self._values(), lambda _: self._stds(), _state, _twist, self._diagnostics)))
+        self._statuses: dict[tuple[str, bool], tuple[DofEstimate, dict[str, Any]]] = {}
 
     def messages(self, estimate: Estimate, topics: Collection[str] = TOPICS) -> list[Output]:
         """
         Return the messages of an estimate, in the order in which they are published.
+
+        All at once; ``each`` makes one after the other.
 
         Parameters
         ----------
         estimate : Estimate
             What to tell.
         topics : collection of str
-            Those that somebody listens to; the others are not made.
+            Those that somebody listens to, in the order of ``TOPICS``; the others are not made.
 
         """
+        return list(self.each(estimate, topics))
+
+    def each(self, estimate: Estimate, topics: Collection[str]) -> Iterator[Output]:
+        """Yield the same one by one, so that the first is out before the next is made."""
         for dof in estimate.dofs:
             if dof.status != 'invalid':
                 self._rows[dof.dof] = (dof.parameters, dof.std)
-        makers: tuple[Callable[[Estimate], dict[str, Any]], ...] = (
-            lambda _: self._values(), lambda _: self._stds(), _state, _twist, _diagnostics)
-        return [Output(topic, type_name, make(estimate))
-                for (topic, type_name), make in zip(TOPICS.items(), makers) if topic in topics]
+        for topic in topics:
+            yield Output(topic, TOPICS[topic], self._makers[topic](estimate))
 
     def reset(self) -> list[Output]:
         """Go back to the initial values; return the messages that say so without a step."""
         self._rows = dict(self._initial)
-        return [Output(topic, TOPICS[topic], values)
-                for topic, values in zip(TOPICS, (self._values(), self._stds()))]
+        return self.latched(LATCHED)
+
+    def latched(self, topics: Collection[str]) -> list[Output]:
+        """Return the messages of ``LATCHED`` topics as they are after the last estimate."""
+        makers = dict(zip(LATCHED, (self._values, self._stds)))
+        return [Output(topic, TOPICS[topic], makers[topic]()) for topic in topics]
+
+    def _diagnostics(self, estimate: Estimate) -> dict[str, Any]:
+        return {'header': header(estimate.time),
+                'status': [self._status(dof, index in estimate.stepped)
+                           for index, dof in enumerate(estimate.dofs)]}
+
+    def _status(self, dof: DofEstimate, stepped: bool) -> dict[str, Any]:
+        """Return the status of a DOF; that of one without a step is the same as before."""
+        known, status = self._statuses.get((dof.dof, stepped), (None, {}))
+        if known is not dof:
+            status = _status(dof, stepped)
+            self._statuses[dof.dof, stepped] = dof, status
+        return status
 
     def _values(self) -> dict[str, Any]:
         """Return the fields of ``rov/params``."""
@@ -157,12 +181,6 @@ def _twist(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _diagnostics(estimate: Estimate) -> dict[str, Any]:
-    return {'header': header(estimate.time),
-            'status': [_status(dof, index in estimate.stepped)
-                       for index, dof in enumerate(estimate.dofs)]}
-
-
 def _status(dof: DofEstimate, stepped: bool) -> dict[str, Any]:
     values: dict[str, Any] = {
         **dict(zip(PARAMETERS, dof.parameters)),
@@ -194,6 +212,8 @@ def _status(dof: DofEstimate, stepped: bool) -> dict[str, Any]:
 
 
 def _text(value: Any) -> str:
+    if type(value) is float:  # as almost all are
+        return repr(value)
     if isinstance(value, bool):
         return 'true' if value else 'false'
     # numpy's floats are floats, with another repr

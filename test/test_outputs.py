@@ -181,3 +181,25 @@ def test_summary_without_a_step_has_the_initial_values() -> None:
     assert dofs['surge']['mass'] == pytest.approx(200.0)
     assert dofs['yaw']['bias'] == 0.0  # delta is left out
     assert (dofs['surge']['status'], dofs['surge']['mae']) == ('waiting', None)
+
+
+def test_the_first_message_is_there_before_the_next_is_made(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+    monkeypatch.setattr(Outputs, '_diagnostics', lambda *_: made.append('diagnostics') or {})
+    messages = Outputs(settings()).each(estimate(), TOPICS)
+    assert next(messages).topic == 'rov/params'
+    assert made == []
+    assert [output.topic for output in messages] == list(TOPICS)[1:]
+    assert made == ['diagnostics']
+
+
+def test_a_status_that_is_kept_is_that_of_its_step() -> None:
+    outputs = Outputs(settings())
+    first = estimate()
+    surge, yaw = first.dofs
+    steps = [first, first._replace(stepped=()), first._replace(stepped=(1,)),
+             first._replace(dofs=(surge._replace(steps=4), yaw)), first,
+             first._replace(dofs=(surge, yaw._replace(velocity=0.7)), stepped=(1,))]
+    for step in steps:
+        assert outputs.messages(step) == Outputs(settings()).messages(step)

@@ -85,8 +85,8 @@ def table(found: Mapping[str, Times]) -> str:
 
 def lines(runs: int) -> list[str]:
     """Return the table, and what it is of."""
-    return [f'{runs} runs in turn; *cores* is processor time. Asked for: the core at most 1.3 times '
-            'numpy alone, the help at most 50 ms above an empty Python.', '',
+    return [f'{runs} runs in turn; *cores* is processor time. Asked for: the core at most 1.3 '
+            'times numpy alone, the help at most 50 ms above an empty Python.', '',
             table(measure(commands(), runs))]
 
 

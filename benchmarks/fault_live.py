@@ -25,10 +25,10 @@ from benchmarks.processes import child_environment, NodeProcess, REPOSITORY
 WAIT = 5.0
 """[s] max_wait of a live run: more than the messages of a chunk can get out of order."""
 
-CHUNK = 2 * SECOND
+CHUNK = SECOND
 """[ns] of the log that is published at once, before the node has to have taken it."""
 
-QUIET = 0.3
+QUIET = 2.0
 """[s] without a step after which no more is waited for."""
 
 

@@ -102,7 +102,7 @@ def test_inputs_do_not_go_through_the_executor(
             run.peer.publish(some[number:])
             run.peer.until(lambda: arrived(run.node) == len(some))  # noqa: B023
         assert run.turns - turns > len(messages) / 20
-        assert run.executor.count - before < len(messages) / 20  # timers
+        assert run.executor.count - before < len(messages) / 12  # timers
         run.end()
         run.node.finish()
         assert repr(run.node.stream.estimate) == repr(
@@ -135,7 +135,7 @@ def test_nothing_is_polled() -> None:
         while len(counts) < 2 or (counts[-1] != counts[-2] and len(counts) < 10):
             time.sleep(0.5)
             counts.append(run.turns)
-        assert counts[-1] == counts[-2] < 5  # something may come of the start
+        assert counts[-1] == counts[-2] < 20  # something may come of the start
 
 
 def test_subscriptions_come_and_go(messages: list[Raw]) -> None:

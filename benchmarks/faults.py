@@ -80,7 +80,9 @@ def _add_live(bench: Bench, case: Fault, row: Row) -> None:
     row.same = outcome.steps == expected.steps
     row.wrong += _wrong('live', outcome, Outcome())
     if case.settled and not row.same:
-        row.wrong.append('live differs')
+        shed = sum(count for name, count in outcome.rejected.items()
+                   if name.endswith('.overload'))
+        row.wrong.append('live differs' + (f': {shed} fixes left out, overload' if shed else ''))
     if not _is_said(case, outcome.rejected, [*outcome.warnings, *expected.beyond(
             bench.usual(settings), case.span(bench.recording))[1]]):
         row.wrong.append('not said live')

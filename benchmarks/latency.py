@@ -28,7 +28,7 @@ from rovid_ros.outputs import LATCHED, TOPICS
 from rovid_ros.parameter_file import load
 
 from benchmarks.fault_live import ros
-from benchmarks.latency_pairs import delays_of, UNANSWERED
+from benchmarks.latency_pairs import delays_between, delays_of, UNANSWERED
 from benchmarks.latency_sensors import Ask, rates, serve
 from benchmarks.live import Peer, write_parameters
 from benchmarks.processes import child_environment, NodeProcess, REPOSITORY, run_time
@@ -154,9 +154,7 @@ def _turn(sent: Sequence[tuple[str, int]], came: Sequence[tuple[int, bytes]], cp
           passing: bool) -> Turn:
     positions = [moment for name, moment in sent if name == 'position']
     if passing:
-        delays = [arrival - moment for (arrival, _), moment in zip(came, positions)]
-        if len(came) != len(positions):
-            raise SystemExit(f'{len(positions) - len(came)} positions were not passed on')
+        delays = delays_between(positions, [arrival for arrival, _ in came])
     else:
         positions = positions[UNANSWERED:]
         delays = delays_of(sent, came)

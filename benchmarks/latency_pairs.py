@@ -17,6 +17,14 @@ BACK = 6
 """So far back that of an answer is looked for."""
 
 
+def delays_between(positions: Sequence[int], arrivals: Sequence[int]) -> list[int]:
+    """Return how long answers to nothing but positions took [ns]."""
+    if len(arrivals) == len(positions):
+        return [arrival - moment for arrival, moment in zip(arrivals, positions)]
+    return _delays_of_some([('position', moment) for moment in positions],
+                           [(arrival, 'position') for arrival in arrivals])
+
+
 def delays_of(sent: Sequence[tuple[str, int]], came: Sequence[tuple[int, bytes]]) -> list[int]:
     """
     Return how long each answer to a position took [ns].
@@ -36,7 +44,7 @@ def delays_of(sent: Sequence[tuple[str, int]], came: Sequence[tuple[int, bytes]]
     arrivals = [arrival for arrival, name in steps if name == 'position']
     positions = [moment for name, moment in sent if name == 'position'][UNANSWERED:]
     if len(arrivals) == len(positions):
-        return [arrival - moment for arrival, moment in zip(arrivals, positions)]
+        return delays_between(positions, arrivals)
     return _delays_of_some([(name, moment) for name, moment in sent if name in STEPPING], steps)
 
 

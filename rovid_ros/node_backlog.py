@@ -15,9 +15,9 @@ class Backlog:
 
     A difference over two intervals is a measurement like one over a single one, but with less
     resolution in time; a command that is left out is wrong. So of the sensors only every second
-    message is taken, or fourth and so on, while a batch comes late and the one before took
-    longer than its messages took to come; and twice as many again once nothing is late. What
-    comes late after a pause of the process alone is all taken.
+    message is taken, or fourth and so on, while a batch comes late and those before it took
+    longer than their messages took to come; and twice as many again once nothing is late. What
+    comes late after a pause of the process alone is all taken, also where that was at work.
 
     Attributes
     ----------
@@ -28,7 +28,8 @@ class Backlog:
 
     def __init__(self) -> None:
         self.every = 1
-        self._load = 0.0  # of the last batch: its work by the time in which it came
+        self._load = 0.0  # of the last batches: their work by the time in which they came
+        self._work = self._span = 0.0  # of those since [s]
         self._newest: float | None = None
         self._counts: dict[str, int] = {}
         self._taken: dict[str, int] = {}  # [ns] when the last one came
@@ -45,7 +46,11 @@ class Backlog:
     def end(self, work: float, newest: float) -> None:
         """Take how long a batch took, and when its newest message came [s]."""
         if self._newest is not None and newest > self._newest:
-            self._load = work / (newest - self._newest)
+            self._work += work
+            self._span += newest - self._newest
+            if self._span >= 0.5 * LONG:  # after less, a pause at work would seem to be load
+                self._load = self._work / self._span
+                self._work = self._span = 0.0
         self._newest = newest
 
     def leaves_out(self, topic: str, time: int, patience: int) -> bool:

@@ -26,6 +26,16 @@ def test_a_pause_costs_nothing() -> None:
         backlog.end(0.01, now)
 
 
+def test_a_pause_at_work_costs_nothing_either() -> None:
+    backlog, now = Backlog(), 0.0
+    backlog.end(0.01, now)
+    for waited, work in ((0.0, 0.01), (0.0, 2.0), (2.0, 0.1), (0.1, 0.01), (0.0, 0.01)):
+        now += max(waited, 0.02)
+        backlog.begin(waited)
+        assert taken(backlog) == 64
+        backlog.end(work, now)
+
+
 def test_what_is_too_much_is_thinned_by_its_measure_and_then_less() -> None:
     backlog, now = Backlog(), 0.0
     backlog.end(0.0, now)

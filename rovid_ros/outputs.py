@@ -31,7 +31,7 @@ TOPICS = {
 """Output topics, relative to the namespace of the node, and their types."""
 
 LATCHED = ('rov/params', 'rov/params_std')
-"""Those of which a late subscriber gets the last message at once."""
+"""Those of which a late subscriber gets a message at once, the last or one of the last second."""
 
 FRAME = 'base_link'
 
@@ -70,7 +70,7 @@ class Outputs:
         self._rows = dict(self._initial)
         self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = dict(zip(TOPICS, (
             lambda _: self._values(), lambda _: self._stds(), _state, _twist, self._diagnostics)))
-        self._statuses: dict[tuple[str, bool], tuple[DofEstimate, dict[str, Any]]] = {}
+        self._statuses: dict[str, tuple[DofEstimate, bool, dict[str, Any]]] = {}
 
     def messages(self, estimate: Estimate, topics: Collection[str] = TOPICS) -> list[Output]:
         """
@@ -112,11 +112,15 @@ class Outputs:
                            for index, dof in enumerate(estimate.dofs)]}
 
     def _status(self, dof: DofEstimate, stepped: bool) -> dict[str, Any]:
-        """Return the status of a DOF; that of one without a step is the same as before."""
-        known, status = self._statuses.get((dof.dof, stepped), (None, {}))
+        """Return the status of a DOF; without a step, only ``updated`` is another."""
+        known, before, status = self._statuses.get(dof.dof, (None, stepped, {}))
         if known is not dof:
             status = _status(dof, stepped)
-            self._statuses[dof.dof, stepped] = dof, status
+        elif before is not stepped:
+            updated, = key_values({'updated': stepped})
+            status = {**status, 'values': [updated if value['key'] == 'updated' else value
+                                           for value in status['values']]}
+        self._statuses[dof.dof] = dof, stepped, status
         return status
 
     def _values(self) -> dict[str, Any]:

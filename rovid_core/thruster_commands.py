@@ -94,6 +94,10 @@ def _inverse_model(
     return (lambda f: float(np.interp(f, forces, raw)), float(forces[0]), float(forces[-1]))
 
 
+MOST_LOOKED = 20_000
+"""Commands of a profile that are compared with what the thrusters can give; of more, some."""
+
+
 @dataclass(frozen=True)
 class Shortfall:
     """The moment when the thrusters stay furthest behind a profile."""
@@ -135,9 +139,10 @@ def shortfall(settings: ThrusterSettings, profile: Profile, rate: float,
     if math.isinf(low):
         return None
     count, limited = math.floor(duration * rate) + 1, 0
+    moments = range(0, count, math.ceil(count / MOST_LOOKED))
     worst: tuple[float, str, float, float, float] | None = None
     slack = 1e-9 * max(abs(low), abs(high))  # what rounding takes
-    for i in range(count):
+    for i in moments:
         t = i / rate
         if all(low - slack <= f <= high + slack for f in commands.thrusters(t)):
             continue
@@ -146,4 +151,4 @@ def shortfall(settings: ThrusterSettings, profile: Profile, rate: float,
         for dof, wanted, got in zip(commands.dofs, commands.asked(t), given):
             if worst is None or abs(wanted - got) > worst[0]:
                 worst = (abs(wanted - got), dof, t, wanted, got)
-    return Shortfall(*worst[1:], limited / count) if worst else None
+    return Shortfall(*worst[1:], limited / len(moments)) if worst else None

@@ -129,7 +129,7 @@ def test_values_that_are_no_numbers_cost_themselves(bad):
                                        if 100.0 <= t < 101.0 else v))
         assert worse(stream) < 1.02
         own = {reason for i, reason in stream.rejected if i == input}
-        assert own & {'non_finite', 'too_fast', 'not_a_rotation', 'force_out_of_range', 'outlier'}
+        assert own & {'non_finite', 'too_fast', 'not_a_rotation', 'not_a_command', 'outlier'}
 
 
 @pytest.mark.parametrize(('input', 'reason'), [

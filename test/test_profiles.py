@@ -184,6 +184,10 @@ def test_thrust_beyond_the_table_is_clipped_and_told(table: Settings) -> None:
     assert sorted(commands) == pytest.approx([-1.0, -2 / 3, 0.625, 1.0])
     assert profile_warnings(table, 8.0, {'surge': (Steps((80.0, -60.0), 1.0),)}) == []
     assert profile_warnings(surge_settings(), 8.0, {'surge': (Steps((1e6, -1e6), 1.0),)}) == []
+    # of a very long profile some of the commands tell as much
+    longer = shortfall(table.thrusters, profile, 20.0, 1e7)
+    assert longer is not None
+    assert longer.share == pytest.approx(short.share, abs=0.1)
 
 
 def test_a_profile_faster_than_the_commands_is_told(table: Settings) -> None:

@@ -34,7 +34,7 @@ All are ratios of what ran in turn beside each other, medians with the lowest an
 
 ## Where a figure is out of reach
 
-* **Replay.** Reading and unpacking a message takes a third of what AnyReader takes to decode it.
+* **Replay.** Reading and unpacking a message takes two fifths of what AnyReader takes to decode it.
   The rest is the pipe, in plain Python and one step after the other: gate, order, velocity and
   thrust on one interval, filter, identifier, score. Four of five messages make a step, for some
   50 us, of which the identifier's own arithmetic is 3. Gate and identifier go on from one step to

@@ -4,13 +4,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import argparse
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 import os
 from pathlib import Path
 from statistics import median
 import subprocess
 import sys
+import time
+from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 CLI = (sys.executable, '-m', 'rovid_ros.cli')
@@ -31,37 +34,54 @@ def environment() -> dict[str, str]:
         filter(None, [str(ROOT), os.environ.get('PYTHONPATH', '')]))}
 
 
+class Usage(NamedTuple):
+    """What a command took: by the clock on the wall and of the processor [s], and memory [MB]."""
+
+    elapsed: float
+    processor: float
+    memory: float
+
+
+def run(command: Sequence[object], own: Mapping[str, str]) -> Usage:
+    """
+    Run a command in an environment.
+
+    Raises
+    ------
+    SystemExit
+        If it fails.
+
+    """
+    began = time.perf_counter()
+    child = subprocess.Popen([*map(str, command)], env=own, cwd=ROOT, stdout=subprocess.DEVNULL)
+    _, status, usage = os.wait4(child.pid, 0)
+    elapsed = time.perf_counter() - began
+    child.returncode = os.waitstatus_to_exitcode(status)
+    if child.returncode:
+        raise SystemExit(f'{" ".join(map(str, command))}: exit code {child.returncode}')
+    return Usage(elapsed, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024.0)
+
+
 def measure(commands: Mapping[str, Sequence[object]], runs: int) -> dict[str, Measured]:
     """
     Run all commands in turn, ``runs`` times.
 
     What is measured is the processor time, of a command and what it started: for these it
     is what they take on a machine that does nothing else.
-
-    Raises
-    ------
-    SystemExit
-        If one of them fails.
-
     """
     found = {name: Measured() for name in commands}
     for _ in range(runs):
         for name, command in commands.items():
-            child = subprocess.Popen(
-                [*map(str, command)], env=environment(), cwd=ROOT, stdout=subprocess.DEVNULL)
-            _, status, usage = os.wait4(child.pid, 0)
-            found[name].times.append(usage.ru_utime + usage.ru_stime)
-            found[name].memory.append(usage.ru_maxrss / 1024.0)
-            child.returncode = os.waitstatus_to_exitcode(status)
-            if child.returncode:
-                raise SystemExit(f'{name}: exit code {child.returncode}')
+            usage = run(command, environment())
+            found[name].times.append(usage.processor)
+            found[name].memory.append(usage.memory)
     return found
 
 
 def ratios(one: Sequence[float], other: Sequence[float]) -> tuple[float, float, float]:
     """Return the median, lowest and highest ratio of the runs that were side by side."""
     each = [a / b for a, b in zip(one, other)]
-    return median(one) / median(other), min(each), max(each)
+    return median(each), min(each), max(each)
 
 
 def table(found: Mapping[str, Measured], base: str) -> str:
@@ -73,3 +93,11 @@ def table(found: Mapping[str, Measured], base: str) -> str:
         lines.append(f'| {name} | {median(one.times):.3g} | {middle:.2f} | {low:.2f} to '
                      f'{high:.2f} | {median(one.memory):.0f} |')
     return '\n'.join(lines)
+
+
+def show(about: str | None, lines: Callable[[int], Sequence[str]], runs: int,
+         arguments: Sequence[str] | None = None) -> None:
+    """Print lines for as many runs as the command line says, ``runs`` if it says nothing."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument('--runs', type=int, default=runs)
+    print('\n'.join(lines(parser.parse_args(arguments).runs)))

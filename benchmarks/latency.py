@@ -27,6 +27,7 @@ from rovid_ros.node_publishers import latched, reliable
 from rovid_ros.outputs import LATCHED, TOPICS
 from rovid_ros.parameter_file import load
 
+from benchmarks.commands import ratios
 from benchmarks.fault_live import ros
 from benchmarks.latency_pairs import delays_between, delays_of, UNANSWERED
 from benchmarks.latency_sensors import Ask, rates, serve
@@ -206,8 +207,8 @@ def tails(found: Turns) -> str:
 
 def _ratios(one: Sequence[float], other: Sequence[float]) -> str:
     """Return the median of the ratios of the turns that were side by side, and their spread."""
-    each = [a / b for a, b in zip(one, other)]
-    return f'{median(each):.2f} | {min(each):.2f} to {max(each):.2f}'
+    middle, low, high = ratios(one, other)
+    return f'{middle:.2f} | {low:.2f} to {high:.2f}'
 
 
 def _idle(shares: Mapping[str, float]) -> str:
@@ -231,18 +232,14 @@ def report(names: Sequence[str], runs: int, duration: float) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print or write the tables."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--runs', type=int, default=5)
     parser.add_argument('--seconds', type=float, default=4.0, metavar='S')
     parser.add_argument('--methods', default='aid', metavar='M,...')
-    parser.add_argument('--output', type=Path, metavar='FILE.md')
     given = parser.parse_args(arguments)
     os.environ['OPENBLAS_NUM_THREADS'] = '1'
-    text = report((PASSING, *given.methods.split(',')), given.runs, given.seconds)
-    print(text)
-    if given.output:
-        given.output.write_text(f'{text}\n')
+    print(report((PASSING, *given.methods.split(',')), given.runs, given.seconds))
 
 
 INTRODUCTION = """\

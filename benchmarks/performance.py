@@ -31,19 +31,6 @@ INTRODUCTION = """\
 `make bench` measures everything below and writes this file;
 `python -m benchmarks.performance SECTION --output docs/performance.md` measures one section anew.
 All are ratios of what ran in turn beside each other, medians with the lowest and the highest.
-
-## Where a figure is out of reach
-
-* **Replay.** Reading and unpacking a message takes two fifths of what AnyReader takes to decode it.
-  The rest is the pipe, in plain Python and one step after the other: gate, order, velocity and
-  thrust on one interval, filter, identifier, score. Four of five messages make a step, for some
-  50 us, of which the identifier's own arithmetic is 3. Gate and identifier go on from one step to
-  the next; without them whole columns in numpy would do, but with the bits of the node only if
-  every function rounds alike.
-* **One step in the pipe.** What the method does not need and the user does (status, excitation,
-  the watch on signs and sizes, the estimate itself) takes 3 us, as much as a step of `aid`.
-* **Tuning.** The candidates of the gains are one run in vectors; that and the cross-validation of
-  delay, lag and heading take 2.7 replays, and reading takes one.
 """
 
 

@@ -7,17 +7,13 @@ help, as a module and as it is installed. All are compiled before, as an install
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping, Sequence
-import os
 from pathlib import Path
 from statistics import median
-import subprocess
 import sys
 from tempfile import TemporaryDirectory
-import time
 
-from benchmarks.commands import environment, ROOT
+from benchmarks.commands import environment, run, show
 
 EMPTY, NUMPY = 'empty Python', 'import numpy'
 PROGRAMS = {
@@ -48,23 +44,12 @@ def measure(commands: Mapping[str, Sequence[str]], runs: int) -> dict[str, Times
     with TemporaryDirectory() as folder:
         own = {**environment(), 'PYTHONPYCACHEPREFIX': folder}
         own.pop('PYTHONDONTWRITEBYTECODE', None)
-        for run in range(-1, runs):
+        for turn in range(-1, runs):
             for name, command in commands.items():
-                times = _run(command, own)
-                if run >= 0:
-                    found[name].append(times)
+                usage = run(command, own)
+                if turn >= 0:
+                    found[name].append((1e3 * usage.elapsed, 1e3 * usage.processor))
     return found
-
-
-def _run(command: Sequence[str], own: dict[str, str]) -> tuple[float, float]:
-    began = time.perf_counter()
-    child = subprocess.Popen(command, env=own, cwd=ROOT, stdout=subprocess.DEVNULL)
-    _, status, usage = os.wait4(child.pid, 0)
-    elapsed = time.perf_counter() - began
-    child.returncode = os.waitstatus_to_exitcode(status)
-    if child.returncode:
-        raise SystemExit(f'{" ".join(command)}: exit code {child.returncode}')
-    return 1e3 * elapsed, 1e3 * (usage.ru_utime + usage.ru_stime)
 
 
 def table(found: Mapping[str, Times]) -> str:
@@ -90,12 +75,5 @@ def lines(runs: int) -> list[str]:
             table(measure(commands(), runs))]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--runs', type=int, default=15)
-    print('\n'.join(lines(parser.parse_args(arguments).runs)))
-
-
 if __name__ == '__main__':
-    main()
+    show(__doc__, lines, 15)

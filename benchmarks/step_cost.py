@@ -7,7 +7,6 @@ trial each, so that what else the machine does hits all alike.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from statistics import median
@@ -19,6 +18,7 @@ from rovid_core.identifier import Scales
 from rovid_core.settings import IdentifierSettings, Settings
 
 from benchmarks.cases import HEAVY, surge_settings
+from benchmarks.commands import show
 from benchmarks.online_cases import CLEAN, Trial, trial
 from benchmarks.peers import filterpy_ekf7, filterpy_update, installed, padasip_adapt, padasip_rls
 
@@ -144,12 +144,5 @@ def lines(runs: int) -> list[str]:
             'is handed on.', '', table(found), '', ratios(found)]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--runs', type=int, default=7)
-    print('\n'.join(lines(parser.parse_args(arguments).runs)))
-
-
 if __name__ == '__main__':
-    main()
+    show(__doc__, lines, 7)

@@ -7,12 +7,10 @@ about a thousand candidates of cutoff and gains.
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Sequence
 from pathlib import Path
 import tempfile
 
-from benchmarks.commands import CLI, measure, Measured, ROOT, table
+from benchmarks.commands import CLI, measure, Measured, ROOT, show, table
 
 CONFIG = ROOT / 'config' / 'jhurov.yaml'
 DURATION = 600.0  # [s]
@@ -42,12 +40,5 @@ def lines(runs: int) -> list[str]:
             f'asked for: at most {ASKED:g} replays.', '', table(found, 'rovid replay')]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--runs', type=int, default=5)
-    print('\n'.join(lines(parser.parse_args(arguments).runs)))
-
-
 if __name__ == '__main__':
-    main()
+    show(__doc__, lines, 5)

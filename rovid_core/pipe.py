@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
-from typing import cast, Protocol
+from typing import cast
 
 from rovid_core.commands import Commands
 from rovid_core.dofs import Quaternion
 from rovid_core.identification import Identification
 from rovid_core.identifier import Step
 from rovid_core.inlet import Inlet, TAKEN_ANEW
+from rovid_core.listeners import Scorer
 from rovid_core.motion import Motion
 from rovid_core.rotation import normalised
 from rovid_core.settings import Settings
@@ -22,22 +23,6 @@ from rovid_core.world import World
 NS = 1e-9
 
 SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
-
-
-class Scorer(Protocol):
-    """Keeps what a score needs."""
-
-    def restarted(self, dof: str, time: int, velocity: float) -> None:
-        """Take the velocity that a DOF takes up from."""
-
-    def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
-        """Take a step and its times [ns]: start, start of the measurement, end."""
-
-    def reference(self, time: int, value: tuple[float, ...]) -> None:
-        """Take a reference velocity (six values)."""
-
-    def changed(self, cutoff: float) -> None:
-        """Take the cutoff [Hz] of the steps from now on."""
 
 
 class Pipe:

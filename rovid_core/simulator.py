@@ -155,9 +155,11 @@ class _Vehicle:
         turn = math.sqrt(p * p + q * q + r * r)
         middle = end = self.attitude
         if turn:
-            middle, end = [product(self.attitude, (p * s, q * s, r * s, c)) for s, c in (
-                (math.sin(half) / turn, math.cos(half))
-                for half in (0.5 * turn * dt * 0.5, 0.5 * turn * dt * 1.0))]
+            half = 0.5 * turn * dt
+            for angle in (0.5 * half, half):
+                s = math.sin(angle) / turn
+                middle, end = end, product(
+                    self.attitude, (p * s, q * s, r * s, math.cos(angle)))
         shift = rotate(middle, (u * dt, v * dt, w * dt))
         x, y, z = self.position
         self.position = (x + shift[0], y + shift[1], z + shift[2])

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any
 
 from rovid_core.identifier import Identifier
+from rovid_core.input_health import InputHealth
+from rovid_core.listeners import Recorder, Scorer
 from rovid_core.ordering import EventOrder
-from rovid_core.pipe import Pipe, Scorer
+from rovid_core.pipe import Pipe
 from rovid_core.settings import Settings
 from rovid_core.values import Estimate, Event
 
@@ -17,36 +19,6 @@ STATE_VERSION = 1
 
 MOST_WARNINGS = 1000
 """That wait to be taken; of more, the oldest are lost."""
-
-
-class Recorder(Protocol):
-    """Writes down what the pipe consumed, so that it can be replayed to the same bits."""
-
-    def released(self, event: Event) -> None:
-        """Take an event, in the order of release."""
-
-    def controlled(self, name: str, value: str) -> None:
-        """Take a control at its place between the events."""
-
-
-@dataclass
-class InputHealth:
-    """How an input is doing."""
-
-    count: int = 0
-    last_time: int | None = None  # [ns]
-    rate: float = 0.0  # [Hz], by event time, over about 20 samples
-    longest_gap: float = 0.0  # [s]
-
-    def note(self, time: int) -> None:
-        """Take the event time [ns] of a sample."""
-        if self.last_time is not None and time > self.last_time:
-            gap = time - self.last_time
-            if gap * 1e-9 > self.longest_gap:
-                self.longest_gap = gap * 1e-9
-            self.rate += (1e9 / gap - self.rate) * (0.05 if self.rate else 1.0)
-        self.last_time = time
-        self.count += 1
 
 
 class Stream:

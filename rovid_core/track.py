@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rovid_core.lowpass import LowPass
-from rovid_core.motion import Motion, MotionSource
+from rovid_core.motion import Motion
+from rovid_core.motion_source import MotionSource
 from rovid_core.settings import Settings
 from rovid_core.world import World
 

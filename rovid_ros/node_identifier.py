@@ -11,7 +11,7 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
-from rovid_core.pipe import Scorer
+from rovid_core.listeners import Scorer
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.values import Estimate, Event

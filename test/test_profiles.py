@@ -184,10 +184,23 @@ def test_thrust_beyond_the_table_is_clipped_and_told(table: Settings) -> None:
     assert sorted(commands) == pytest.approx([-1.0, -2 / 3, 0.625, 1.0])
     assert profile_warnings(table, 8.0, {'surge': (Steps((80.0, -60.0), 1.0),)}) == []
     assert profile_warnings(surge_settings(), 8.0, {'surge': (Steps((1e6, -1e6), 1.0),)}) == []
-    # of a very long profile some of the commands tell as much
-    longer = shortfall(table.thrusters, profile, 20.0, 1e7)
-    assert longer is not None
-    assert longer.share == pytest.approx(short.share, abs=0.1)
+
+
+def test_of_a_very_long_profile_some_commands_tell_as_much(
+        table: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    count, thrusters = 0, ThrusterCommands.thrusters
+
+    def counted(self: ThrusterCommands, t: float) -> list[float]:
+        nonlocal count
+        count += 1
+        return thrusters(self, t)
+
+    monkeypatch.setattr(ThrusterCommands, 'thrusters', counted)
+    short = shortfall(table.thrusters, {'surge': (Sinusoid(100.0, 0.1),)}, 20.0, 6000.0)
+    assert short is not None
+    assert (short.given, short.asked) == (-60.0, pytest.approx(-100.0))
+    assert short.share == pytest.approx(0.5, abs=0.01)  # beyond 80 N, and below -60 N
+    assert count < 50_000  # of 120,000 commands
 
 
 def test_a_profile_faster_than_the_commands_is_told(table: Settings) -> None:

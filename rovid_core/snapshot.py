@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 from rovid_core.snapshot_build import Build, SnapshotError
-from rovid_core.snapshot_walk import attributes, class_name, Classes, Walk
+from rovid_core.snapshot_walk import attributes, class_name, Classes, is_state, Walk
 
 __all__ = ['SnapshotError', 'Snapshots']
 
@@ -20,8 +20,8 @@ class Snapshots:
     Values come back bit for bit, what several attributes share is shared again, and objects,
     lists, dicts, deques and sets that were there from the start stay the same ones, so that a
     bound method such as ``list.append`` still reaches them. Code and settings are not state:
-    they stay what they are in the objects that a snapshot is put back into. Only classes of the
-    modules that the objects at first come from can be in a snapshot.
+    they stay what they are in the objects that a snapshot is put back into. Only classes that the
+    modules which the objects at first come from define or import can be in a snapshot.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Snapshots:
             walk.plain(root, name)
         for module in {cls.__module__ for cls, _ in self._classes.values()}:
             for cls in vars(sys.modules[module]).values():
-                if isinstance(cls, type) and cls.__module__ == module:
+                if isinstance(cls, type) and is_state(cls):
                     names = attributes(cls)
                     self._classes.setdefault(
                         class_name(cls), (cls, {frozenset(names)} if names else set()))

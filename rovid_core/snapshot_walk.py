@@ -24,9 +24,14 @@ def class_name(cls: type) -> str:
     return f'{cls.__module__}.{cls.__qualname__}'
 
 
-def is_own(value: object) -> bool:
-    """Tell whether something is an object of this project."""
-    return type(value).__module__.startswith(OWN)
+def is_own(cls: type) -> bool:
+    """Tell whether a class is of this project."""
+    return cls.__module__.startswith(OWN)
+
+
+def is_state(cls: type) -> bool:
+    """Tell whether a class is of this project and not of settings, which stay as they are."""
+    return is_own(cls) and not cls.__module__.endswith('settings')
 
 
 def parts(cls: type) -> tuple[str, ...]:
@@ -44,8 +49,8 @@ def attributes(cls: type) -> tuple[str, ...]:
 
 def kept(value: object) -> str:
     """Return what stays as it is: the class of settings, 'code', or '' for state."""
-    if is_own(value):
-        return class_name(type(value)) if type(value).__module__.endswith('settings') else ''
+    if is_own(type(value)):
+        return '' if is_state(type(value)) else class_name(type(value))
     return 'code' if callable(value) else ''
 
 
@@ -90,7 +95,7 @@ class Walk:
             return {'kept': kept(value)}
         if isinstance(value, np.generic):
             return {'scalar': _bits(np.asarray(value), path)}
-        if is_own(value) and (names := parts(kind)):
+        if is_own(kind) and (names := parts(kind)):
             self._note(kind, frozenset(names), path)
             return {'value': [class_name(kind), *(
                 self.plain(getattr(value, name), f'{path}.{name}') for name in names)]}
@@ -124,7 +129,7 @@ class Walk:
         if kind is np.ndarray:
             self._check_owner(value, path)
             return {'ndarray': _bits(value, path)}
-        if not is_own(value) or not hasattr(value, '__dict__'):
+        if not is_own(kind) or not hasattr(value, '__dict__'):
             raise TypeError(f'{path} is {class_name(kind)}, which a snapshot cannot hold')
         self._note(kind, frozenset(vars(value)), path)
         return {'object': [class_name(kind), {
@@ -135,7 +140,7 @@ class Walk:
         if self._learning:
             self._classes.setdefault(name, (kind, set()))[1].add(attributes)
         if name not in self._classes:
-            raise TypeError(f'{path} is {name}, of whose module there was nothing at first: it '
+            raise TypeError(f'{path} is {name}, which nothing at first could have made: it '
                             'would not come back')
         known = self._classes[name][1]
         if known and attributes not in known:

@@ -128,7 +128,7 @@ def test_what_was_not_there_at_first_is_told() -> None:
     target = holder(v=None)
     snapshots = Snapshots({'x': target})
     target.v = Event(1, ())
-    with pytest.raises(TypeError, match='x.v is rovid_core.values.Event, of whose module'):
+    with pytest.raises(TypeError, match='x.v is rovid_core.values.Event, which nothing'):
         snapshots.take()
     target.v = None
     vars(target)['late'] = 1

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import isfinite
+from math import inf, isfinite
 import os
 from pathlib import Path
 import re
@@ -30,6 +30,10 @@ CHUNK = SECOND
 
 QUIET = 2.0
 """[s] without a step after which no more is waited for."""
+
+PACE = 0.05
+"""[s] that a chunk takes at least: where no step is to be waited for, seconds of one topic would
+otherwise come before those of the next, as no vehicle sends them."""
 
 
 @contextmanager
@@ -73,6 +77,7 @@ class _Live:
     def __init__(self, bench: Bench, folder: Path, namespace: str) -> None:
         self._dofs = bench.recording.settings.dofs
         self._namespace = namespace
+        self._never = 0.0  # steps of the replay that were waited for in vain
         values, topics = _values(bench, namespace)
         self.peer = Peer()
         self._states = self.peer.listen(
@@ -101,11 +106,11 @@ class _Live:
     def end(self) -> Outcome:
         """Stop the node and return what it said."""
         told = len(self._health)
-        self._settle(1 << 62)
+        self._settle()
         self.peer.until(lambda: len(self._own(told)) > 1)  # the first may be older
         rejected = rejected_in(self._own(told)[-1])
         code = self.node.stop()
-        self._settle(1 << 62)
+        self._settle()
         outcome = Outcome(rejected, _warnings(self.node.output))
         outcome.failed = '' if code == 0 and 'Traceback' not in self.node.output else (
             f'exit code {code}: {self.node.output[-300:]}')
@@ -119,13 +124,17 @@ class _Live:
             list(s.effort)) for s in self._states]
         return outcome
 
-    def _settle(self, count: int) -> None:
+    def _settle(self, count: float = inf) -> None:
         """Wait for so many steps in all, or until no more come."""
-        steps, since = -1, time.monotonic()
-        while len(self._states) < count and time.monotonic() - since < QUIET:
-            if len(self._states) != steps:
-                steps, since = len(self._states), time.monotonic()
+        began = since = time.monotonic()
+        steps = len(self._states)
+        while (now := time.monotonic()) < began + PACE or (
+                len(self._states) < count - self._never and now < since + QUIET):
             self.peer.executor.spin_once(timeout_sec=0.02)
+            if len(self._states) != steps:
+                steps, since = len(self._states), now
+        if count < inf:
+            self._never = max(0.0, count - len(self._states))
 
     def _own(self, since: int) -> list[Any]:
         return [m for m in self._health[since:]

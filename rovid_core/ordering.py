@@ -20,7 +20,7 @@ MOST_HELD = 65536
 """Events that are held while they wait for the slowest input; beyond, new ones are dropped."""
 
 ALONE = 20
-"""So many events with nothing from the others, over more than AHEAD, need no agreement."""
+"""So many events with nothing from the others, the doubted over more than AHEAD, are believed."""
 
 NEVER = -(1 << 62)
 
@@ -181,8 +181,11 @@ class EventOrder:
         agreed = [a[0] for a, b in zip(ends, ends[1:]) if b[0] - a[0] <= self._far]
         common = agreed[0] + self._far if agreed else NEVER
         alone, since, count = self._alone
-        if len(self._inputs) > 1 and not (count >= ALONE and now - since > self._far):
-            alone = None
+        if len(self._inputs) > 1:
+            # the leap itself is no time in which the others could have come
+            since = max(since, self._ahead[alone][0].time if alone in self._ahead else now)
+            if count < ALONE or now - since <= self._far:
+                alone = None
         while True:
             believed: list[Event] = []
             for key, events in list(self._ahead.items()):

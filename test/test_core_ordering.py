@@ -238,6 +238,17 @@ def test_a_clock_that_steps_ahead_alone_is_refused_and_told():
     assert len(released) > 2190
 
 
+def test_a_step_ahead_between_bursts_is_refused_however_the_inputs_take_turns():
+    order = Order(max_wait=5.0)
+    for second in range(60):
+        for name, _ in INPUTS:  # what came of one input in a second, then that of the next
+            for k in range(40):
+                leap = 10_000 if name == 'position' and 20.5 <= second + k / 40 < 40.5 else 0
+                order.push(1000 * second + 25 * k + leap, name)
+    assert set(order.rejected) == {('position', 'future')}
+    assert len(order.rejected) == 800
+
+
 def test_a_clock_that_is_behind_is_told():
     order = Order()
     for k in range(100):

@@ -68,7 +68,7 @@ class TopicState:
         '' if some can; ``no_publisher``, ``type``, ``definition`` or ``qos``.
     text : str
         What is wrong, in one line, with a hint; also about publishers that are not heard
-        beside others that are.
+        beside others that are, and about several that are heard as if they were one.
 
     """
 
@@ -113,20 +113,25 @@ def _state(topic: str, type_name: str, inputs: tuple[str, ...], node: Graph) -> 
     name = node.resolve_topic_name(topic)
     profile, type_hash = _own(node, name)
     found = node.get_publishers_info_by_topic(name)
-    heard = 0
+    heard: list[str] = []  # by whom it is published
     deaf: dict[str, str] = {}  # problem -> what is wrong with the first publisher that has it
     for publisher in found:
         problem, text = _problem(publisher, type_name, profile, type_hash)
-        heard += not problem
         if problem:
             deaf.setdefault(problem, text)
+        else:
+            heard.append(_node_of(publisher))
     if not found:
         return TopicState(topic, name, inputs, type_name, 0, 'no_publisher',
                           f'no publisher on {name}{_hint(name, type_name, node)}')
     others = '; '.join(deaf.values())
     if heard:
-        text = f'{len(found) - heard} of {len(found)} publishers on {name} not heard: {others}'
-        return TopicState(topic, name, inputs, type_name, heard, '', text if deaf else '')
+        lines = [f'{len(found) - len(heard)} of {len(found)} publishers on {name} not heard: '
+                 f'{others}'] if deaf else []
+        if len(heard) > 1:
+            lines.append(f'{len(heard)} publishers on {name} are taken for one: '
+                         f'{_listed(sorted(heard))}')
+        return TopicState(topic, name, inputs, type_name, len(heard), '', '; '.join(lines))
     if 'type' in deaf:
         types = sorted({publisher.topic_type for publisher in found})
         others = (f'{name} carries {_listed(types)}, not {type_name}'
@@ -146,9 +151,7 @@ def _own(node: Graph, name: str) -> tuple[QoSProfile, Any]:
 def _problem(publisher: Any, type_name: str, profile: QoSProfile, type_hash: Any
              ) -> tuple[str, str]:
     """Return why a publisher cannot be heard, by name and in words; '' if it can."""
-    node = f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
-    if UNKNOWN in node:
-        node = 'a publisher'
+    node = _node_of(publisher)
     if publisher.topic_type != type_name:
         return 'type', f'{node} publishes {publisher.topic_type}, not {type_name}'
     if type_hash is not None and _differs(publisher.topic_type_hash, type_hash):
@@ -160,6 +163,11 @@ def _problem(publisher: Any, type_name: str, profile: QoSProfile, type_hash: Any
         return 'qos', (f'the QoS of {node} does not fit: {words}; with qos: sensor_data every '
                        'publisher is heard')
     return '', ''
+
+
+def _node_of(publisher: Any) -> str:
+    node = f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
+    return 'a publisher' if UNKNOWN in node else node
 
 
 def _differs(one: Any, other: Any) -> bool:

@@ -58,7 +58,7 @@ class Report:
         self._warnings = LimitedWarnings()
         self._summary = StartupSummary(stream.settings)
         self._steps: dict[str, float] = {}
-        self._told: set[tuple[str, str]] = set()  # topic and problem
+        self._told: set[tuple[str, str, int]] = set()  # topic, problem, publishers
 
     def told(self, estimates: Sequence[Estimate]) -> None:
         """Take what was published, and log the warnings that the stream has."""
@@ -90,11 +90,11 @@ class Report:
         self._tell_refused(self._refusals.due(self._steady(), end=True))
 
     def _introduce(self, at: Situation, elapsed: float) -> None:
-        """Say once what each publisher that cannot be heard does wrong, and the summary."""
+        """Say once what is wrong with the publishers of each topic, and the summary."""
         for topic, state in at.topics.items():
-            if state.text and state.publishers + state.is_wrong and (
-                    (topic, state.problem) not in self._told):
-                self._told.add((topic, state.problem))
+            case = topic, state.problem, state.publishers
+            if state.text and state.publishers + state.is_wrong and case not in self._told:
+                self._told.add(case)
                 self._log.warning(f'{" and ".join(state.inputs)}: {state.text}')
         line, complete = self._summary.due(at, elapsed)
         if line and complete:

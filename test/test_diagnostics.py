@@ -378,6 +378,10 @@ def test_what_the_graph_knows(other: OtherVehicle) -> None:
     both = until(node, '/depth', lambda state: state.publishers == 1)
     assert both.problem == ''
     assert both.text.startswith('1 of 2 publishers on /depth not heard: the QoS of')
+    other.advertise('/position', TYPES['/position'], reliable(5))
+    two = until(node, '/position', lambda state: state.publishers == 2)
+    assert (two.problem, two.text) == (
+        '', '2 publishers on /position are taken for one: /there/other, /there/other')
     node.destroy_node()
 
 
@@ -457,7 +461,7 @@ def peer() -> Iterator[Peer]:
 
 def test_a_start_without_thrusters(messages: list[Raw], peer: Peer, environment: dict[str, str],
                                    tmp_path: Path, repository: Path) -> None:
-    """The summary says what is missing, says it again when it has come; silence is told."""
+    """What is missing is told, and when it has come; silence and a second publisher too."""
     file = write_parameters(tmp_path / 'parameters.yaml', VALUES)
     health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
     other = peer.node.create_publisher(import_type(THRUSTERS), '/thrusters/current', 10)
@@ -494,6 +498,10 @@ def test_a_start_without_thrusters(messages: list[Raw], peer: Peer, environment:
         assert message.endswith('position and attitude and thrusters are silent')
         assert statuses_of(health)['position'][1] == STALE
         assert statuses_of(health)['state'][1] == WARN
+
+        second = peer.node.create_publisher(import_type(TYPES['/depth']), '/depth', 10)
+        peer.until(lambda: 'depth: 2 publishers on /depth are taken for one' in node.output)
+        peer.node.destroy_publisher(second)
         assert node.stop() == 0, node.output
         assert inputs_lines(node)[-1] == line
     finally:

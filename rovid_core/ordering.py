@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from heapq import heappop, heappush
 
+from rovid_core.leap import Leap, NEVER
 from rovid_core.settings import INPUTS
 from rovid_core.time_jump import Key, TELLING, TimeJump
 from rovid_core.values import Event
@@ -13,16 +13,8 @@ from rovid_core.values import Event
 AHEAD = 1_000_000_000
 """[ns] A stamp this far ahead of all others is not believed before a second input agrees."""
 
-MOST_AHEAD = 4096
-"""Events of one input that are held while they wait for a second input to agree."""
-
 MOST_HELD = 65536
 """Events that are held while they wait for the slowest input; beyond, new ones are dropped."""
-
-ALONE = 20
-"""So many events with nothing from the others, the doubted over more than AHEAD, are believed."""
-
-NEVER = -(1 << 62)
 
 RANK = {name: rank for rank, name in enumerate(INPUTS)}
 """In which order events of the same time come."""
@@ -38,10 +30,7 @@ class EventOrder:
     the same released sequence. Ties go in the order of ``settings.INPUTS``; within one
     input, in order of arrival.
 
-    A stamp far ahead is put aside until the other inputs have come as far, or a second one
-    leaps as far, or nothing else comes for a while. An input that was in step with the others
-    and then stays ahead of them, however far they come, has a wrong clock. What comes of a
-    stamp far back is told by ``TimeJump``.
+    What comes of a stamp far ahead is told by ``Leap``, and of one far back by ``TimeJump``.
 
     Parameters
     ----------
@@ -69,6 +58,7 @@ class EventOrder:
         self._reject = reject
         self._warn = warn
         self._jump = TimeJump(self._far, self._drop, warn)
+        self._leap = Leap(len(self._inputs) > 1, self._far, self._time_jump, self._drop, warn)
         self.restart()
 
     def restart(self) -> None:
@@ -79,20 +69,17 @@ class EventOrder:
         self._newest: int | None = None  # newest accepted event time of all
         self._past = NEVER  # what is before it is late, even if ``max_wait`` has grown
         self._held: list[tuple[int, int, int, Event]] = []
-        self._ahead: dict[Key, list[Event]] = {}  # not believed yet
         self._jump.restart()
+        self._leap.restart()
         self._arrivals = 0
         self._late: dict[Key, int] = {}
-        self._doubted: dict[Key, int] = {}
-        self._in_step: dict[Key, bool] = {}  # with the others, at some time
-        self._alone: tuple[Key | None, int, int] = (None, 0, 0)  # input, since when, how many
 
     def change(self, max_wait: float) -> None:
         """Take another ``max_wait`` [s]; what has been released stays the past."""
         if self._newest is not None:
             self._past = max(self._past, self._newest - self._max_wait)
         self._max_wait = round(max_wait * 1e9)
-        self._jump.far = self._far = max(AHEAD, self._max_wait)
+        self._jump.far = self._leap.far = self._far = max(AHEAD, self._max_wait)
 
     def push(self, event: Event) -> tuple[list[Event], bool]:
         """
@@ -126,9 +113,7 @@ class EventOrder:
 
     def flush(self) -> list[Event]:
         """Release everything that is held, in order; nothing more is coming."""
-        doubted = [event for events in self._ahead.values() for event in events]
-        self._ahead.clear()
-        for event in sorted(doubted, key=lambda e: e.time):
+        for event in self._leap.take():
             self._hold_new(_key(event), event)
         return [heappop(self._held)[3] for _ in range(len(self._held))]
 
@@ -136,83 +121,22 @@ class EventOrder:
         if key in self._inputs:
             self._jump.go_on(key, event.time, self._newest is not None
                              and event.time >= self._newest - self._far)
-        alone, since, count = self._alone
-        self._alone = (key, since, count + 1) if key == alone else (key, event.time, 1)
-        if self._is_doubtful(key, event):
-            self._doubt(key, event)
+        self._leap.note(key, event.time)
+        if (self._newest is None or event.time > self._newest + self._far
+                or self._leap.follows(key, event.time)):
+            self._leap.put(key, event, self._others(key))
         else:
             self._accept(key, event)
-        if self._ahead:
-            self._believe(event.time)
-
-    def _is_doubtful(self, key: Key, event: Event) -> bool:
-        if self._newest is None or event.time > self._newest + self._far:
-            return True
-        waiting = self._ahead.get(key)
-        return waiting is not None and len(waiting) > 0 and event.time > waiting[-1].time
-
-    def _doubt(self, key: Key, event: Event) -> None:
-        """Put an event aside until something stands for its time."""
-        events = self._ahead.setdefault(key, [])
-        if events and 0 <= events[-1].time - event.time <= self._time_jump:
-            self._drop(event, 'duplicate' if event.time == events[-1].time else 'backward')
-            return
-        while events and events[-1].time > event.time:
-            self._drop(events.pop(), 'future')  # the input itself has come back
-        events.append(event)
-        if len(events) > MOST_AHEAD:
-            self._drop(events.pop(0), 'future')
-        count = self._doubted[key] = self._doubted.get(key, 0) + 1
-        others = self._others(key)
-        silent = self._alone[2] >= TELLING  # then it is they who are behind
-        if (count == TELLING and not silent and others != NEVER
-                and event.time > others + self._far):
-            fate = ('they are refused until its clock is right again' if key in self._in_step
-                    else 'they wait until the others have come as far')
-            self._warn(f'the stamps of {key[0]} are {(event.time - others) / 1e9:.1f} s ahead of '
-                       f'those of the other inputs; {fate}')
+        for believed in self._leap.believed(event.time, self._others):
+            for doubted in believed:
+                self._hold_new(_key(doubted), doubted)
 
     def _others(self, key: Key) -> int:
         return max([t for k, t in self._last.items() if k != key], default=NEVER)
 
-    def _believe(self, now: int) -> None:
-        """Accept the doubted events that something stands for by now."""
-        ends = sorted((events[-1].time, key) for key, events in self._ahead.items())
-        agreed = [a[0] for a, b in zip(ends, ends[1:]) if b[0] - a[0] <= self._far]
-        common = agreed[0] + self._far if agreed else NEVER
-        alone, since, count = self._alone
-        if len(self._inputs) > 1:
-            # the leap itself is no time in which the others could have come
-            since = max(since, self._ahead[alone][0].time if alone in self._ahead else now)
-            if count < ALONE or now - since <= self._far:
-                alone = None
-        while True:
-            believed: list[Event] = []
-            for key, events in list(self._ahead.items()):
-                until = max(common, events[-1].time if key == alone else NEVER)
-                others = self._others(key)
-                # once in step with the others, and now ahead however far they come: its clock
-                leapt = key in self._in_step and events[-1].time > max(until, others + self._far)
-                count = bisect_right(events, until if leapt else max(until, others),
-                                     key=lambda e: e.time)
-                believed += events[:count]
-                del events[:count]
-                while leapt and events and events[0].time <= others:
-                    self._drop(events.pop(0), 'future')
-                if not events:
-                    del self._ahead[key]
-            if not believed:
-                return
-            # all at once, by time: none of them is late because of another
-            for event in sorted(believed, key=lambda e: e.time):
-                self._hold_new(_key(event), event)
-
     def _accept(self, key: Key, event: Event) -> None:
         assert self._newest is not None
-        self._doubted[key] = 0
-        self._in_step[key] = True
-        for doubted in self._ahead.pop(key, ()):
-            self._drop(doubted, 'future')
+        self._leap.go_on(key)
         past = max(self._past, self._newest - self._max_wait)
         if event.time < past and self._is_new(key, event):
             self._drop(event, 'late')
@@ -269,11 +193,8 @@ class EventOrder:
                        'latency of the inputs')
 
     def _discard(self) -> None:
-        for item in self._held:
-            self._drop(item[3], 'discarded')
-        for events in self._ahead.values():
-            for event in events:
-                self._drop(event, 'discarded')
+        for event in [*(item[3] for item in self._held), *self._leap.take()]:
+            self._drop(event, 'discarded')
         self.restart()
 
     def _drop(self, event: Event, reason: str) -> None:

@@ -26,8 +26,8 @@ from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.trial import Record
 from rovid_core.values import Estimate
-from rovid_ros.convert import Converter
-from rovid_ros.logs import Log
+from rovid_ros.logs.log import Log
+from rovid_ros.messages.convert import Converter
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 from rovid_core.settings import Settings
-from rovid_ros.field_paths import Step
-from rovid_ros.field_values import resolve
-from rovid_ros.logs import LogMessage
+from rovid_ros.logs.log import LogMessage
+from rovid_ros.messages.field_paths import Step
+from rovid_ros.messages.field_values import resolve
 
 SECOND = 1_000_000_000  # [ns]
 ALL = ''

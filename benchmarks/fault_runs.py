@@ -17,9 +17,9 @@ from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
 from rovid_core.values import Estimate
 from rovid_ros.feeder import PipeFeeder
-from rovid_ros.log_writer import LogWriter
-from rovid_ros.logs import Log, LogMessage
-from rovid_ros.message_types import standard_types
+from rovid_ros.logs.log import Log, LogMessage
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.types import standard_types
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 from rovid_ros.replay import replay

@@ -7,8 +7,8 @@ from dataclasses import replace
 from math import atan2, degrees
 
 from rovid_core.rotation import from_yaw
-from rovid_ros.logs import LogMessage
-from rovid_ros.message_types import standard_types
+from rovid_ros.logs.log import LogMessage
+from rovid_ros.messages.types import standard_types
 
 from benchmarks.fault_edits import (
     added,

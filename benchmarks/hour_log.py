@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 from rovid_core.settings import Settings
 from rovid_core.simulator import simulate
-from rovid_ros.log_writer import LogWriter
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
-from rovid_ros.sensor_messages import SensorMessage, SensorMessages
 from rovid_ros.simulate import EPOCH
 
 CONFIG = Path(__file__).parents[1] / 'config' / 'jhurov.yaml'

@@ -22,8 +22,8 @@ import time
 from mcap.exceptions import McapError
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
-from rovid_ros.log_container import LogError, MALFORMED
-from rovid_ros.logs import Log
+from rovid_ros.logs.container import LogError, MALFORMED
+from rovid_ros.logs.log import Log
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 from rovid_ros.replay_checkpoint import read_state

@@ -22,8 +22,8 @@ import time
 from typing import Any
 
 import numpy as np
-from rovid_ros.node_messages import import_type
-from rovid_ros.node_publishers import latched, reliable
+from rovid_ros.node.messages import import_type
+from rovid_ros.node.publishers import latched, reliable
 from rovid_ros.outputs import LATCHED, TOPICS
 from rovid_ros.parameter_file import load
 

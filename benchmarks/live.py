@@ -12,8 +12,8 @@ from typing import Any
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
-from rovid_ros.node_messages import import_type
-from rovid_ros.node_publishers import reliable
+from rovid_ros.node.messages import import_type
+from rovid_ros.node.publishers import reliable
 import yaml
 
 from benchmarks.processes import PATIENCE

@@ -14,7 +14,7 @@ from rovid_core.score import ScoreLog
 from rovid_core.settings import Settings
 from rovid_core.values import Event
 from rovid_ros.feeder import PipeFeeder
-from rovid_ros.logs import Log
+from rovid_ros.logs.log import Log
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 from rovid_ros.replay_run import ReplayRun

@@ -10,8 +10,8 @@ from typing import Any
 
 from rovid_core.settings import Settings
 from rovid_core.simulator import simulate
-from rovid_ros.message_types import build, standard_types
-from rovid_ros.sensor_messages import SensorMessage, SensorMessages
+from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages
+from rovid_ros.messages.types import build, standard_types
 from rovid_ros.simulate import EPOCH
 
 STAMP = struct.Struct('<iI')

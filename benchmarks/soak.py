@@ -22,7 +22,7 @@ from rovid_core.dofs import PARAMETERS
 from rovid_core.plant import lumped
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
-from rovid_ros.convert import Converter
+from rovid_ros.messages.convert import Converter
 from rovid_ros.outputs import Outputs
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from

@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 def report_data(models: Sequence[Model], trials: Sequence[Trial],
                 settings: Settings) -> dict[str, Any]:
     """
-    Return the input of ``html_report.write_report``.
+    Return the input of ``html.report.write_report``.
 
     Parameters
     ----------

@@ -9,10 +9,10 @@ from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.values import Estimate
 from rovid_ros.controls import repeat
-from rovid_ros.convert import Converter
-from rovid_ros.logs import LogMessage, Maker
-from rovid_ros.message_types import Decoder, WireType
-from rovid_ros.unpack import Unpacker
+from rovid_ros.logs.log import LogMessage, Maker
+from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.types import Decoder, WireType
+from rovid_ros.messages.unpack import Unpacker
 
 
 class Feeder(Protocol):

@@ -12,8 +12,8 @@ from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
 from rovid_ros.json_file import sync_folder
 from rovid_ros.leftovers import remove_leftovers
-from rovid_ros.log_container import MALFORMED
-from rovid_ros.log_writer import LogWriter
+from rovid_ros.logs.container import MALFORMED
+from rovid_ros.logs.writer import LogWriter
 from rovid_ros.outputs import LATCHED
 from zstandard import ZstdError
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_ros.controls import CONTROL
-from rovid_ros.convert import Converter
 from rovid_ros.feeder import Feeder
 from rovid_ros.interrupt import Interrupt, Interrupted
-from rovid_ros.logs import Log, RECORD
+from rovid_ros.logs.log import Log, RECORD
+from rovid_ros.messages.convert import Converter
 from rovid_ros.output_file import OutputFile, part_of
 from rovid_ros.progress import Progress
 from rovid_ros.replay_checkpoint import ReplayCheckpoint

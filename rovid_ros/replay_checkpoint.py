@@ -16,8 +16,8 @@ from rovid_ros.checkpoint import CheckpointError
 from rovid_ros.feeder import Feeder
 from rovid_ros.fingerprint import decides_bits, difference, fingerprint
 from rovid_ros.json_file import write_text
-from rovid_ros.log_identity import ends, identity, names
-from rovid_ros.logs import Log
+from rovid_ros.logs.identity import ends, identity, names
+from rovid_ros.logs.log import Log
 from rovid_ros.output_file import OutputFile
 
 VERSION = 1

@@ -13,8 +13,8 @@ from rovid_core.values import Estimate
 from rovid_ros.controls import CONTROL
 from rovid_ros.feeder import Feeder
 from rovid_ros.interrupt import Interrupt
-from rovid_ros.logs import LogMessage, Maker
-from rovid_ros.message_types import Decoder, WireType
+from rovid_ros.logs.log import LogMessage, Maker
+from rovid_ros.messages.types import Decoder, WireType
 from rovid_ros.output_file import OutputFile
 from rovid_ros.outputs import LATCHED, Output, Outputs
 from rovid_ros.progress import Progress

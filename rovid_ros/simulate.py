@@ -18,10 +18,10 @@ from rovid_core.settings import Settings, SimulatedDof
 from rovid_core.simulator import Measurement, profile_of, simulate
 from rovid_core.thruster_commands import shortfall
 from rovid_ros.interrupt import Interrupt, Interrupted
-from rovid_ros.log_writer import LogWriter
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages, SimulationError
 from rovid_ros.profile_text import profile_text
 from rovid_ros.progress import Progress
-from rovid_ros.sensor_messages import SensorMessage, SensorMessages, SimulationError
 
 EPOCH = 1_700_000_000 * 1_000_000_000
 """When every simulation begins [ns]: fixed, so that the same seed gives the same file."""

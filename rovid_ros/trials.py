@@ -16,7 +16,7 @@ from rovid_core.settings import IdentifierSettings, Settings
 from rovid_core.trial import Fit
 from rovid_core.values import Estimate
 from rovid_ros.feeder import PipeFeeder
-from rovid_ros.logs import LogMessage
+from rovid_ros.logs.log import LogMessage
 from rovid_ros.replay import replay
 from rovid_ros.replay_run import Result
 

@@ -13,8 +13,8 @@ from rovid_core.tuning.choice import Done
 from rovid_core.tuning.log import TuningLog
 from rovid_core.tuning.tune import observed, Score, Stage, tune, Tuned, TuningError
 from rovid_core.values import Estimate
-from rovid_ros.convert import Converter
 from rovid_ros.feeder import PipeFeeder
+from rovid_ros.messages.convert import Converter
 from rovid_ros.parallel import in_parallel
 from rovid_ros.progress import Progress
 from rovid_ros.replay import replay

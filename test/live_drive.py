@@ -13,8 +13,8 @@ from conftest import REPOSITORY
 from geometry_msgs.msg import PointStamped
 from live_node import changed, heard, NodeProcess, Peer, Status, TYPES, write_parameters
 import rclpy
-from rovid_ros.cli import main
-from rovid_ros.logs import Log
+from rovid_ros.cli.main import main
+from rovid_ros.logs.log import Log
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64MultiArray
 

@@ -9,8 +9,8 @@ from rclpy.serialization import deserialize_message
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_core.values import Estimate
-from rovid_ros.convert import Converter
-from rovid_ros.node_messages import import_type
+from rovid_ros.messages.convert import Converter
+from rovid_ros.node.messages import import_type
 from rovid_ros.outputs import Outputs
 from rovid_ros.parameters import settings_from
 from rovid_ros.simulate import simulate_log

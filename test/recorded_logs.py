@@ -9,7 +9,7 @@ import numpy as np
 from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.typesys import get_typestore, Stores
-from rovid_ros.message_types import build, standard_types
+from rovid_ros.messages.types import build, standard_types
 
 START = 1_700_000_000_000_000_000  # [ns]
 POINT = 'geometry_msgs/msg/PointStamped'

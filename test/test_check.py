@@ -9,11 +9,11 @@ from typing import Any
 
 from mcap.reader import make_reader
 import pytest
-from rovid_ros.check import Asked, check, Outcome
-from rovid_ros.cli import main
-from rovid_ros.findings import ERROR, Finding, OK, WARNING
-from rovid_ros.log_writer import LogWriter
-from rovid_ros.message_types import standard_types
+from rovid_ros.check.check import Asked, check, Outcome
+from rovid_ros.check.findings import ERROR, Finding, OK, WARNING
+from rovid_ros.cli.main import main
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.types import standard_types
 from rovid_ros.parameters import settings_from
 from rovid_ros.simulate import simulate_log
 import yaml
@@ -379,7 +379,7 @@ def test_the_live_graph(tmp_path: Path, log: Path) -> None:
     rclpy = pytest.importorskip('rclpy')
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
-    from rovid_ros.node_messages import import_type
+    from rovid_ros.node.messages import import_type
 
     context = rclpy.Context()
     rclpy.init(args=[], context=context)

@@ -10,7 +10,7 @@ from threading import Thread
 
 import pytest
 from rovid_ros import __version__
-from rovid_ros.cli import main
+from rovid_ros.cli.main import main
 from rovid_ros.command import check_written, CommandError, guarded
 from rovid_ros.interrupt import Interrupted
 from rovid_ros.json_file import write_json
@@ -187,7 +187,7 @@ def test_the_module_is_the_command(repository: Path, environment: dict[str, str]
 
 def test_only_the_command_that_runs_is_imported(
         repository: Path, environment: dict[str, str]) -> None:
-    code = ('import sys; from rovid_ros.cli import main; main(["--version"]); '
+    code = ('import sys; from rovid_ros.cli.main import main; main(["--version"]); '
             'print([m for m in ("numpy", "rosbags", "mcap", "yaml", "rclpy") '
             'if m in sys.modules])')
     out = subprocess.run(

@@ -8,7 +8,7 @@ from rovid_core.dofs import PARAMETERS
 from rovid_core.methods import METHODS as ONLINE
 from rovid_core.offline import METHODS
 from rovid_core.plant import lumped
-from rovid_ros.cli import main
+from rovid_ros.cli.main import main
 from rovid_ros.estimates import read_estimates
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from

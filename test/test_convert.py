@@ -17,8 +17,8 @@ from rovid_core.settings import (
     ThrusterSettings,
 )
 from rovid_core.values import Event
-from rovid_ros.convert import Converter, FieldError
-from rovid_ros.message_types import build, standard_types
+from rovid_ros.messages.convert import Converter, FieldError
+from rovid_ros.messages.types import build, standard_types
 
 NOW = 5_000_000_000
 IDENTITY = tuple(tuple(float(i == j) for j in range(6)) for i in range(6))
@@ -40,7 +40,7 @@ def message(name: str, fields: Mapping[str, Any]) -> Any:
 
 def ros_message(name: str, fields: Mapping[str, Any]) -> Any:
     pytest.importorskip('rclpy')
-    from rovid_ros.node_messages import fill, import_type
+    from rovid_ros.node.messages import fill, import_type
     return fill(import_type(name), fields)
 
 

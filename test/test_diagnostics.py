@@ -29,15 +29,14 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from rovid_core.reasons import REASONS
 from rovid_core.stream import Stream
-from rovid_ros import node_health
-from rovid_ros.convert import Converter
 from rovid_ros.limited_log import LimitedWarnings, MOST, RefusalLines
-from rovid_ros.node_diagnostics import diagnostics, NodeState
-from rovid_ros.node_graph import graph_states, TopicState
-from rovid_ros.node_health import Situation
-from rovid_ros.node_identifier import IdentifierNode
-from rovid_ros.node_messages import import_type
-from rovid_ros.node_publishers import best_effort, reliable
+from rovid_ros.messages.convert import Converter
+from rovid_ros.node.diagnostics import diagnostics, NodeState
+from rovid_ros.node.graph import graph_states, TopicState
+from rovid_ros.node.health import of_input, Situation
+from rovid_ros.node.identifier import IdentifierNode
+from rovid_ros.node.messages import import_type
+from rovid_ros.node.publishers import best_effort, reliable
 from rovid_ros.outputs import DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
 from rovid_ros.parameters import settings_from
 from rovid_ros.recent import Arrivals, Recent
@@ -251,7 +250,7 @@ def test_files_that_are_not_written(messages: list[Raw], tmp_path: Path) -> None
 
 
 def test_simulated_time_has_to_begin() -> None:
-    assert node_health.of_input(Watched().situation, 'position')[1].endswith('/clock')
+    assert of_input(Watched().situation, 'position')[1].endswith('/clock')
 
 
 # --- the lines of the log

@@ -13,7 +13,7 @@ from hypothesis import given, strategies as st
 import pytest
 from rovid_core.dofs import DOFS, PARAMETERS, PHYSICAL
 from rovid_core.plant import advance, lumped, physical
-from rovid_ros.cli import main
+from rovid_ros.cli.main import main
 from rovid_ros.command import read_settings
 from rovid_ros.estimates import Identified
 from rovid_ros.export import export

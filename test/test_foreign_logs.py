@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 from rosbags.highlevel import AnyReader, AnyReaderError
-from rovid_ros.logs import Log, LogError
+from rovid_ros.logs.log import Log, LogError
 
 READ = [
     'compat/rosbag2_cdr_test.mcap', 'compat/rosbag2_cdr_test.db3', 'compat/rosbag2_talker.mcap',

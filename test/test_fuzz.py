@@ -21,9 +21,9 @@ from hypothesis import event, given, HealthCheck, settings, strategies as st
 import pytest
 import recorded_logs
 from rovid_core.stream import Stream
-from rovid_ros.cli import main
-from rovid_ros.convert import Converter
-from rovid_ros.message_types import build, standard_types
+from rovid_ros.cli.main import main
+from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.types import build, standard_types
 from rovid_ros.outputs import Outputs
 from rovid_ros.parameters import settings_from
 import yaml

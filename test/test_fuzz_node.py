@@ -14,7 +14,7 @@ from live_node import changed, Peer, Raw, simulated, TYPES
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rovid_ros.keys import KEYS
-from rovid_ros.node_identifier import IdentifierNode
+from rovid_ros.node.identifier import IdentifierNode
 
 EXAMPLES = int(os.environ.get('ROVID_EXAMPLES', '100'))
 

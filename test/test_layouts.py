@@ -16,8 +16,8 @@ from xml.etree import ElementTree
 
 from mcap.reader import make_reader
 import pytest
-from rovid_ros.cli import main
-from rovid_ros.message_types import standard_types
+from rovid_ros.cli.main import main
+from rovid_ros.messages.types import standard_types
 
 LIVE_ONLY = '/diagnostics'
 """The node's own health: a replay has none."""

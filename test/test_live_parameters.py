@@ -28,8 +28,8 @@ from rovid_core.settings import SettingsError
 from rovid_core.stream import Stream
 from rovid_ros.controls import apply, repeat
 from rovid_ros.keys import KEYS
-from rovid_ros.logs import Log
-from rovid_ros.node_identifier import IdentifierNode
+from rovid_ros.logs.log import Log
+from rovid_ros.node.identifier import IdentifierNode
 from rovid_ros.outputs import DIAGNOSTIC_TYPE
 from rovid_ros.parameters import changed as changed_settings, settings_from
 from std_srvs.srv import SetBool, Trigger

@@ -21,9 +21,9 @@ import recorded_logs
 from recorded_logs import ARRAY, messages, START, TOPICS
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
-from rovid_ros.log_writer import LogWriter
-from rovid_ros.logs import Log, LogError
-from rovid_ros.message_types import build, standard_types, TypeUnknownError
+from rovid_ros.logs.log import Log, LogError
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.types import build, standard_types, TypeUnknownError
 import yaml
 
 Recorded = list[recorded_logs.Message]
@@ -605,7 +605,7 @@ FULL = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (20000, 20000))
 from pathlib import Path
-from rovid_ros.log_writer import LogWriter
+from rovid_ros.logs.writer import LogWriter
 try:
     with LogWriter(Path({file!r}), compression='none') as writer:
         for time in range(100_000):
@@ -629,7 +629,7 @@ import os, signal, sys
 sys.path[:0] = {path!r}
 import recorded_logs
 from pathlib import Path
-from rovid_ros.log_writer import LogWriter
+from rovid_ros.logs.writer import LogWriter
 writer = LogWriter(Path({file!r}), compression={compression!r})
 for time, topic, kind, data in recorded_logs.messages(500):
     writer.write_raw(topic, kind, data, time)

@@ -31,16 +31,16 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosgraph_msgs.msg import Clock
 from rovid_core.settings import SettingsError
 from rovid_core.values import Event
-from rovid_ros.field_paths import FieldError
 from rovid_ros.keys import KEYS
-from rovid_ros.logs import Log
-from rovid_ros.node_files import prepare
-from rovid_ros.node_identifier import IdentifierNode
-from rovid_ros.node_messages import definition, fill, import_type, MessageTypeError
-from rovid_ros.node_parameters import read_files
-from rovid_ros.node_publishers import best_effort, latched
-from rovid_ros.node_recorder import Received, Recorder
-from rovid_ros.node_replay import NodeFeeder
+from rovid_ros.logs.log import Log
+from rovid_ros.messages.field_paths import FieldError
+from rovid_ros.node.files import prepare
+from rovid_ros.node.identifier import IdentifierNode
+from rovid_ros.node.messages import definition, fill, import_type, MessageTypeError
+from rovid_ros.node.parameters import read_files
+from rovid_ros.node.publishers import best_effort, latched
+from rovid_ros.node.recorder import Received, Recorder
+from rovid_ros.node.replay import NodeFeeder
 from rovid_ros.outputs import DIAGNOSTIC_TYPE
 from rovid_ros.parameters import settings_from
 from std_msgs.msg import Float64MultiArray

@@ -42,8 +42,8 @@ from rcl_interfaces.srv import (
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rovid_ros.keys import KEYS
-from rovid_ros.logs import Log
-from rovid_ros.node_publishers import latched
+from rovid_ros.logs.log import Log
+from rovid_ros.node.publishers import latched
 from rovid_ros.outputs import DIAGNOSTIC_TYPE
 from rovid_ros.parameters import settings_from
 from rovid_ros.summary import summary

@@ -9,7 +9,7 @@ import shlex
 import pytest
 from rovid_core.dofs import PARAMETERS
 from rovid_core.plant import lumped
-from rovid_ros.cli import main
+from rovid_ros.cli.main import main
 from rovid_ros.profile_text import parse_profile
 
 Run = Callable[..., tuple[int, str, str]]

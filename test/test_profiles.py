@@ -18,8 +18,8 @@ from rovid_core.settings import (
 from rovid_core.simulator import profile_of, simulate
 from rovid_core.thruster_commands import shortfall, ThrusterCommands
 from rovid_core.thruster_force import wrench
-from rovid_ros.cli import main
-from rovid_ros.logs import Log, LogMessage
+from rovid_ros.cli.main import main
+from rovid_ros.logs.log import Log, LogMessage
 from rovid_ros.profile_grammar import GRAMMAR
 from rovid_ros.profile_text import parse_profile, profile_text
 from rovid_ros.simulate import plan_trials, profile_warnings

@@ -14,12 +14,12 @@ from mcap.reader import make_reader
 import pytest
 from rovid_core.dofs import PARAMETERS, PHYSICAL
 from rovid_core.status import STATUSES
-from rovid_ros.cli import main
+from rovid_ros.cli.main import main
 from rovid_ros.demo import demo
 from rovid_ros.interrupt import Interrupt, Interrupted
-from rovid_ros.log_writer import LogWriter
-from rovid_ros.logs import Log
-from rovid_ros.message_types import standard_types
+from rovid_ros.logs.log import Log
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.types import standard_types
 
 DURATION = 30  # [s] of the log that most tests use
 
@@ -62,8 +62,7 @@ def edited(config: Path, folder: Path, *changes: tuple[str, str]) -> Path:
 
 def command(*arguments: object) -> list[str]:
     """Return the command line of a child process."""
-    return [sys.executable, '-c', 'import sys; from rovid_ros.cli import main; sys.exit(main())',
-            *map(str, arguments)]
+    return [sys.executable, '-m', 'rovid_ros.cli', *map(str, arguments)]
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ from typing import Any
 
 from mcap.reader import make_reader
 import pytest
-from rovid_ros.cli import main
+from rovid_ros.cli.main import main
 from rovid_ros.feeder import PipeFeeder
-from rovid_ros.log_writer import LogWriter
-from rovid_ros.logs import LogMessage
+from rovid_ros.logs.log import LogMessage
+from rovid_ros.logs.writer import LogWriter
 from rovid_ros.output_file import OutputFile
 from rovid_ros.replay_checkpoint import read_state
 

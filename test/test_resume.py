@@ -12,9 +12,9 @@ import pytest
 from rovid_core.settings import Settings
 from rovid_core.snapshot import SnapshotError, Snapshots
 from rovid_core.values import Estimate, Event, Sample
-from rovid_ros.convert import Converter
 from rovid_ros.feeder import PipeFeeder
-from rovid_ros.logs import Log
+from rovid_ros.logs.log import Log
+from rovid_ros.messages.convert import Converter
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 from rovid_ros.simulate import simulate_log

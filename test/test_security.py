@@ -14,14 +14,14 @@ import lz4.frame
 import pytest
 from rovid_core.ordering import EventOrder, MOST_HELD
 from rovid_core.values import Event, Sample
-from rovid_ros import log_order, log_paths
 from rovid_ros.command import LONGEST_LINE, printable
-from rovid_ros.field_paths import FieldError, parse
-from rovid_ros.log_container import LogError
-from rovid_ros.log_mcap import MAGIC
-from rovid_ros.log_writer import LogWriter
-from rovid_ros.logs import Log
-from rovid_ros.message_types import build, LARGEST_MESSAGE, typestore, TypeUnknownError
+from rovid_ros.logs import order, paths
+from rovid_ros.logs.container import LogError
+from rovid_ros.logs.log import Log
+from rovid_ros.logs.mcap import MAGIC
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.field_paths import FieldError, parse
+from rovid_ros.messages.types import build, LARGEST_MESSAGE, typestore, TypeUnknownError
 from rovid_ros.parameter_file import load, ParameterFileError
 import yaml
 import zstandard
@@ -206,7 +206,7 @@ def test_rows_that_a_database_makes_up_are_none(tmp_path: Path) -> None:
 
 def test_a_packed_file_does_not_fill_the_disk(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(log_paths, '_SURE', 4 << 20)
+    monkeypatch.setattr(paths, '_SURE', 4 << 20)
     path = tmp_path / 'log.mcap.zstd'
     path.write_bytes(zstd_bomb(1))
     with pytest.raises(LogError, match='unpacks to more than 100 times its size'):
@@ -235,7 +235,7 @@ def test_a_list_of_files_names_none_elsewhere(tmp_path: Path) -> None:
 
 def test_messages_that_overlap_are_not_held_without_end(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(log_order, 'MOST_HELD', 1 << 20)
+    monkeypatch.setattr(order, 'MOST_HELD', 1 << 20)
     one = schema(1, 'std_msgs/msg/String', 'string data\n') + channel(1, 1, '/a')
     rows = b''.join(message(1, bytes(1000), time) for time in (1, 1_000_000) for _ in range(300))
     path = tmp_path / 'log.mcap'

@@ -17,10 +17,10 @@ from rovid_core.settings import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_ros.cli import main
-from rovid_ros.convert import Converter
-from rovid_ros.message_types import build, standard_types
-from rovid_ros.sensor_messages import SensorMessages, SimulationError
+from rovid_ros.cli.main import main
+from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.sensor_messages import SensorMessages, SimulationError
+from rovid_ros.messages.types import build, standard_types
 from rovid_ros.simulate import EPOCH, simulate_log
 
 ATTITUDE = product(from_yaw(2.5), (0.1, 0.0, 0.0, math.sqrt(0.99)))

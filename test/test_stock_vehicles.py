@@ -16,8 +16,8 @@ from rovid_core.dofs import DOFS
 from rovid_core.settings import Settings
 from rovid_core.thruster_force import thruster_model, wrench
 from rovid_ros.feeder import PipeFeeder
-from rovid_ros.log_writer import LogWriter
-from rovid_ros.message_types import standard_types
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.types import standard_types
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 from rovid_ros.replay import replay

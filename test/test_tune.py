@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from rovid_ros.cli import main
+from rovid_ros.cli.main import main
 from rovid_ros.parameter_edit import edited
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from

@@ -13,11 +13,11 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 from rovid_core.settings import DofSettings, InputSettings, Settings, ThrusterSettings
 from rovid_core.values import Event
-from rovid_ros.convert import Converter
-from rovid_ros.field_paths import FieldError, getter
-from rovid_ros.message_types import decoder, standard_types, WireType
-from rovid_ros.unpack import ATTEMPTS, Unpacker
-from rovid_ros.wire_layout import NoLayoutError, Numbers, walk
+from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.field_paths import FieldError, getter
+from rovid_ros.messages.types import decoder, standard_types, WireType
+from rovid_ros.messages.unpack import ATTEMPTS, Unpacker
+from rovid_ros.messages.wire_layout import NoLayoutError, Numbers, walk
 from zstandard import ZstdError
 
 ODD = 'test_msgs/msg/Odd'

@@ -12,10 +12,10 @@ import pytest
 rclpy = pytest.importorskip('rclpy')
 
 from rclpy.executors import SingleThreadedExecutor
-from rovid_ros import node_intake
-from rovid_ros.node_identifier import IdentifierNode
-from rovid_ros.node_publishers import latched
-from rovid_ros.node_wait import Wait
+from rovid_ros.node import intake
+from rovid_ros.node.identifier import IdentifierNode
+from rovid_ros.node.publishers import latched
+from rovid_ros.node.wait import Wait
 from rovid_ros.parameters import settings_from
 from std_srvs.srv import SetBool
 
@@ -87,13 +87,13 @@ def arrived(node: IdentifierNode) -> int:
 def test_inputs_do_not_go_through_the_executor(
         messages: list[Raw], monkeypatch: pytest.MonkeyPatch) -> None:
     decoded: list[type[Any]] = []
-    decode = node_intake.deserialize_message
+    decode = intake.deserialize_message
 
     def counted(cdr: bytes, cls: type[Any]) -> Any:
         decoded.append(cls)
         return decode(cdr, cls)
 
-    monkeypatch.setattr(node_intake, 'deserialize_message', counted)
+    monkeypatch.setattr(intake, 'deserialize_message', counted)
     with turning() as run:
         run.peer.advertise(TYPES)
         before, turns = run.executor.count, run.turns

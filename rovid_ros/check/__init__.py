@@ -1,0 +1,1 @@
+"""A configuration by itself, against a log, or against the live graph."""

@@ -1,0 +1,1 @@
+"""The report of ``rovid compare``, one HTML file."""

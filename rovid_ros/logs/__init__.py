@@ -1,0 +1,1 @@
+"""Reading and writing logs of every container, also broken ones."""

@@ -1,0 +1,177 @@
+"""Logs in MCAP, as rosbag2 writes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from io import BufferedWriter, FileIO
+import os
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from mcap.writer import CompressionType, Writer
+from rovid_ros.logs.container import LogError
+from rovid_ros.messages.types import build, standard_types, TypeUnknownError
+
+_COMPRESSION = {
+    'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4, 'none': CompressionType.NONE}
+_CHUNK = 768 * 1024  # [bytes], as rosbag2
+_FOREVER = 'sec: 9223372036\n    nsec: 854775807'
+_QOS = """\
+- history: 1
+  depth: {depth}
+  reliability: 1
+  durability: {durability}
+  deadline:
+    {forever}
+  lifespan:
+    {forever}
+  liveliness: 1
+  liveliness_lease_duration:
+    {forever}
+  avoid_ros_namespace_conventions: false"""
+# As rosbag2 of every ROS 2 reads it: keep last, reliable, and (2) volatile or (1) transient local
+_OFFERED = {
+    False: _QOS.format(depth=10, durability=2, forever=_FOREVER),
+    True: _QOS.format(depth=1, durability=1, forever=_FOREVER)}
+
+
+class _File(FileIO):
+    """A file whose errors say which file it is."""
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, str(self.name)) from None
+
+
+class LogWriter:
+    """
+    Writes messages to an MCAP file.
+
+    What was written before the last ``flush`` can be read also when the process is killed.
+
+    Parameters
+    ----------
+    path : Path
+        The file; one that is there is replaced.
+    compression : str
+        zstd, lz4 or none.
+
+    Raises
+    ------
+    LogError
+        If the file cannot be written.
+    OSError
+        By any method, with the name of the file: if it cannot be written any more.
+
+    """
+
+    def __init__(self, path: Path, *, compression: str = 'zstd') -> None:
+        try:
+            self._file = BufferedWriter(_File(path, 'wb'))
+        except OSError as error:
+            raise LogError(f'{path}: cannot be written: {error.strerror}') from None
+        self._writer = Writer(
+            self._file, chunk_size=_CHUNK, compression=_COMPRESSION[compression])
+        self._writer.start(profile='ros2', library='rovid')
+        self._schemas: dict[tuple[str, str | None], int] = {}
+        self._channels: dict[tuple[str, int], int] = {}
+
+    def write(self, topic: str, type: str, fields: Mapping[str, Any], time: int,
+              publish_time: int | None = None, latched: bool = False) -> None:
+        """
+        Write a message of a type that comes with ROS 2.
+
+        Parameters
+        ----------
+        topic, type : str
+            Such as /rov/velocity and geometry_msgs/msg/TwistStamped.
+        fields : mapping
+            As in ``messages.types.build``.
+        time, publish_time : int
+            Log time [ns] and publish time, the same unless given.
+        latched : bool
+            Whether ``ros2 bag play`` keeps the topic's last message for late subscribers.
+
+        Raises
+        ------
+        TypeUnknownError, FieldError
+            If ROS 2 has no such type, or the type no such field.
+
+        """
+        store = standard_types()
+        if type not in store.fielddefs:
+            raise TypeUnknownError(f'type {type}: ROS 2 comes with no such type')
+        data = store.serialize_cdr(build(store, type, fields), type)
+        self.write_raw(
+            topic, type, bytes(data), time, publish_time=publish_time, latched=latched)
+
+    def write_raw(self, topic: str, type: str, cdr: bytes, time: int,
+                  definition: str | None = None, publish_time: int | None = None,
+                  latched: bool = False) -> None:
+        """
+        Write a message that is serialised already.
+
+        Parameters
+        ----------
+        topic, type, time, publish_time, latched
+            As in ``write``.
+        cdr : bytes
+            The serialised message.
+        definition : str, optional
+            Text of the type's definition; needed where the type does not come with ROS 2.
+
+        """
+        schema = self._schemas.get((type, definition))
+        if schema is None:
+            schema = self._schemas[type, definition] = self._schema(type, definition)
+        channel = self._channels.get((topic, schema))
+        if channel is None:
+            channel = self._writer.register_channel(
+                topic, 'cdr', schema, {'offered_qos_profiles': _OFFERED[latched]})
+            self._channels[topic, schema] = channel
+        self._writer.add_message(
+            channel, time, cdr, time if publish_time is None else publish_time)
+
+    def metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Write a metadata record."""
+        self._writer.add_metadata(name, dict(values))
+
+    def flush(self) -> None:
+        """Hand everything so far to the operating system, in a form that can be read."""
+        self._writer.flush()
+
+    def sync(self) -> None:
+        """Bring what was flushed to the disk, so that it outlasts a loss of power."""
+        if not self._file.closed:
+            with suppress(OSError):  # what a device has no use for; a full disk shows in write
+                os.fdatasync(self._file.fileno())
+
+    def close(self) -> None:
+        """Write the index and close the file."""
+        if not self._file.closed:
+            try:
+                self._writer.finish()
+            finally:
+                self._file.close()
+
+    def __enter__(self) -> LogWriter:
+        """Return the writer itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Close the file."""
+        self.close()
+
+    def _schema(self, type: str, definition: str | None) -> int:
+        if definition is None:
+            store = standard_types()
+            if type not in store.fielddefs:
+                raise TypeUnknownError(f'type {type}: no definition of it is at hand')
+            definition = store.generate_msgdef(type, ros_version=2)[0]
+        number: int = self._writer.register_schema(type, 'ros2msg', definition.encode())
+        return number

@@ -1,0 +1,228 @@
+"""From the fields of a message to the plain floats of a sample, in FLU, ENU and SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+import math
+from operator import attrgetter
+from typing import Any
+
+from rovid_core.dofs import Quaternion
+from rovid_core.rotation import from_yaw, product
+from rovid_core.settings import Settings
+from rovid_ros.messages.field_paths import describe, field_names, FieldError, getter, Step, walk
+from rovid_ros.messages.field_values import resolve
+from rovid_ros.messages.sources import Source
+
+Floats = tuple[float, ...]
+Turn = Callable[[Any, Any, Any], Floats]
+
+_NAN3 = (math.nan, math.nan, math.nan)
+_NO_ATTITUDE = (math.nan, math.nan, math.nan, math.nan)
+_ROOT_HALF = math.sqrt(0.5)
+
+
+class RefusedError(Exception):
+    """A message that gives no sample; ``detail`` says what it got and what it takes."""
+
+    def __init__(self, reason: str, detail: str = '') -> None:
+        super().__init__(reason)
+        self.reason = reason
+        self.detail = detail
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """
+    How to come from a message to a sample.
+
+    Attributes
+    ----------
+    paths : tuple of paths
+        To the fields that are needed: numbers, or arrays of numbers or texts.
+    make : callable
+        Takes what is at the paths and returns the sample's value.
+
+    """
+
+    paths: tuple[tuple[Step, ...], ...]
+    make: Callable[..., Floats]
+
+    def fetch(self) -> Callable[[Any], tuple[Any, ...]]:
+        """Return the function from a decoded message to what is at the paths."""
+        names = [step for path in self.paths for step in path]
+        if len(self.paths) > 1 and all(isinstance(name, str) for name in names):
+            get: Callable[[Any], tuple[Any, ...]] = attrgetter(
+                *['.'.join(map(str, path)) for path in self.paths])
+            return get
+        gets = [getter(path) for path in self.paths]
+        return lambda message: tuple([get(message) for get in gets])
+
+
+def reading(source: Source, message: Any, settings: Settings, blank: bool = False) -> Reading:
+    """
+    Return how to read a source's value from messages like this one.
+
+    A message that is ``blank`` holds default values only: an array in it that is not empty
+    always has that length.
+
+    Raises
+    ------
+    FieldError
+        If the path does not lead to something that the input takes.
+    MissingIndexError
+        If the path indexes an array that is too short in this message.
+
+    """
+    key = f'{source.key}.field'
+    steps, value, shape = resolve(source.input, source.field, message, key)
+    if source.input in ('thrusters', 'sign'):
+        count = _expected(source, shape, value if blank else (), settings)
+        return _commands(source, shape, steps, _joint_names(source, steps, message, settings),
+                         count, settings)
+    if source.input == 'depth':
+        scale, offset = settings.depth_scale, settings.depth_offset
+        return Reading((tuple(steps),), lambda value: (scale * float(value) + offset,))
+    if source.input == 'attitude':
+        if shape == 'number':
+            return Reading((tuple(steps),), _heading(settings))
+        return Reading(_below(steps, 'xyzw'), _quaternion(settings))
+    ned = settings.frames == 'ned'
+    if source.input == 'position':
+        return _vector(steps, shape, _ned_to_enu if ned else _floats)
+    turn = _frd_to_flu if ned else _floats
+    if shape == 'twist':
+        return _pair(steps, ('linear', 'angular'), turn)
+    if source.input == 'reference':
+        return Reading(_below(steps, 'xyz'), lambda x, y, z: turn(x, y, z) + _NAN3)
+    return _vector(steps, shape, turn)
+
+
+def _below(steps: Sequence[Step], names: Sequence[str]) -> tuple[tuple[Step, ...], ...]:
+    return tuple([(*steps, name) for name in names])
+
+
+def _vector(steps: Sequence[Step], shape: str, turn: Turn) -> Reading:
+    if shape == 'vector':
+        return Reading(_below(steps, 'xyz'), turn)
+    return Reading((tuple(steps),), lambda value: turn(*_numbers(value, 3)))
+
+
+def _pair(steps: Sequence[Step], names: tuple[str, str], turn: Turn) -> Reading:
+    one, other = (_below([*steps, name], 'xyz') for name in names)
+    return Reading(
+        one + other, lambda a, b, c, d, e, f: turn(a, b, c) + turn(d, e, f))
+
+
+def _floats(x: float, y: float, z: float) -> Floats:
+    return (float(x), float(y), float(z))
+
+
+def _ned_to_enu(x: float, y: float, z: float) -> Floats:
+    return (float(y), float(x), -float(z))
+
+
+def _frd_to_flu(x: float, y: float, z: float) -> Floats:
+    return (float(x), -float(y), -float(z))
+
+
+def _quaternion(settings: Settings) -> Callable[[Any, Any, Any, Any], Quaternion]:
+    """Return the conversion of body to world, both turned where the messages are in NED."""
+    ned = settings.frames == 'ned'
+    offset = from_yaw(settings.yaw_offset) if settings.yaw_offset else None
+
+    def read(x: Any, y: Any, z: Any, w: Any) -> Quaternion:
+        q = (float(x), float(y), float(z), float(w))
+        if ned:
+            # (1, 1, 0, 0)/sqrt(2) takes NED to ENU, (1, 0, 0, 0) takes FLU to FRD
+            x, y, z, w = q
+            s = _ROOT_HALF
+            q = (s * (x + y), s * (x - y), s * (w - z), s * (w + z))
+        return q if offset is None else product(offset, q)
+
+    return read
+
+
+def _heading(settings: Settings) -> Callable[[Any], Quaternion]:
+    """Return the conversion of a heading; a NED one counts clockwise from north."""
+    unit = math.pi / 180.0 if settings.heading_unit == 'deg' else 1.0
+    sign, zero = (-1.0, 0.5 * math.pi) if settings.frames == 'ned' else (1.0, 0.0)
+    zero += settings.yaw_offset
+
+    def read(value: Any) -> Quaternion:
+        yaw = zero + sign * unit * float(value)
+        return from_yaw(yaw) if math.isfinite(yaw) else _NO_ATTITUDE
+
+    return read
+
+
+def _commands(source: Source, shape: str, steps: Sequence[Step],
+              joint_names: tuple[Step, ...] | None, count: int, settings: Settings) -> Reading:
+    """Return how to read thruster values: a wrench, one number, or an array of them."""
+    if shape == 'wrench':
+        return _pair(steps, ('force', 'torque'),
+                     _frd_to_flu if settings.frames == 'ned' else _floats)
+    if shape == 'number':
+        return Reading((tuple(steps),), lambda value: (float(value),))
+    if joint_names is None:
+        return Reading((tuple(steps),), lambda value: _numbers(value, count))
+    return Reading((joint_names, tuple(steps)), _picked(settings.thrusters.names))
+
+
+def _picked(names: Sequence[str]) -> Callable[[Any, Any], Floats]:
+    """Return how to pick an array's entries by the names beside it."""
+    known: Sequence[str] | None = None  # the names hardly ever change
+    places: list[int] = []
+
+    def read(there: Sequence[str], value: Any) -> Floats:
+        nonlocal known, places
+        values = _numbers(value, len(there))
+        if there != known:
+            try:
+                places = [there.index(name) for name in names]
+            except ValueError:
+                raise RefusedError('missing_name') from None
+            known = there
+        return tuple([values[place] for place in places])
+
+    return read
+
+
+def _numbers(value: Any, count: int) -> Floats:
+    try:
+        if len(value) != count:
+            raise RefusedError('wrong_length', f'got {len(value)} values, takes {count}')
+        return tuple(map(float, value))
+    except (TypeError, ValueError):
+        raise RefusedError('not_numeric') from None
+
+
+def _expected(source: Source, shape: str, value: Any, settings: Settings) -> int:
+    """Return how many values one message has to give; refuse what never can."""
+    thrusters = settings.thrusters
+    count = 1 if len(thrusters.topics) > 1 and source.input == 'thrusters' else thrusters.count
+    gives = {'number': 1, 'wrench': 6}.get(shape, count)
+    if shape == 'array' and not thrusters.names:
+        gives = len(value) or count
+    if gives != count:
+        hint = f'; pick with [0:{count}]' if gives > count and shape == 'array' else ''
+        raise FieldError(
+            f'{source.key}.field', f'{source.field!r} gives {gives} values for {count} '
+                                   f'thrusters (the length of thrusters.gain){hint}')
+    return count
+
+
+def _joint_names(source: Source, steps: Sequence[Step], message: Any,
+                 settings: Settings) -> tuple[Step, ...] | None:
+    """Return the path to the names beside an array, where entries are picked by name."""
+    if not settings.thrusters.names:
+        return None
+    parent = walk(message, steps[:-1], source.field, f'{source.key}.field')
+    if 'name' in field_names(parent):
+        return (*steps[:-1], 'name')
+    if source.input == 'sign':
+        return None
+    raise FieldError(
+        'thrusters.names', f'needs an array name beside {source.field!r}, but '
+                           f'{describe(parent)} has {", ".join(field_names(parent))}')

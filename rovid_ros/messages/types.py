@@ -1,0 +1,191 @@
+"""Message types without ROS: definitions, decoders, and messages built from plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import (
+    get_types_from_idl,
+    get_types_from_msg,
+    get_typestore,
+    Stores,
+    TypesysError,
+)
+from rosbags.typesys.store import Typestore
+from rovid_ros.messages.field_paths import FieldError, nearest
+from rovid_ros.messages.type_limits import count_values, EndlessTypeError, LARGEST_DEFINITION
+import zstandard
+
+Decoder = Callable[[bytes], Any]
+
+WELL_KNOWN = {'mavros_msgs/msg/RCOut': 'std_msgs/Header header\nuint16[] channels\n'}
+"""Types of common vehicles that do not come with ROS 2."""
+
+LARGEST_MESSAGE = 1 << 20
+"""[bytes] What is larger is refused before it is decoded; what is of use has 1 kB."""
+
+_RULE = '=' * 80 + '\n'
+_ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}  # others: 0
+
+
+class WireType(NamedTuple):
+    """How messages are written: their type, its definitions, and ``cdr`` or ``ros1``."""
+
+    store: Typestore
+    name: str
+    encoding: str
+
+
+class TypeUnknownError(ValueError):
+    """A message type whose definition is not at hand or cannot be used."""
+
+
+@cache
+def standard_types() -> Typestore:
+    """Return the types that come with ROS 2, and those that are well known."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, definition in WELL_KNOWN.items():
+        store.register(get_types_from_msg(definition, name))
+    return store
+
+
+def normalised(name: str) -> str:
+    """Return a type's name as ROS 2 writes it: ``std_msgs/String`` has no ``msg`` in ROS 1."""
+    return name.replace('/', '/msg/', 1) if name.count('/') == 1 else name
+
+
+@cache
+def typestore(name: str, definition: str, idl: bool = False) -> Typestore:
+    """
+    Return a store that has the type.
+
+    Parameters
+    ----------
+    name : str
+        As in ``normalised``.
+    definition : str
+        Text of the definition, with those of the types in it; '' takes what ROS 2 has.
+    idl : bool
+        Whether the text is IDL.
+
+    Raises
+    ------
+    TypeUnknownError
+        If there is no definition or it makes no sense.
+
+    """
+    problem = 'no definition of it is at hand'
+    if definition:
+        try:
+            return _defined(name, definition, idl)
+        except (TypesysError, KeyError, ValueError, RecursionError) as error:
+            reason = str(error).strip() or type(error).__name__
+            problem = f'its definition is of no use ({reason.splitlines()[0]})'
+    if name in standard_types().fielddefs:
+        return standard_types()
+    raise TypeUnknownError(f'type {name}: {problem}')
+
+
+def _defined(name: str, definition: str, idl: bool) -> Typestore:
+    """Return a store with what a log defines, which must not take all memory."""
+    if len(definition) > LARGEST_DEFINITION:
+        raise EndlessTypeError(f'it has {len(definition):,} characters')
+    store = get_typestore(Stores.EMPTY)
+    if not idl:
+        store.register(get_types_from_msg(definition, name))
+    else:
+        for part in definition.split(_RULE):
+            store.register(get_types_from_idl(re.sub(r'\AIDL: .*\n', '', part)))
+    count_values(store, name)
+    store.get_msgdef(name)
+    return store
+
+
+def decoder(store: Typestore, name: str, encoding: str) -> Decoder:
+    """Return the function from the bytes of a ``cdr`` or ``ros1`` message to a dataclass."""
+    if encoding == 'ros1':
+        return lambda data: store.deserialize_ros1(data, name)
+
+    def decode(data: bytes) -> Any:
+        if data[:1] == b'\x28':  # zstd: rosbag2 can compress each message by itself
+            data = zstandard.ZstdDecompressor().stream_reader(data).read(LARGEST_MESSAGE + 1)
+            if len(data) > LARGEST_MESSAGE:
+                raise ValueError(f'more than {LARGEST_MESSAGE:,} bytes')
+        return store.deserialize_cdr(data, name)
+
+    return decode
+
+
+def build(store: Typestore, name: str, fields: Mapping[str, Any]) -> Any:
+    """
+    Return a message made from plain values.
+
+    Parameters
+    ----------
+    store : Typestore
+        Has the type.
+    name : str
+        The type.
+    fields : mapping
+        Values by field name, mappings for messages in it; those left out get their default. A
+        mapping from index to value stands for an array with defaults in between.
+
+    Raises
+    ------
+    FieldError
+        If the type has no such field.
+
+    """
+    return _builder(store, name)(fields)
+
+
+Maker = Callable[[Any], Any]
+"""Plain value, None for the default, to the value in a message."""
+
+
+@cache
+def _builder(store: Typestore, name: str) -> Maker:
+    """Return the maker of a message; looking its fields up for each one takes the time."""
+    makers = {field: _maker(store, kind) for field, kind in store.fielddefs[name][1]}
+    if name == 'geometry_msgs/msg/Quaternion':  # by default, as in ROS 2, it turns nothing
+        makers['w'] = lambda value: 1.0 if value is None else value
+    message: type[Any] = store.types[name]
+
+    def make(fields: Mapping[str, Any] | None) -> Any:
+        given = fields or {}
+        if not given.keys() <= makers.keys():
+            field = next(field for field in given if field not in makers)
+            raise FieldError(name, f'has no field {field!r}, it has {", ".join(makers)}'
+                                   f'{nearest(field, list(makers))}')
+        return message(*[maker(given.get(field)) for field, maker in makers.items()])
+
+    return make
+
+
+def _maker(store: Typestore, kind: Any) -> Maker:
+    node, detail = kind
+    if node == Nodetype.NAME:
+        return _builder(store, detail)
+    if node == Nodetype.BASE:
+        zero = _ZERO.get(detail[0], 0)
+        return lambda value: zero if value is None else value
+    entry, size = detail
+    make = _maker(store, entry)
+    dtype = None
+    if entry[0] == Nodetype.BASE and entry[1][0] != 'string':
+        dtype = {'byte': 'uint8', 'octet': 'uint8', 'char': 'uint8'}.get(entry[1][0], entry[1][0])
+
+    def make_array(value: Any) -> Any:
+        length = 0 if node == Nodetype.SEQUENCE else size
+        if isinstance(value, Mapping):
+            length = max(length, *(index + 1 for index in value))
+            value = [value.get(index) for index in range(length)]
+        values = [make(one) for one in ([None] * length if value is None else value)]
+        return values if dtype is None else np.array(values, dtype=dtype)
+
+    return make_array

@@ -1,0 +1,143 @@
+"""The node's own log: every message that was consumed, in the order of its release."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+import json
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+from rovid_core.values import Event
+from rovid_ros import __version__
+from rovid_ros.controls import CONTROL
+from rovid_ros.json_file import sync_folder
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.node.files import free, prepare
+
+
+@dataclass
+class Received:
+    """
+    A message as it came in.
+
+    Attributes
+    ----------
+    topic : str
+        As configured, before any remapping: what a replay looks for.
+    cdr : bytes
+        The message as it was on the wire.
+    time : int
+        Receive time [ns].
+    recorded : bool
+        True once it is in the log: a message can give several events.
+
+    """
+
+    topic: str
+    type: str
+    cdr: bytes
+    time: int
+    recorded: bool = False
+
+
+class Recorder:
+    """
+    Write what the stream consumes.
+
+    A file that cannot be written any more (a full disk) ends the recording, not the node. What
+    was flushed outlasts the process at once and a loss of power a moment later: a thread of its
+    own brings it to the disk, for on a slow card that takes longer than a message may wait.
+
+    Parameters
+    ----------
+    path : Path
+        Where to; an existing file is kept, and the next free ``name-1.mcap`` taken.
+    definition : callable
+        Gives the message definition of a type.
+    failed : callable
+        Told in one line why the recording ended.
+
+    Raises
+    ------
+    SettingsError
+        If the file could not be written.
+
+    """
+
+    def __init__(self, path: Path, definition: Callable[[str], str],
+                 failed: Callable[[str], object]) -> None:
+        prepare('record.path', path)
+        self.path = free(path)
+        self._definition = definition
+        self._failed = failed
+        self._writer: LogWriter | None = None
+        self._syncing: Thread | None = None
+        self._time = 0  # of the newest message, for controls
+        self._event_time = 0
+
+    def open(self, restored: Mapping[str, Any] | None) -> None:
+        """
+        Make the file.
+
+        Parameters
+        ----------
+        restored : mapping or None
+            The state that the stream goes on from; a replay needs it.
+
+        """
+        self._writer = LogWriter(self.path)
+        sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power
+        values = {'version': __version__}
+        if restored is not None:
+            values['state'] = json.dumps(restored)
+        self._writer.metadata('rovid_record', values)
+
+    @property
+    def is_open(self) -> bool:
+        """Tell whether it still records."""
+        return self._writer is not None
+
+    def released(self, event: Event) -> None:
+        """Write the message that the event came from."""
+        received = event.origin
+        assert isinstance(received, Received)
+        self._time, self._event_time = received.time, event.time
+        if received.recorded:
+            return
+        received.recorded = True
+        self._write(lambda writer: writer.write_raw(
+            f'/{received.topic.lstrip("/")}', received.type, received.cdr, received.time,
+            self._definition(received.type), event.time))
+
+    def controlled(self, name: str, value: str) -> None:
+        """Write what a service call or a jump of time did to the stream."""
+        text = json.dumps({'control': name, 'value': value})
+        self._write(lambda writer: writer.write(
+            CONTROL, 'std_msgs/msg/String', {'data': text}, self._time,
+            self._event_time))
+
+    def flush(self) -> None:
+        """Make what was written readable, and begin to bring it to the disk."""
+        self._write(lambda writer: writer.flush())
+        if self._writer and not (self._syncing and self._syncing.is_alive()):
+            self._syncing = Thread(target=self._writer.sync, daemon=True)
+            self._syncing.start()
+
+    def close(self) -> None:
+        """End the log properly."""
+        self.flush()
+        if self._syncing:
+            self._syncing.join()
+        self._write(lambda writer: writer.close())
+        self._writer = None
+
+    def _write(self, action: Callable[[LogWriter], None]) -> None:
+        if self._writer is None:
+            return
+        try:
+            action(self._writer)
+        except OSError as error:
+            self._writer = None
+            self._failed(f'recording to {self.path} ended: {error}')

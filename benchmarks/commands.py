@@ -22,9 +22,10 @@ CLI = (sys.executable, '-m', 'rovid_ros.cli')
 
 @dataclass
 class Measured:
-    """Processor times [s], and peak memory [MB], of a command."""
+    """Processor times and times by the clock on the wall [s], and peak memory [MB]."""
 
     times: list[float] = field(default_factory=list)
+    elapsed: list[float] = field(default_factory=list)
     memory: list[float] = field(default_factory=list)
 
 
@@ -66,14 +67,15 @@ def measure(commands: Mapping[str, Sequence[object]], runs: int) -> dict[str, Me
     """
     Run all commands in turn, ``runs`` times.
 
-    What is measured is the processor time, of a command and what it started: for these it
-    is what they take on a machine that does nothing else.
+    Processor time is that of a command and all that it started, and depends little on what else
+    the machine does; the clock on the wall tells what several cores are worth.
     """
     found = {name: Measured() for name in commands}
     for _ in range(runs):
         for name, command in commands.items():
             usage = run(command, environment())
             found[name].times.append(usage.processor)
+            found[name].elapsed.append(usage.elapsed)
             found[name].memory.append(usage.memory)
     return found
 
@@ -85,13 +87,15 @@ def ratios(one: Sequence[float], other: Sequence[float]) -> tuple[float, float, 
 
 
 def table(found: Mapping[str, Measured], base: str) -> str:
-    """Return time, ratio to ``base`` with its spread, and peak memory, as Markdown."""
-    lines = ['| command | processor time [s] | ratio | lowest to highest | peak memory [MB] |',
-             '|---|---|---|---|---|']
+    """Return times, ratios to ``base`` with their spread, and peak memory, as Markdown."""
+    lines = ['| command | processor time [s] | ratio | lowest to highest | by the clock [s] | '
+             'ratio | lowest to highest | peak memory [MB] |', '|---|---|---|---|---|---|---|---|']
     for name, one in found.items():
-        middle, low, high = ratios(one.times, found[base].times)
-        lines.append(f'| {name} | {median(one.times):.3g} | {middle:.2f} | {low:.2f} to '
-                     f'{high:.2f} | {median(one.memory):.0f} |')
+        cells = [name]
+        for mine, other in ((one.times, found[base].times), (one.elapsed, found[base].elapsed)):
+            middle, low, high = ratios(mine, other)
+            cells += [f'{median(mine):.3g}', f'{middle:.2f}', f'{low:.2f} to {high:.2f}']
+        lines.append(f'| {" | ".join(cells)} | {median(one.memory):.0f} |')
     return '\n'.join(lines)
 
 

@@ -74,17 +74,18 @@ def _add_live(bench: Bench, case: Fault, row: Row) -> None:
     from benchmarks.fault_live import live, WAIT
     settings = bench.method(METHODS[0], WAIT)
     messages = case.edit(bench.recording, case.span(bench.recording))
-    expected = replayed(messages, settings)
+    expected, usual = replayed(messages, settings), bench.usual(settings)
     outcome = live(messages, bench, expected)
-    row.ratios['live'] = bench.ratio(outcome, bench.usual(settings))
+    row.ratios['live'] = bench.ratio(outcome, usual)
     row.same = outcome.steps == expected.steps
     row.wrong += _wrong('live', outcome, Outcome())
     if case.settled and not row.same:
         shed = sum(count for name, count in outcome.rejected.items()
                    if name.endswith('.overload'))
         row.wrong.append('live differs' + (f': {shed} fixes left out, overload' if shed else ''))
-    if not _is_said(case, outcome.rejected, [*outcome.warnings, *expected.beyond(
-            bench.usual(settings), case.span(bench.recording))[1]]):
+    said = [*outcome.warnings, *expected.beyond(usual, case.span(bench.recording))[1]]
+    # with so long a max_wait some faults change nothing, and there is nothing to say
+    if expected.steps != usual.steps and not _is_said(case, outcome.rejected, said):
         row.wrong.append('not said live')
 
 
@@ -204,6 +205,9 @@ in the end is the paper's score on another log.
   the other one. Where the time or the order of arrival decides, it need not be the same.
 * not as asked: a crash, a number that is not finite, a model that did not recover, a fault that
   matters and of which the node said nothing that tells it
+
+The model explains some 60 % of the motion in the tank, and the status says so with and without a
+fault: there, what changes the thrust alone for 20 s does not stand out.
 
 ## The faults"""
 

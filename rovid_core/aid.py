@@ -155,10 +155,10 @@ class AdaptiveIdentifier:
         v_hat = self.v_hat
         if v_hat != v_hat:  # NaN: there is none yet
             v_hat = self.v_hat = step.velocity[0]
-        force, speed = step.force[1] * self._per_force, v_hat * self._per_velocity
+        force, excitation = step.force[1] * self._per_force, self.excitation
         square = force * force
-        rest = (square < LEAST_EXCITATION and self.excitation < LEAST_EXCITATION
-                and speed * speed < LEAST_MOTION)
+        rest = (square < LEAST_EXCITATION and excitation < LEAST_EXCITATION
+                and (speed := v_hat * self._per_velocity) * speed < LEAST_MOTION)
         gamma = self._gamma
         if rest or not adapt:
             gamma = self._resting if adapt else (0.0,) * len(gamma)
@@ -172,7 +172,8 @@ class AdaptiveIdentifier:
         # the mean square of the normalised thrust over about one adaptation time
         if not square < MOST_EXCITATION:
             square = MOST_EXCITATION
-        self.excitation -= math.expm1(-step.dt / self.adaptation_time) * (square - self.excitation)
+        self.excitation = excitation - math.expm1(-step.dt / self.adaptation_time) * (
+            square - excitation)
         if adapt:
             self._adapted(step, rest)
         return ''

@@ -114,21 +114,22 @@ class AveragedIdentifier(CoupledIdentifier):
         self._couple(gamma)
 
     def _adapted(self, step: Step, rest: bool) -> None:
-        dt = step.dt
-        if not rest and (abs(step.force[1]) <= self._most_force
-                         and abs(step.velocity[1]) <= self._most_velocity):
-            self._time += dt
-            self._new.append(step)
-            if len(self._new) == LOT:
+        dt, velocity, force = step[:3]
+        time, new = self._time, self._new
+        if not rest and (abs(force[1]) <= self._most_force
+                         and abs(velocity[1]) <= self._most_velocity):
+            time = self._time = time + dt
+            new.append(step)
+            if len(new) == LOT:
                 self._summed()
-        memory = SHARE * (self._time if self._time > dt else dt)
+        memory = SHARE * (time if time > dt else dt)
         share = dt / (dt + (memory if memory < MEMORY else MEMORY))
         a, b, c, d = self.parameters
         p, q, r, s = self.theta_hat
         d += share * (s - d)
         self.parameters = (a, b, c, d) if rest else (
             a + share * (p - a), b + share * (q - b), c + share * (r - c), d)
-        if self._time >= self._next:
+        if time >= self._next:
             self._learn()
 
     def _summed(self) -> Sums:

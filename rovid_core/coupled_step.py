@@ -67,7 +67,7 @@ def euler(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
 def heun(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
          bounds: Bounds) -> Moved:
     """Return v_hat and theta_hat after a step of constant force; as ``euler``."""
-    h, (start, _, end), (tau, _, last) = step.dt, step.velocity, step.force
+    h, (start, _, end), (tau, _, last) = step[:3]
     g00, g01, g02, g03, g11, g12, g13, g22, g23, g33 = gamma
     p0, p1, p2, p3 = theta
     size = abs(v)

@@ -197,7 +197,7 @@ def test_memory_does_not_grow_under_an_hour_of_faults():
         order, pipe = stream._order, stream._pipe
         largest.append(sum(map(len, (
             order._held, pipe._thrust._times, pipe._world.attitude._times, pipe._world._depths,
-            *order._ahead.values(), *order._jump._behind.values(),
+            *order._leap._ahead.values(), *order._jump._behind.values(),
             *(track.source._waiting for track in pipe._tracks)))))
     assert max(largest) < 4000
     assert len(stream.rejected) < 60

@@ -12,7 +12,7 @@ TELLING = {'reject', '_reject', '_drop', '_skip', '_refuse', '_count', 'RefusedE
 
 RETURNING = {
     'gate': ('take', '_refuse'), 'inlet': ('take',), 'commands': ('take',),
-    'pipe': ('_take', '_measure'), 'motion': ('take', '_missing', '_body'),
+    'pipe': ('_take', '_measure'), 'motion_source': ('take', '_missing', '_body'),
     'world': ('missing',), 'thrust': ('missing',), 'aid': ('step',), 'coupled': ('step',),
     'rls': ('step',), 'extended_kalman': ('step',)}
 """Functions that return one, or ''."""
@@ -28,12 +28,12 @@ def words(node):
 
 def produced():
     """Return the reasons in the sources, each with where it is."""
-    found = {}
+    found, returning = {}, dict(RETURNING)
     for package in ('rovid_core', 'rovid_ros'):
         for path in sorted((REPOSITORY / package).rglob('*.py')):
-            if path.stem.startswith('html_'):
+            if path.parent.name == 'html':
                 continue  # counts other things
-            functions = RETURNING.get(path.stem, ())
+            functions = returning.pop(path.stem, ())
             for node in ast.walk(ast.parse(path.read_text())):
                 nodes = []
                 if isinstance(node, ast.Call):
@@ -43,6 +43,7 @@ def produced():
                     nodes = [n for n in ast.walk(node) if isinstance(n, ast.Return) and n.value]
                 for one in nodes:
                     found.update(dict.fromkeys(words(one), f'{path.name}:{one.lineno}'))
+    assert not returning  # all were there
     return found
 
 

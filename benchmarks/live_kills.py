@@ -16,7 +16,8 @@ from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
 from rovid_ros.simulate import simulate_log
 
-from benchmarks.kills import configured, environment, REPOSITORY, Tally
+from benchmarks.kill_tally import configured, environment, Tally
+from benchmarks.processes import REPOSITORY
 
 SPEED = 2.0
 """Times real time at which the messages are sent, so that more of them are on the way."""

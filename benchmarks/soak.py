@@ -11,15 +11,13 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.queues import Queue
 import os
 from pathlib import Path
 from queue import Empty
 
-from rovid_core.dofs import PARAMETERS
-from rovid_core.plant import lumped
 from rovid_core.settings import Settings
 from rovid_core.stream import Stream
 from rovid_ros.messages.convert import Converter
@@ -30,79 +28,13 @@ from rovid_ros.parameters import settings_from
 from benchmarks.processes import resident
 from benchmarks.sections import write
 from benchmarks.sensors import built, sensed, times_faster
+from benchmarks.soak_outcome import Soak
 from benchmarks.trials import CONFIG
 
 FASTER = 10.0
 """Times the sensor rates of the shipped configuration."""
 
-SETTLED = 600.0
-"""[s] after which memory must not grow any more; in a shorter run, a third of it."""
-
 METHODS = ('ekf', 'aid')
-
-LINES = 12
-"""Lines of the table."""
-
-
-@dataclass
-class Soak:
-    """
-    What came of a long run.
-
-    Attributes
-    ----------
-    name : str
-        Of the run.
-    duration : float
-        [s]
-    memory : list of (float, int)
-        Time [s] and what the process held [bytes].
-    steps, missed : int
-        Steps; measurements that gave none.
-    refused : dict
-        ``input.reason`` -> how many samples or steps.
-    models : dict
-        DOF -> parameters in the end.
-
-    """
-
-    name: str
-    duration: float
-    memory: list[tuple[float, int]] = field(default_factory=list)
-    steps: int = 0
-    missed: int = 0
-    refused: dict[str, int] = field(default_factory=dict)
-    models: dict[str, tuple[float, ...]] = field(default_factory=dict)
-
-    @property
-    def growth(self) -> int:
-        """Return how much more was held after ``SETTLED`` than at that time [bytes]."""
-        settled = min(SETTLED, self.duration / 3.0)
-        after = [size for time, size in self.memory if time >= settled]
-        return max(after) - after[0]
-
-    def off(self, settings: Settings) -> float:
-        """Return the largest error of a parameter, in parts of it."""
-        worst = 0.0
-        for dof, model in self.models.items():
-            true = settings.simulation.dofs[dof]
-            truth = lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
-            worst = max(worst, *(abs(p / t - 1.0) for p, t in zip(model, truth)))
-        return worst
-
-    def lines(self, settings: Settings) -> list[str]:
-        """Return the result in Markdown."""
-        refused = ', '.join(f'{name} {count:,}' for name, count in self.refused.items() if count)
-        found = [
-            f'{self.name}: {self.steps:,} steps, {self.missed:,} missed; refused: '
-            f'{refused or "nothing"}; largest error of '
-            f'{", ".join(PARAMETERS)}: {100 * self.off(settings):.2f} %; memory grew by '
-            f'{self.growth / 1000:,.0f} kB after the first '
-            f'{min(SETTLED, self.duration / 3) / 60:.3g} minutes.', '',
-            '| after [min] | memory [MB] |', '| --- | --- |']
-        every = max(1, round(len(self.memory) / LINES))
-        shown = [*self.memory[:-1:every], self.memory[-1]]
-        return found + [f'| {time / 60:.1f} | {size / 1e6:.2f} |' for time, size in shown] + ['']
 
 
 def simulated(method: str, hours: float, samples: int = 200) -> Iterator[Soak]:

@@ -17,7 +17,7 @@ from benchmarks.fault_live import ros
 from benchmarks.live import Peer, rejected_in, write_parameters
 from benchmarks.processes import child_environment, NodeProcess, REPOSITORY, resident
 from benchmarks.sensors import at_rates, encoded, sensed, stamp
-from benchmarks.soak import Soak
+from benchmarks.soak_outcome import Soak
 from benchmarks.trials import CONFIG
 
 RATE = 50.0  # [Hz] of every sensor

@@ -95,6 +95,7 @@ class Peer:
     def call(self, service: type[Any], name: str, request: Any = None) -> Any:
         client = self.node.create_client(service, name)
         self.until(client.service_is_ready)
+        self.spin(0.5)  # without its match the other side throws the answer away after 0.1 s
         future = client.call_async(request or service.Request())
         self.until(future.done)
         self.node.destroy_client(client)

@@ -221,7 +221,7 @@ OTHERS = [
     Fault('a second vehicle', 'its fixes, 5 m away, come between ours', 'position', 20.0,
           other('position', lambda p: [p[0] + 5.0, *p[1:]], 0.02), 'too_fast|shifted|outlier'),
     Fault('a second pilot', 'commands of 0 come between ours', 'thrusters', 20.0,
-          other('thrusters', lambda u: [0.0] * len(u), 0.01), 'model|changed'),
+          other('thrusters', lambda u: [0.0] * len(u), 0.01), 'model|changed|programs'),
     Fault('fixes 5 times as often', 'each is repeated with new stamps', 'position', 60.0,
           repeated('position', 5, 0.02), 'stuck|repeat'),
     Fault('commands 5 times as often', 'each is repeated with new stamps', 'thrusters', 60.0,

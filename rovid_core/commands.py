@@ -9,7 +9,7 @@ from rovid_core.settings import Settings
 from rovid_core.slips import Pulses
 from rovid_core.thrust import Thrust
 from rovid_core.thruster_force import are_commands
-from rovid_core.watch import OneSided
+from rovid_core.watch import Interleaved, OneSided
 
 NS = 1e-9
 
@@ -38,6 +38,7 @@ class Commands:
         self._thrust = thrust
         self._is_signed = not settings.sign.topic
         self.one_sided = OneSided(settings, warn)
+        self._interleaved = Interleaved(warn)
         self._pulses = Pulses(settings, warn)
         self.change(settings)
         self.restart()
@@ -73,5 +74,6 @@ class Commands:
         if not are_commands(self._settings, value, part):
             return 'not_a_command'
         self.one_sided.command(value)
+        self._interleaved.command(value, part)
         self._thrust.forget(time - self._memory)
         return '' if self._thrust.command(time, value, part) else 'force_out_of_range'

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from rovid_core.dofs import ANGULAR_DOFS, LINEAR_DOFS
 from rovid_core.gate import Floats, Gate
@@ -22,6 +22,9 @@ SELDOM = 0.01
 
 WORKING = 0.1
 """Force that should move the vehicle, in typical ones."""
+
+STILL = 50
+"""Repeats in a row that are told where the vehicle is driven, if not by a thrust of its own."""
 
 LOOK = 300
 """Values after which it is told when most of them only repeat the one before, under thrust."""
@@ -67,9 +70,10 @@ class Inlet:
         names = ANGULAR_DOFS if input in ('attitude', 'angular_velocity') else (
             ('heave',) if input == 'depth' else LINEAR_DOFS)
         own = [i for i, d in enumerate(settings.dofs) if d in names]
-        self._forces = [  # any thrust will do where none is known to move what it measures
-            (i, WORKING * Scales.of(settings.dof[settings.dofs[i]]).force)
-            for i in own or range(len(settings.dofs))]
+        self._all_forces = [
+            (i, WORKING * Scales.of(settings.dof[d]).force) for i, d in enumerate(settings.dofs)]
+        # any thrust will do where none is known to move what it measures
+        self._forces = [self._all_forces[i] for i in own] or self._all_forces
         self.restart()
 
     def change(self, settings: Settings) -> None:
@@ -85,7 +89,7 @@ class Inlet:
         self.gate.restart()
         self._units.restart()
         self._value: Floats | None = None
-        self._count = self._repeats = self._run = 0
+        self._count = self._repeats = self._run = self._still = 0
         self._looked = self._same = 0
         self._stuck = False
 
@@ -108,6 +112,7 @@ class Inlet:
                 self._look()
         else:
             self._value = value
+            self._still = 0
             if self._run:
                 self._repeats += self._run
                 self._run = 0
@@ -124,8 +129,9 @@ class Inlet:
         if self._stuck:
             self._count -= 1  # says nothing of how it normally is
             return True
-        if not any(abs(self._thrust.newest(i)) > least for i, least in self._forces):
+        if not self._is_driven(self._forces):
             self._repeats += 1
+            self._note_still()
             return False
         self._run += 1
         self._same += 1
@@ -136,6 +142,18 @@ class Inlet:
         self._warn(f'{self._input} is stuck: it has repeated the very same value {STUCK} times '
                    'under thrust; it is refused until it changes')
         return True
+
+    def _is_driven(self, forces: Sequence[tuple[int, float]]) -> bool:
+        return any(abs(self._thrust.newest(i)) > least for i, least in forces)
+
+    def _note_still(self) -> None:
+        """Tell when a sensor that hardly ever repeats a value does for long."""
+        self._still += self._is_driven(self._all_forces)
+        usual = self._count - self._still
+        if (self._still == STILL and usual >= KNOWN
+                and self._repeats - self._still <= SELDOM * usual):
+            self._warn(f'{self._input} may be stuck: it has repeated the very same value {STILL} '
+                       'times while the vehicle was driven, which it hardly ever did before')
 
     def _look(self) -> None:
         """Say once when most of the last values were only repeats."""

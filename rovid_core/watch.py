@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
+from operator import mul, sub
 
 from rovid_core.identifier import Scales, Step
 from rovid_core.settings import DofSettings, Settings
@@ -16,6 +17,12 @@ MANY = 600
 
 FAR_OFF = 3.0
 """Factor by which typical sizes may be off."""
+
+TO_AND_FRO = 30
+"""Commands in a row, each of which takes back the one before: noise does not do that."""
+
+BACK = 0.8
+"""Share of a change that the next one takes back at least."""
 
 
 class OneSided:
@@ -56,6 +63,40 @@ class OneSided:
             self._warn('no thruster command was ever negative while the vehicle went '
                        'backwards: if they are magnitudes, give their direction with '
                        'thrusters.sign')
+
+
+class Interleaved:
+    """
+    Tell when thruster commands jump to and fro, as those of two programs on one topic do.
+
+    Parameters
+    ----------
+    warn : callable
+        Told one line, once.
+
+    """
+
+    def __init__(self, warn: Callable[[str], None]) -> None:
+        self._warn = warn
+        self._watching = True
+        self._last: dict[int, tuple[float, ...]] = {}  # by part
+        self._change: dict[int, list[float]] = {}
+        self._count: dict[int, int] = {}
+
+    def command(self, values: tuple[float, ...], part: int) -> None:
+        """Take raw commands of one topic."""
+        if not self._watching:
+            return
+        change = list(map(sub, values, self._last.get(part, values)))
+        before = self._change.get(part, change)
+        taken_back = -sum(map(mul, change, before))
+        square = max(sum(map(mul, change, change)), sum(map(mul, before, before)))
+        count = self._count.get(part, 0) + 1 if taken_back > BACK * square else 0
+        self._last[part], self._change[part], self._count[part] = values, change, count
+        if count == TO_AND_FRO:
+            self._watching = False
+            self._warn('the thruster commands jump to and fro from each message to the next: do '
+                       'two programs publish them?')
 
 
 class TypicalSizes:

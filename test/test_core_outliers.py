@@ -176,6 +176,15 @@ def test_a_stuck_sensor_is_refused_told_and_taken_up_again(input, method):
     assert worse(stream) < 1.05
 
 
+def test_a_sensor_that_is_still_while_other_thrust_drives_is_told_and_let_in():
+    still = spoilt('thrusters', lambda t, v, random: (
+        v if t < 100.0 else tuple([0.5 * (v[0] + v[1])] * 2 + [0.0])))  # no yaw, no heave
+    stream = run(vehicle(), spoilt('attitude', held(100.0, 120.0), still))
+    assert ('attitude', 'stuck') not in stream.rejected
+    (warning,) = [line for line in stream.take_warnings() if 'stuck' in line]
+    assert warning.startswith('attitude may be stuck')
+
+
 def test_what_is_published_more_often_than_measured_is_told_once():
     settings = vehicle()
     stream = Stream(settings)

@@ -89,7 +89,8 @@ class Inlet:
         self.gate.restart()
         self._units.restart()
         self._value: Floats | None = None
-        self._count = self._repeats = self._run = self._still = 0
+        self._count = self._repeats = self._run = 0
+        self._resting = self._still = 0  # repeats in a row without its own thrust, under others
         self._looked = self._same = 0
         self._stuck = False
 
@@ -112,7 +113,7 @@ class Inlet:
                 self._look()
         else:
             self._value = value
-            self._still = 0
+            self._resting = self._still = 0
             if self._run:
                 self._repeats += self._run
                 self._run = 0
@@ -148,10 +149,13 @@ class Inlet:
 
     def _note_still(self) -> None:
         """Tell when a sensor that hardly ever repeats a value does for long."""
-        self._still += self._is_driven(self._all_forces)
-        usual = self._count - self._still
+        self._resting += 1
+        if not self._is_driven(self._all_forces):
+            return
+        self._still += 1
+        usual = self._count - self._resting
         if (self._still == STILL and usual >= KNOWN
-                and self._repeats - self._still <= SELDOM * usual):
+                and self._repeats - self._resting <= SELDOM * usual):
             self._warn(f'{self._input} may be stuck: it has repeated the very same value {STILL} '
                        'times while the vehicle was driven, which it hardly ever did before')
 

@@ -178,7 +178,8 @@ def test_a_stuck_sensor_is_refused_told_and_taken_up_again(input, method):
 
 def test_a_sensor_that_is_still_while_other_thrust_drives_is_told_and_let_in():
     still = spoilt('thrusters', lambda t, v, random: (
-        v if t < 100.0 else tuple([0.5 * (v[0] + v[1])] * 2 + [0.0])))  # no yaw, no heave
+        v if t < 100.0 else tuple([0.5 * (v[0] + v[1]) * (t % 2.0 < 1.0)] * 2 + [0.0])))
+    # no yaw, no heave; surge for a second and none for a second
     stream = run(vehicle(), spoilt('attitude', held(100.0, 120.0), still))
     assert ('attitude', 'stuck') not in stream.rejected
     (warning,) = [line for line in stream.take_warnings() if 'stuck' in line]

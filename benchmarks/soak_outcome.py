@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import cast
 
-from rovid_core.dofs import PARAMETERS
+from rovid_core.dofs import Four, PARAMETERS
 from rovid_core.plant import lumped
 from rovid_core.settings import Settings
+
+from benchmarks.fault_runs import WAVES
+from benchmarks.trials import error
 
 SETTLED = 600.0
 """[s] after which memory must not grow any more; in a shorter run, a third of it."""
@@ -52,24 +56,31 @@ class Soak:
         after = [size for time, size in self.memory if time >= settled]
         return max(after) - after[0]
 
-    def off(self, settings: Settings) -> float:
-        """Return the largest error of a parameter, in parts of it."""
-        worst = 0.0
+    def errors(self, settings: Settings) -> dict[str, tuple[list[float], float]]:
+        """Return by DOF the parameters' errors, in parts, and that of predicted velocities."""
+        found = {}
         for dof, model in self.models.items():
             true = settings.simulation.dofs[dof]
             truth = lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
-            worst = max(worst, *(abs(p / t - 1.0) for p, t in zip(model, truth)))
-        return worst
+            found[dof] = ([p / t - 1.0 for p, t in zip(model, truth)],
+                          error(truth, cast(Four, model), WAVES[dof]))
+        return found
 
     def lines(self, settings: Settings) -> list[str]:
         """Return the result in Markdown."""
         refused = ', '.join(f'{name} {count:,}' for name, count in self.refused.items() if count)
+        errors = self.errors(settings)
+        largest = max(abs(x) for parts, _ in errors.values() for x in parts)
         found = [
             f'{self.name}: {self.steps:,} steps, {self.missed:,} missed; refused: '
             f'{refused or "nothing"}; largest error of '
-            f'{", ".join(PARAMETERS)}: {100 * self.off(settings):.2f} %; memory grew by '
+            f'{", ".join(PARAMETERS)}: {100 * largest:.2f} %; memory grew by '
             f'{self.growth / 1000:,.0f} kB after the first '
             f'{min(SETTLED, self.duration / 3) / 60:.3g} minutes.', '',
+            f'| | {" | ".join(PARAMETERS)} [%] | predicted velocity [mm/s, mrad/s] |',
+            '| --- ' * (len(PARAMETERS) + 2) + '|',
+            *(f'| {dof} | {" | ".join(f"{100 * x:+.2f}" for x in parts)} | {1000 * off:.2f} |'
+              for dof, (parts, off) in errors.items()), '',
             '| after [min] | memory [MB] |', '| --- | --- |']
         every = max(1, round(len(self.memory) / LINES))
         shown = [*self.memory[:-1:every], self.memory[-1]]

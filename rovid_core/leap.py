@@ -5,11 +5,8 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
 
-from rovid_core.time_jump import Key, TELLING
+from rovid_core.time_jump import Key, MOST, TELLING
 from rovid_core.values import Event
-
-MOST = 4096
-"""Events of one input that are held while they wait for a second input to agree."""
 
 ALONE = 20
 """So many events with nothing from the others are believed, where they span more than ``far``."""

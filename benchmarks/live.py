@@ -9,6 +9,7 @@ import re
 import time
 from typing import Any
 
+from rcl_interfaces.srv import ListParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
@@ -19,6 +20,12 @@ import yaml
 from benchmarks.processes import PATIENCE
 
 Status = tuple[str, int, str, dict[str, str]]
+
+PARTICIPANT = 12
+"""[bytes] How much of the identifier of a publisher or subscription names its process."""
+
+UNKNOWN = '_NODE_NAMESPACE_UNKNOWN_/_NODE_NAME_UNKNOWN_'
+"""What rmw calls the node of an endpoint that was found before its node."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,9 @@ class Peer:
                 import_type(type_name), topic, qos or reliable(10_000))
         self.until(lambda: all(
             p.get_subscription_count() for p in self._publishers.values()))
-        self.spin(0.5)  # the other side matches a little later
+        self.until(lambda: UNKNOWN not in self._others(types))
+        for name in self._others(types):
+            self._greet(name)
 
     def publish(self, messages: Iterable[Raw]) -> None:
         for raw in messages:
@@ -94,12 +103,39 @@ class Peer:
 
     def call(self, service: type[Any], name: str, request: Any = None) -> Any:
         client = self.node.create_client(service, name)
+        self._greet(name.rpartition('/')[0])
         self.until(client.service_is_ready)
-        self.spin(0.5)  # without its match the other side throws the answer away after 0.1 s
         future = client.call_async(request or service.Request())
         self.until(future.done)
         self.node.destroy_client(client)
         return future.result()
+
+    def _greet(self, name: str) -> None:
+        """
+        Wait until a node has found all that this one has.
+
+        A node may find a client seconds after the client found the node, and until then it throws
+        its answers away. What a process has is told in the order in which it was made: who
+        answers a client has found all that is older. The question can be asked again.
+        """
+        client = self.node.create_client(ListParameters, f'{name}/list_parameters')
+        self.until(client.service_is_ready)
+        answers: list[Any] = []
+        end = time.monotonic() + PATIENCE
+        while not any(answer.done() for answer in answers):
+            assert time.monotonic() < end, f'{name} is silent'
+            answers.append(client.call_async(ListParameters.Request()))
+            self.spin(0.1)
+        self.node.destroy_client(client)
+
+    def _others(self, topics: Iterable[str]) -> set[str]:
+        """Return the nodes of other processes that hear topics of this one."""
+        graph = self.node
+        hearers = [one for topic in topics for one in graph.get_subscriptions_info_by_topic(topic)]
+        own = next(one for one in graph.get_publishers_info_by_topic(next(iter(topics)))
+                   if one.node_name == graph.get_name())
+        return {f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in hearers
+                if one.endpoint_gid[:PARTICIPANT] != own.endpoint_gid[:PARTICIPANT]}
 
     def until(self, condition: Callable[[], Any], timeout: float = PATIENCE) -> None:
         """Spin until the condition holds."""

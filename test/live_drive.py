@@ -60,6 +60,7 @@ def starting(environment: dict[str, str], folder: Path, repository: Path) -> Ite
     finally:
         for node in started:
             node.kill()
+            print(node.output)  # for who reads why a test failed
 
 
 def assert_same(got: list[list[Status]], expected: list[list[Status]]) -> None:

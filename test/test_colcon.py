@@ -1,24 +1,19 @@
 """The package as colcon installs it: the node that ``ros2 run`` starts, on real DDS."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 import os
 from pathlib import Path
 import shutil
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
-rclpy = pytest.importorskip('rclpy')
+pytest.importorskip('rclpy')
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
+from live_drive import ros_peer
 import rovid_ros
+from rovid_ros.outputs import DIAGNOSTIC_TYPE
 from std_srvs.srv import Trigger
 
 COLCON = shutil.which('colcon', path=Path(sys.executable).parent) or shutil.which('colcon')
@@ -40,30 +35,6 @@ def installed(request: pytest.FixtureRequest, repository: Path,
                              capture_output=True, text=True, check=True, timeout=60)
     pairs = (line.partition('=') for line in sourced.stdout.split('\0') if line)
     return workspace / 'install' / 'rovid_ros', {name: value for name, _, value in pairs}
-
-
-@contextmanager
-def observer() -> Iterator[tuple[Node, SingleThreadedExecutor]]:
-    """Run a node in this process, apart from whatever other tests do."""
-    context = Context()
-    rclpy.init(context=context)
-    try:
-        node = rclpy.create_node('observer', context=context)
-        executor = SingleThreadedExecutor(context=context)
-        executor.add_node(node)
-        yield node, executor
-        executor.shutdown()
-        node.destroy_node()
-    finally:
-        rclpy.try_shutdown(context=context)
-
-
-def spin_until(executor: SingleThreadedExecutor, condition: Callable[[], object]) -> None:
-    """Handle callbacks until the condition holds; discovery can take seconds."""
-    deadline = time.monotonic() + 20.0
-    while not condition():
-        assert time.monotonic() < deadline, 'gave up after 20 s'
-        executor.spin_once(timeout_sec=0.1)
 
 
 def run(command: list[str], env: dict[str, str], folder: Path) -> str:
@@ -95,17 +66,13 @@ def test_installed_node_runs_and_stops(installed: tuple[Path, dict[str, str]]) -
     prefix, env = installed
     command = [prefix / 'lib/rovid_ros/identifier_node', '--ros-args', '--params-file',
                prefix / 'share/rovid_ros/config/jhurov.yaml']
-    with observer() as (node, executor), subprocess.Popen(
+    with ros_peer() as peer, subprocess.Popen(
             command, env=env, stderr=subprocess.PIPE, text=True) as process:
         try:
-            health: list[DiagnosticArray] = []
-            node.create_subscription(DiagnosticArray, '/diagnostics', health.append, 10)
-            reset = node.create_client(Trigger, '/identifier_node/reset')
-            spin_until(executor, lambda: 'identifier_node' in node.get_node_names())
-            spin_until(executor, lambda: health and reset.service_is_ready())
-            answer = reset.call_async(Trigger.Request())
-            spin_until(executor, answer.done)
-            assert answer.result().success
+            health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
+            peer.until(lambda: 'identifier_node' in peer.node.get_node_names())
+            peer.until(lambda: health)
+            assert peer.call(Trigger, '/identifier_node/reset').success
             process.send_signal(signal.SIGINT)
             _, errors = process.communicate(timeout=20)
         finally:

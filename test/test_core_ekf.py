@@ -9,7 +9,7 @@ from rovid_core.dofs import PARAMETERS
 from rovid_core.ekf.covariance import diagonal, row, SIZE
 from rovid_core.ekf.extended_kalman import ExtendedKalman
 from rovid_core.ekf.impulses import Impulses
-from rovid_core.ekf.linearised import ALPHA, DELAY, Linearised
+from rovid_core.ekf.linearised import ALPHA, DELAY, Linearised, VELOCITY
 from rovid_core.identifier import Scales, Step
 from rovid_core.intervals import intervals
 from rovid_core.plant import lumped
@@ -229,6 +229,18 @@ def test_a_state_that_runs_away_is_given_up_and_found_again():
     assert one.parameters == before
     [found] = follow(one, pieces[1001:])
     assert prediction_error(found.parameters, found.delay, CLEAN) < 1e-3
+
+
+def test_the_force_ends_where_the_step_begins():
+    """As at 20 Hz, with the delay at its lower bound because commands are stamped late."""
+    filter = Linearised((0.0, 0.0, 0.5, -0.5, -0.2, 0.01, -0.05),
+                        diagonal((1e-4, 1.0, 1.0, 1.0, 1.0, 0.2, 0.02)))
+    impulses = Impulses()
+    impulses.add([0.05, 0.05], [1.0, 0.5])
+    assert impulses.end - 0.05 == 0.05
+    filter.predict(impulses, 0.05, 0.1, 0.0)
+    check_covariance(filter.covariance)
+    assert filter.nominal[VELOCITY] == pytest.approx(0.5 * 0.05 * 0.5, rel=0.1)
 
 
 def test_the_covariance_stays_symmetric_and_positive_over_very_many_updates():

@@ -103,7 +103,7 @@ class ExtendedKalman(Identifier):
             measured = self._follower.move(
                 step, self._innovations.model_noise(step), self._innovations.noise)
             outlier = measured is not None and self._take(step, *measured, adapt)
-        except DivergenceError:
+        except ArithmeticError:  # a number out of range on the way is no better than a divergence
             self._begin_again()
             return 'diverged'
         self._upsets.time += step.dt

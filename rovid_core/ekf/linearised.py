@@ -26,6 +26,9 @@ from rovid_core.ekf.impulses import Impulses
 
 POSITION, VELOCITY, ALPHA, BETA, GAMMA, DELTA, DELAY = range(7)
 
+NOTHING = 1e-6
+"""[s] Least shift that a slope of the force is told from."""
+
 NOWHERE: Seven = (0.0,) * 7
 """No deviation."""
 
@@ -126,7 +129,9 @@ class Linearised:
         # held commands are a staircase: its slope inside a step says nothing of the delay
         top = min(end + h, impulses.end + delay)
         later = (at(top - delay) - at(top - h - delay)) - (begin - at(start - h - delay))
-        slope = later / (h * (top - start))
+        shift = top - start
+        # where the newest command came that late there is nothing to tell a slope from
+        slope = later / (h * shift) if abs(shift) > NOTHING else 0.0
         decay = h * (2.0 * beta * size + gamma)
         transition = Transition(
             h * (1.0 + 0.5 * decay), 0.5 * h * h, 1.0 + decay * (1.0 + 0.5 * decay),

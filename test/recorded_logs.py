@@ -35,15 +35,17 @@ def messages(count: int, seed: int = 0, size: int = 40) -> Iterator[Message]:
 
 def write_mcap(path: Path, recorded: list[Message], *, compression: str = 'zstd',
                chunk: int = 1 << 20, chunked: bool = True,
-               index: IndexType = IndexType.ALL, summary: bool = True) -> None:
+               index: IndexType = IndexType.ALL, summary: bool = True,
+               repeat_schemas: bool = True) -> None:
     """Write an MCAP file by the format's own package."""
     kinds = {'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4, '': CompressionType.NONE}
     store = standard_types()
     with path.open('wb') as file:
         writer = Writer(
             file, chunk_size=chunk, compression=kinds[compression], use_chunking=chunked,
-            index_types=index, use_statistics=summary, repeat_schemas=summary,
-            repeat_channels=summary, use_summary_offsets=summary)
+            index_types=index, use_statistics=summary,
+            repeat_schemas=summary and repeat_schemas, repeat_channels=summary,
+            use_summary_offsets=summary)
         writer.start(profile='ros2')
         channels = {}
         for time, topic, kind, data in recorded:

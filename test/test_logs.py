@@ -21,9 +21,9 @@ import recorded_logs
 from recorded_logs import ARRAY, messages, START, TOPICS
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
-from rovid_ros.logs.log import Log, LogError
+from rovid_ros.logs.log import Log, LogError, MOST_UNDECODED
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.messages.types import build, standard_types, TypeUnknownError
+from rovid_ros.messages.types import build, standard_types, typestore, TypeUnknownError
 import yaml
 
 Recorded = list[recorded_logs.Message]
@@ -255,6 +255,93 @@ def test_only_the_topics_asked_for_are_decoded(tmp_path: Path) -> None:
             assert f'log.mcap: {topic}' in str(refused.value)
             assert says in str(refused.value)
             assert '\n' not in str(refused.value)
+
+
+RULE = '=' * 80
+NESTED = {
+    'msg': f'float64 value\nG inner\n{RULE}\nMSG: a/G\nint32 number\n',
+    'crlf': f'float64 value\r\nG inner\r\n{RULE}\r\nMSG: a/G\r\nint32 number\r\n',
+    'mixed': f'\ufefffloat64 value\nG inner\n{RULE}\nMSG: a/G\nint32 number\r\n',
+    'idl': f"""\
+{RULE}
+IDL: a/msg/F
+// generated from rosidl_adapter/resource/msg.idl.em
+#include "a/msg/G.idl"
+
+module a {{
+  module msg {{
+    struct F {{
+      double value;
+      a::msg::G inner;
+    }};
+  }};
+}};
+
+{RULE}
+IDL: a/msg/G
+
+module a {{
+  module msg {{
+    struct G {{
+      int32 number;
+    }};
+  }};
+}};
+"""}
+"""Definitions as rosbag2 writes them, of one type."""
+
+
+@pytest.mark.parametrize('text', NESTED.values(), ids=NESTED)
+def test_definitions_as_they_come(text: str) -> None:
+    store = typestore('a/msg/F', text, text.startswith(RULE))
+    made = store.serialize_cdr(build(store, 'a/msg/F', {
+        'value': 0.5, 'inner': {'number': 7}}), 'a/msg/F')
+    assert store.deserialize_cdr(made, 'a/msg/F').inner.number == 7
+
+
+def test_schemas_that_the_index_leaves_out(tmp_path: Path) -> None:
+    recorded = list(messages(50))
+    path = tmp_path / 'log.mcap'
+    recorded_logs.write_mcap(path, recorded, repeat_schemas=False)
+    with Log([path]) as log:
+        assert read(log) == expected(recorded)
+        assert not log.warnings
+
+
+def test_what_was_announced_and_never_published_is_left_alone(tmp_path: Path) -> None:
+    recorded = list(messages(50))
+    path = tmp_path / 'log.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start(profile='ros2')
+        kind = TOPICS['/point']
+        writer.register_channel('/point', 'json', writer.register_schema(
+            'a/msg/B', 'jsonschema', b'{}'))
+        good = writer.register_channel('/point', 'cdr', writer.register_schema(
+            kind, 'ros2msg', definition(kind)))
+        for time, topic, _, data in recorded:
+            if topic == '/point':
+                writer.add_message(good, time, data, time)
+        writer.finish()
+    with Log([path]) as log:
+        log.require({'/point': kind})
+        assert read(log, ['/point']) == expected(recorded, ['/point'])
+
+
+def test_first_messages_that_cannot_be_decoded(tmp_path: Path) -> None:
+    recorded = [message for message in messages(200) if message[1] == '/point']
+    path = tmp_path / 'log.mcap'
+    for bad in (1, MOST_UNDECODED):
+        with LogWriter(path) as writer:
+            for index, (time, topic, kind, data) in enumerate(recorded):
+                writer.write_raw(topic, kind, b'' if index < bad else data, time)
+        with Log([path]) as log:
+            if bad == 1:
+                assert read(log) == expected(recorded[1:])
+                assert 'cannot be decoded everywhere' in log.warnings[0]
+            else:
+                with pytest.raises(LogError, match='cannot be decoded: '):
+                    read(log)
 
 
 def definition(kind: str) -> bytes:
@@ -521,10 +608,18 @@ def test_two_records_come_one_after_the_other_and_others_are_not_mixed_in(
         assert read(log) == expected(recorded)
 
 
-def write(path: Path, recorded: Recorded, record: bool = False) -> None:
+def test_joined_records_begin_where_the_first_did(tmp_path: Path) -> None:
+    recorded = list(messages(200))
+    for name, part in (('b', recorded[:100]), ('a', recorded[100:])):
+        write(tmp_path / f'{name}.mcap', part, record=True, state=name)
+    with Log([tmp_path / 'a.mcap', tmp_path / 'b.mcap']) as log:
+        assert log.metadata['rovid_record']['state'] == 'b'
+
+
+def write(path: Path, recorded: Recorded, record: bool = False, **more: str) -> None:
     with LogWriter(path) as writer:
         if record:
-            writer.metadata('rovid_record', {'version': '1'})
+            writer.metadata('rovid_record', {'version': '1', **more})
         for index, (time, topic, kind, data) in enumerate(recorded):
             writer.write_raw(topic, kind, data, time)
             if index % 50 == 49:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 import json
 import os
 from pathlib import Path
+import shutil
 import signal
 import subprocess
 import sys
@@ -186,6 +187,46 @@ def test_controls_of_a_recording_are_done_again(
     assert main(['replay', str(record), '--params-file', str(config), '--json', str(path)]) == 0
     surge = json.loads(path.read_text())['dofs']['surge']
     assert (surge['mass'], surge['status']) == (pytest.approx(180.0), 'frozen')
+
+
+def test_what_follows_a_message_in_its_bytes_is_left_alone(
+        config: Path, log: Path, tmp_path: Path, written: tuple[Path, dict[str, Any]]) -> None:
+    """As ``rclpy.serialization.serialize_message`` gives them."""
+    longer, path = tmp_path / 'longer.mcap', tmp_path / 'out.json'
+    with LogWriter(longer) as writer, log.open('rb') as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            writer.write_raw(channel.topic, schema.name, message.data + b'\x7f' * 8,
+                             message.log_time)
+    assert main(['replay', str(longer), '--params-file', str(config), '--json', str(path)]) == 0
+    assert json.loads(path.read_text()) == written[1]
+
+
+def test_a_log_that_begins_at_0_with_a_latency(
+        config: Path, log: Path, tmp_path: Path) -> None:
+    early, output = tmp_path / 'early.mcap', tmp_path / 'output.mcap'
+    late = edited(config, tmp_path, ('latency: 0.0', 'latency: 1.0'))
+    store = standard_types()
+    with LogWriter(early) as writer, log.open('rb') as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            data = store.deserialize_cdr(message.data, schema.name)
+            data.header.stamp.sec -= 1_700_000_000
+            writer.write_raw(channel.topic, schema.name,
+                             bytes(store.serialize_cdr(data, schema.name)),
+                             message.log_time - 1_700_000_000 * 10**9)
+    assert main(['replay', str(early), '--params-file', str(late), '--output', str(output)]) == 0
+    assert next(messages(output, '/rov/params'))[1] == 0
+
+
+def test_a_log_with_the_name_of_an_unfinished_output_is_left_alone(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    part = tmp_path / 'dive.part.mcap'
+    shutil.copy(log, part)
+    assert main(['replay', str(part), '--params-file', str(config), '--output',
+                 str(tmp_path / 'dive.mcap')]) == 1
+    assert f'{part}: is read by this command' in capsys.readouterr().err
+    assert part.read_bytes() == log.read_bytes()
 
 
 def test_refusals_are_counted_by_input_and_reason(

@@ -86,6 +86,7 @@ def replay(args: argparse.Namespace) -> None:
     from rovid_core.score import ScoreLog
     from rovid_ros.feeder import PipeFeeder
     from rovid_ros.json_file import write_json
+    from rovid_ros.output_file import part_of
     from rovid_ros.replay import replay as run_replay
     from rovid_ros.replay_checkpoint import ReplayCheckpoint
     from rovid_ros.report import report
@@ -95,7 +96,9 @@ def replay(args: argparse.Namespace) -> None:
         raise UsageError('--checkpoint does not go with --ros')
     if args.append and not args.checkpoint:
         raise UsageError('--append goes with --checkpoint')
-    check_written([args.output, args.json, args.checkpoint], [*args.logs, args.params_file])
+    unfinished = part_of(args.output) if args.output else None
+    check_written([*{args.output, unfinished}, args.json, args.checkpoint],
+                  [*args.logs, args.params_file])
     settings = read_settings(args.params_file, args.method)
     checkpoint = ReplayCheckpoint(
         args.checkpoint, args.append, settings.checkpoint_period) if args.checkpoint else None

@@ -119,6 +119,13 @@ class Container(ABC):
         self._damaged = False
         self._declared = 0  # [bytes]
 
+    def forget_empty(self) -> None:
+        """Know nothing of channels without messages, if the file says how many there are."""
+        counts = self.counts
+        if counts is not None:
+            self.channels = {number: channel for number, channel in self.channels.items()
+                             if counts.get(number)}
+
     @abstractmethod
     def look_through(self) -> None:
         """Take note of channels, counts, metadata and blocks."""

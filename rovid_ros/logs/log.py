@@ -33,6 +33,9 @@ __all__ = ['Log', 'LogError', 'LogMessage', 'Maker', 'RawMessage', 'Take', 'Topi
 
 RECORD = 'rovid_record'  # metadata of the logs that the node writes itself
 
+MOST_UNDECODED = 20
+"""Messages of a topic that cannot be decoded, one after the other from the first one on."""
+
 
 class Log:
     """
@@ -78,9 +81,11 @@ class Log:
         self.start = min(container.start for container in self._containers)
         self.end = max(container.end for container in self._containers)
         self.metadata: dict[str, dict[str, str]] = {}
-        for container in self._containers:
+        for container in reversed(self._containers):  # a run begins where the earliest did
             self.metadata.update(container.metadata)
         self.topics = topics_of(self._containers)
+        for container in self._containers:
+            container.forget_empty()  # somebody had announced another type, and never used it
         records = [RECORD in container.metadata for container in self._containers]
         self.recorded = all(records)
         if any(records) and not self.recorded:
@@ -158,7 +163,8 @@ class Log:
         # by identity: comparing channels for every message would take a third of the time
         makers = {id(channel): self._maker(channel, take)
                   for topic in topics for channel in self._channels(topic)}
-        decoded: dict[int, Channel] = {}
+        decoded: set[int] = set()
+        failed: dict[int, tuple[int, str]] = {}  # how many, and of the last what is wrong
         for part in self._parts(topics, start, duration):
             for time, _, channel, raw in part:
                 if len(raw) > LARGEST_MESSAGE:
@@ -170,12 +176,16 @@ class Log:
                     data = makers[id(channel)](raw, time)
                 except (SerdeError, ZstdError, AssertionError, *MALFORMED) as error:  # by version
                     line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
-                    if channel not in decoded.values():
+                    count = failed.get(id(channel), (0, ''))[0] + 1
+                    failed[id(channel)] = count, f'{line}: {error}'
+                    if id(channel) not in decoded and count == MOST_UNDECODED:
                         raise LogError(f'{line}: {error}') from None
                     self._warn_once(f'{line} everywhere; such messages are left out')
                     continue
-                decoded[id(channel)] = channel
+                decoded.add(id(channel))
                 yield LogMessage(channel.topic, channel.type, time, data)
+        for number in failed.keys() - decoded:
+            raise LogError(failed[number][1])
 
     def raw(self, topics: Collection[str], start: float = 0.0,
             duration: float | None = None) -> Iterator[RawMessage]:

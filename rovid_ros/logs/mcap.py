@@ -49,6 +49,7 @@ class McapFile(IndexedContainer):
         """Know nothing of the file."""
         super().forget()
         self._schemas: dict[int, tuple[str, str, str]] = {}  # name, encoding, definition
+        self._lacks_schema = False
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
         """Return the messages of these channels in a block, in the order of the file."""
@@ -110,7 +111,9 @@ class McapFile(IndexedContainer):
         """Return whether the index is complete; it may leave out most of its parts."""
         self.counts = counts = statistics.channel_message_counts
         return (
-            statistics.channel_count <= len(self.channels)  # those without messages may not count
+            not self._lacks_schema
+            # those without messages may not count
+            and statistics.channel_count <= len(self.channels)
             and statistics.chunk_count == chunks
             and statistics.metadata_count == metadata
             and statistics.message_count == sum(counts.values())
@@ -136,6 +139,7 @@ class McapFile(IndexedContainer):
                 schema.data.decode(errors='replace') if known else ''), len(body))
         elif opcode == Opcode.CHANNEL:
             record = records.Channel.read(stream(body))
+            self._lacks_schema |= bool(record.schema_id) and record.schema_id not in self._schemas
             name, encoding, text = self._schemas.get(record.schema_id, ('unknown', '', ''))
             self.keep(self.channels, record.id, Channel(
                 record.id, '/' + record.topic.lstrip('/'), name, record.message_encoding, text,

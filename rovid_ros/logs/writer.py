@@ -92,7 +92,7 @@ class LogWriter:
         fields : mapping
             As in ``messages.types.build``.
         time, publish_time : int
-            Log time [ns] and publish time, the same unless given.
+            Log time [ns] and publish time, the same unless given; a log has none before 1970.
         latched : bool
             Whether ``ros2 bag play`` keeps the topic's last message for late subscribers.
 
@@ -133,8 +133,8 @@ class LogWriter:
             channel = self._writer.register_channel(
                 topic, 'cdr', schema, {'offered_qos_profiles': _OFFERED[latched]})
             self._channels[topic, schema] = channel
-        self._writer.add_message(
-            channel, time, cdr, time if publish_time is None else publish_time)
+        self._writer.add_message(channel, max(time, 0), cdr, max(
+            time if publish_time is None else publish_time, 0))
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import cache
 import re
+import struct
 from typing import Any, NamedTuple
 
 import numpy as np
 from rosbags.interfaces import Nodetype
+from rosbags.serde import SerdeError
 from rosbags.typesys import (
     get_types_from_idl,
     get_types_from_msg,
@@ -95,12 +97,15 @@ def _defined(name: str, definition: str, idl: bool) -> Typestore:
     """Return a store with what a log defines, which must not take all memory."""
     if len(definition) > LARGEST_DEFINITION:
         raise EndlessTypeError(f'it has {len(definition):,} characters')
+    definition = definition.replace('\r\n', '\n').replace('\ufeff', '')  # as somebody's editor
     store = get_typestore(Stores.EMPTY)
     if not idl:
         store.register(get_types_from_msg(definition, name))
     else:
-        for part in definition.split(_RULE):
-            store.register(get_types_from_idl(re.sub(r'\AIDL: .*\n', '', part)))
+        for part in definition.split(_RULE):  # rosbag2 also puts one in front
+            text = re.sub(r'\AIDL: .*\n|^#include .*\n', '', part, flags=re.MULTILINE)
+            if text.strip():
+                store.register(get_types_from_idl(text))
     count_values(store, name)
     store.get_msgdef(name)
     return store
@@ -116,9 +121,26 @@ def decoder(store: Typestore, name: str, encoding: str) -> Decoder:
             data = zstandard.ZstdDecompressor().stream_reader(data).read(LARGEST_MESSAGE + 1)
             if len(data) > LARGEST_MESSAGE:
                 raise ValueError(f'more than {LARGEST_MESSAGE:,} bytes')
-        return store.deserialize_cdr(data, name)
+        return _deserialized(store, name, data)
 
     return decode
+
+
+def _deserialized(store: Typestore, name: str, data: bytes) -> Any:
+    """
+    Decode a message, whatever follows it.
+
+    ROS serialises into room that it has estimated, and ``rclpy.serialization`` hands out all of
+    it; a subscriber takes no notice, but ``Typestore.deserialize_cdr`` refuses it.
+    """
+    if data[:2] not in (b'\0\0', b'\0\1') or len(data) < 4:
+        raise SerdeError('invalid or unsupported CDR encapsulation')
+    message = store.get_msgdef(name)
+    read = message.deserialize_cdr_le if data[1] else message.deserialize_cdr_be
+    try:
+        return read(data[4:], 0, message.cls, store)[0]
+    except (struct.error, UnicodeDecodeError, ValueError) as error:
+        raise SerdeError(str(error)) from None
 
 
 def build(store: Typestore, name: str, fields: Mapping[str, Any]) -> Any:

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 import difflib
 import math
+import os
 import re
 from typing import Any
 
@@ -81,6 +82,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         name: InputSettings(**tree[name]) for name in INPUTS if name != 'thrusters'}
     rest = {name: value for name, value in tree.items()
             if name and not isinstance(value, dict)}
+    rest.update({name: os.path.expanduser(rest[name])  # as in a shell
+                 for name in ('record_path', 'checkpoint_path')})
     return Settings(
         dofs=dofs, dof=known,
         thrusters=_thrusters(tree['thrusters'], given),

@@ -31,6 +31,7 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosgraph_msgs.msg import Clock
 from rovid_core.settings import SettingsError
 from rovid_core.values import Event
+from rovid_ros.controls import CONTROL
 from rovid_ros.keys import KEYS
 from rovid_ros.logs.log import Log
 from rovid_ros.messages.field_paths import FieldError
@@ -269,6 +270,46 @@ def test_a_message_of_two_events_is_recorded_once(tmp_path: Path, messages: list
         times = [message.time for message in log.messages(list(log.topics))]
     assert times == [raw.time for raw in messages[:2]]
     assert not failures
+
+
+def test_what_is_done_before_the_first_message_has_its_time(
+        tmp_path: Path, messages: list[Raw]) -> None:
+    recorder, _ = record(tmp_path / 'record.mcap')
+    recorder.controlled('enable', 'false')
+    for raw in messages[:2]:
+        recorder.released(Event(raw.time, (), Received(raw.topic, raw.type, raw.cdr, raw.time)))
+    recorder.close()
+    with Log([tmp_path / 'record.mcap']) as log:
+        assert log.start == messages[0].time
+        assert [message.topic for message in log.messages(list(log.topics))] == [
+            CONTROL, *(raw.topic for raw in messages[:2])]
+
+
+def test_an_event_before_1970_is_recorded(tmp_path: Path, messages: list[Raw]) -> None:
+    """Simulated time begins at 0, and an input with a latency before it."""
+    recorder, failures = record(tmp_path / 'record.mcap')
+    raw = messages[0]
+    recorder.released(Event(-10**8, (), Received(raw.topic, raw.type, raw.cdr, 0)))
+    recorder.close()
+    with Log([tmp_path / 'record.mcap']) as log:
+        assert [message.time for message in log.messages([raw.topic])] == [0]
+    assert not failures
+
+
+def test_two_nodes_with_one_path_record_into_two_files(
+        tmp_path: Path, messages: list[Raw]) -> None:
+    path = tmp_path / 'record.mcap'
+    both = [Recorder(path, definition, pytest.fail) for _ in range(2)]
+    for number, recorder in enumerate(both):
+        recorder.open(None)
+        raw = messages[number]
+        recorder.released(Event(raw.time, (), Received(raw.topic, raw.type, raw.cdr, raw.time)))
+    for recorder in both:
+        recorder.close()
+    assert [recorder.path.name for recorder in both] == ['record.mcap', 'record-1.mcap']
+    for recorder, raw in zip(both, messages):
+        with Log([recorder.path]) as log:
+            assert [message.time for message in log.messages([raw.topic])] == [raw.time]
 
 
 def test_a_full_disk_ends_the_record_alone(tmp_path: Path, messages: list[Raw]) -> None:

@@ -3,6 +3,7 @@
 from array import array
 from dataclasses import fields
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -178,12 +179,14 @@ def test_values_go_where_they_belong() -> None:
     got = settings(
         velocity__cutoff=0.7, velocity__max=4, depth__scale=-1e-4, depth__offset=10,
         depth__topic='/p', attitude__unit='deg', attitude__yaw_offset=0.1,
-        thrusters__sign__topic='/s', record__path='r.mcap', checkpoint__period=5,
+        thrusters__sign__topic='/s', record__path='r.mcap', checkpoint__path='~/c.json',
+        checkpoint__period=5,
         surge__typical__velocity=0.4, surge__initial__bias=-3, surge__terms=['alpha', 'beta'],
         identifier__feedback_gain=-2, identifier__adaptation_gains=[1, 2, 3, 4])
     assert (got.cutoff, got.max_speed, got.depth_scale, got.depth_offset) == (0.7, 4, -1e-4, 10)
     assert (got.heading_unit, got.yaw_offset, got.sign.topic) == ('deg', 0.1, '/s')
     assert (got.record_path, got.checkpoint_period) == ('r.mcap', 5)
+    assert got.checkpoint_path == str(Path.home() / 'c.json')
     assert got.dof['surge'] == DofSettings(
         mass=290, bias=-3, typical_velocity=0.4, terms=('alpha', 'beta'))
     assert got.identifier.adaptation_gains == (1, 2, 3, 4)

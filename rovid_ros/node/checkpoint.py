@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
-from rovid_core.settings import Settings
+from rovid_core.settings import Settings, SettingsError
 from rovid_core.stream import Stream
 from rovid_ros.checkpoint import load, save
-from rovid_ros.node.files import free, prepare
+from rovid_ros.node.files import claim, prepare
 
 
 class Checkpoint:
@@ -42,6 +43,8 @@ class Checkpoint:
         self._misfit = False
         if settings.checkpoint_path:
             prepare('checkpoint.path', self.path)
+            if os.path.realpath(self.path) == os.path.realpath(settings.record_path):
+                raise SettingsError('checkpoint.path', 'is record.path, takes another file')
 
     def restore(self) -> dict[str, Any] | None:
         """Go on from the file where there is one that fits; return its state."""
@@ -75,7 +78,7 @@ class Checkpoint:
 
     def _set_aside(self) -> None:
         if self.path.exists():
-            kept = free(self.path)
-            self.path.rename(kept)
+            kept = claim(self.path)
+            self.path.replace(kept)
             self._log.warning(f'checkpoint: {self.path} was not restored; kept as {kept}')
         self._misfit = False

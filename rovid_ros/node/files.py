@@ -37,10 +37,18 @@ def age(path: str) -> float | None:
         return None
 
 
-def free(path: Path) -> Path:
-    """Return ``path``, or with the first number behind its stem that is not taken."""
+def claim(path: Path) -> Path:
+    """
+    Make an empty file of a name that is not taken, and return it.
+
+    It is ``path``, or has the first free number behind its stem. Two processes that claim the
+    same at once get two files.
+    """
     number, found = 0, path
-    while found.exists():
-        number += 1
-        found = path.with_name(f'{path.stem}-{number}{path.suffix}')
-    return found
+    while True:
+        try:
+            found.touch(exist_ok=False)
+            return found
+        except FileExistsError:
+            number += 1
+            found = path.with_name(f'{path.stem}-{number}{path.suffix}')

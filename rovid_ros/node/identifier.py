@@ -97,6 +97,7 @@ class IdentifierNode(ParameterNode):
         self._in = Subscriptions(
             self, self.settings, self._classes, self.converter.topics, self._take,
             self.stream.reject)
+        self._report.activated()
         self._introduce()
 
     def deactivate(self) -> None:

@@ -14,7 +14,7 @@ from rovid_ros import __version__
 from rovid_ros.controls import CONTROL
 from rovid_ros.json_file import sync_folder
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.node.files import free, prepare
+from rovid_ros.node.files import claim, prepare
 
 
 @dataclass
@@ -69,13 +69,13 @@ class Recorder:
     def __init__(self, path: Path, definition: Callable[[str], str],
                  failed: Callable[[str], object]) -> None:
         prepare('record.path', path)
-        self.path = free(path)
+        self.path = path
         self._definition = definition
         self._failed = failed
         self._writer: LogWriter | None = None
         self._syncing: Thread | None = None
-        self._time = 0  # of the newest message, for controls
-        self._event_time = 0
+        self._times: tuple[int, int] | None = None  # log and publish time of the newest message
+        self._early: list[tuple[str, str]] = []  # controls before the first one
 
     def open(self, restored: Mapping[str, Any] | None) -> None:
         """
@@ -87,6 +87,7 @@ class Recorder:
             The state that the stream goes on from; a replay needs it.
 
         """
+        self.path = claim(self.path)
         self._writer = LogWriter(self.path)
         sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power
         values = {'version': __version__}
@@ -103,7 +104,10 @@ class Recorder:
         """Write the message that the event came from."""
         received = event.origin
         assert isinstance(received, Received)
-        self._time, self._event_time = received.time, event.time
+        self._times = received.time, event.time
+        for control in self._early:
+            self.controlled(*control)
+        self._early.clear()
         if received.recorded:
             return
         received.recorded = True
@@ -112,11 +116,18 @@ class Recorder:
             self._definition(received.type), event.time))
 
     def controlled(self, name: str, value: str) -> None:
-        """Write what a service call or a jump of time did to the stream."""
+        """
+        Write what a service call or a jump of time did to the stream.
+
+        It gets the times of the message before it, or of the first one: the log begins there.
+        """
+        times = self._times
+        if times is None:
+            self._early.append((name, value))
+            return
         text = json.dumps({'control': name, 'value': value})
         self._write(lambda writer: writer.write(
-            CONTROL, 'std_msgs/msg/String', {'data': text}, self._time,
-            self._event_time))
+            CONTROL, 'std_msgs/msg/String', {'data': text}, *times))
 
     def flush(self) -> None:
         """Make what was written readable, and begin to bring it to the disk."""

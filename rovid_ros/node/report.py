@@ -52,13 +52,17 @@ class Report:
         self._recorder = recorder
         self._live = live
         self._steady = steady
-        self._start = now = steady()
+        self._start = self._heard_since = now = steady()
         self._recent = Recent(stream, now)
         self._refusals = RefusalLines(stream, now)
         self._warnings = LimitedWarnings()
         self._summary = StartupSummary(stream.settings)
         self._steps: dict[str, float] = {}
         self._told: set[tuple[str, str, int]] = set()  # topic, problem, publishers
+
+    def activated(self) -> None:
+        """Look for the inputs from now on."""
+        self._heard_since = self._steady()
 
     def told(self, estimates: Sequence[Estimate]) -> None:
         """Take what was published, and log the warnings that the stream has."""
@@ -77,7 +81,7 @@ class Report:
             self._stream.settings, self._stream, self.arrivals, self._recent, topics,
             self._node.get_clock().now().nanoseconds, now, self._steps)
         if self._live and state == ACTIVE:
-            self._introduce(at, now - self._start)
+            self._introduce(at, now - self._heard_since)
         self._warn([], now)
         self._tell_refused(self._refusals.due(now))
         recorder = self._recorder

@@ -252,6 +252,24 @@ def test_parameter_files_on_the_command_line(tmp_path: Path) -> None:
                     '-r', 'identifier_node:__node:=other', '-p', 'a:=1']
 
 
+@pytest.mark.parametrize(('arguments', 'taken'), [
+    ((), True), (('-p', 'use_sim_time:=false'), False)])
+def test_the_command_line_wins_over_what_a_file_has_for_rclpy(
+        arguments: tuple[str, ...], taken: bool, tmp_path: Path) -> None:
+    file = tmp_path / 'own.yaml'
+    file.write_text('/**: {ros__parameters: {use_sim_time: true, max_wait: 2.0}}')
+    rest, values = read_files(['node', '--ros-args', '--params-file', str(file), *arguments])
+    assert values == {'max_wait': 2.0}
+    context = rclpy.Context()
+    context.init(args=rest)
+    node = rclpy.create_node('node', context=context)
+    try:
+        assert node.get_parameter('use_sim_time').value is taken
+    finally:
+        node.destroy_node()
+        context.try_shutdown()
+
+
 def record(path: Path) -> tuple[Recorder, list[str]]:
     failures: list[str] = []
     recorder = Recorder(path, definition, failures.append)

@@ -43,9 +43,10 @@ def read_files(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
     Returns
     -------
     rest : list of str
-        The command line without the parameter files.
+        The command line without the parameter files, and with what rclpy itself takes of them
+        in front.
     values : dict
-        Their parameters, dotted; a later file wins.
+        Their other parameters, dotted; a later file wins.
 
     Raises
     ------
@@ -58,6 +59,11 @@ def read_files(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
     values: dict[str, Any] = {}
     for file in files:
         values.update(load(file, name, namespace))
+    # handed to a node these would win over the command line
+    own = [f'{key}:={str(values.pop(key)).lower()}' for key in ROS_OWN
+           if isinstance(values.get(key), bool)]
+    if own:
+        rest[1:1] = ['--ros-args', *(word for one in own for word in ('-p', one)), '--']
     return rest, values
 
 

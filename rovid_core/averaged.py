@@ -21,6 +21,9 @@ LEAST_SHARE = 0.03
 LEAST_SQUARES = (LEAST_EXCITATION, LEAST_MOTION**2, LEAST_MOTION, 1.0)
 """Of the regressors, in typical ones: what is smaller is mostly noise."""
 
+REFUSED = 5
+"""Steps refused in a row after which what Gamma was learned from is forgotten."""
+
 FAR_OFF = 1000.0
 """A force or velocity of so many typical ones says nothing about what is usual."""
 
@@ -41,7 +44,8 @@ class AveragedIdentifier(CoupledIdentifier):
     typical sizes were given. These count until ``FIRST`` seconds of motion are known, and as the
     least that a mean square is taken for. Gamma is learned then and whenever that time has
     doubled, and held between. While it is held W never grows; a new Gamma measures W anew.
-    Data at rest, while frozen and of refused steps are not learned from.
+    Data at rest, while frozen and of refused steps are not learned from. Thrust far beyond all
+    that Gamma was learned from makes steps unstable; then the typical sizes stand in again.
 
     *Mean.* theta_hat follows the noise of the velocity for ever. What is published,
     ``parameters``, is its running mean, with a memory of ``SHARE`` of the time in motion, at
@@ -72,11 +76,27 @@ class AveragedIdentifier(CoupledIdentifier):
     def reset(self) -> None:
         """Go back to the initial values and gains."""
         super().reset()
+        self._refused = 0  # in a row
+        self._forget()
+
+    def _forget(self) -> None:
+        """Begin to learn Gamma."""
         self._sums: Sums = NO_SUMS  # of phi phi' dt
         self._new: list[Step] = []  # steps that are not in there yet
         self._time = 0.0  # of all of them [s]
         self._next = FIRST
         self._couple(self._start)
+
+    def step(self, step: Step, adapt: bool = True) -> str:
+        """Take one step; see ``AdaptiveIdentifier``."""
+        refused = super().step(step, adapt)
+        if not refused:
+            self._refused = 0
+        elif adapt:
+            self._refused += 1
+            if self._refused == REFUSED:
+                self._forget()
+        return refused
 
     def retune(self, adaptation_time: float) -> None:
         """Take another T [s]; what Gamma has learned of the data stays."""

@@ -54,7 +54,8 @@ class MotionSource:
         self._is_point = input in ('velocity', 'angular_velocity')
         self._turned = bool(settings.attitude.topic) and input in ('position', 'depth')
         self.change(settings)
-        self._lever = settings.lever_arm if input == 'position' and any(
+        # without an attitude nobody knows where it points, nor is the position turned
+        self._lever = settings.lever_arm if self._turned and input == 'position' and any(
             settings.lever_arm) else None
         self._shared = shared
         self.restart()

@@ -231,6 +231,23 @@ def test_a_state_that_runs_away_is_given_up_and_found_again():
     assert prediction_error(found.parameters, found.delay, CLEAN) < 1e-3
 
 
+def test_fixes_in_bursts_after_a_freeze():
+    """Fixes that each begin anew after a gap measure nothing of the motion in 20 s."""
+    settings = settings_from({**load(CONFIG / 'jhurov.yaml'), 'dofs': ['surge'], 'depth.topic': '',
+                              'simulation.position_rate': 2.0})
+    stream = Stream(settings)
+    for time, name, value in simulate(settings, 200.0, seed=0):
+        if name in stream.inputs and not (
+                name == 'position' and time > 19.5e9 and time // 500_000_000 % 6 >= 3):
+            stream.receive(Event(time, (Sample(name, value),)))
+        if 18e9 < time < 19e9 and stream.adapting:
+            stream.enable(False)
+        elif time > 19e9 and not stream.adapting:
+            stream.enable(True)
+    [dof] = stream.estimate.dofs
+    assert 1.0 / dof.parameters[0] == pytest.approx(290.0, rel=0.1)
+
+
 def test_the_force_ends_where_the_step_begins():
     """As at 20 Hz, with the delay at its lower bound because commands are stamped late."""
     filter = Linearised((0.0, 0.0, 0.5, -0.5, -0.2, 0.01, -0.05),

@@ -254,6 +254,16 @@ def test_w_does_not_grow_on_exact_data_while_the_gains_are_held():
     assert changes == 2  # after 20 and 40 s of motion
 
 
+def test_thrust_far_beyond_all_that_the_gains_were_learned_from():
+    """A vehicle that drifts for a minute is in motion; then its thrusters start."""
+    identifier = averaged()
+    drifting = Step(0.1, (-0.08,) * 3, (0.0,) * 3)
+    run(identifier, [drifting] * 600)
+    refused = [bool(identifier.step(step)) for step in steps(3000)]
+    assert 0 < sum(refused) < 20
+    assert identifier.parameters[0] == pytest.approx(TRUTH[0], rel=0.05)
+
+
 @pytest.mark.parametrize('typical', [1 / 3, 3.0])
 def test_typical_sizes_far_off_and_exact_data_give_the_same_model(typical):
     found = run(averaged(typical), steps(3000)).parameters

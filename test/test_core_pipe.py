@@ -102,6 +102,13 @@ def test_lever_arm_is_taken_off():
         assert (np.abs(averaged).max() > 0.06) == worse
 
 
+def test_a_lever_arm_without_an_attitude_is_left_out():
+    settings = vehicle(('heave',), depth=InputSettings('/depth'), attitude=InputSettings(),
+                       lever_arm=(0.3, 0.0, 0.2))
+    _, estimates = identified(settings, 60.0)
+    assert mass_ratios(estimates[-1])['heave'] == pytest.approx(1.0, abs=0.1)
+
+
 def test_velocity_and_gyro_sensors_are_used_where_there_are_some():
     settings = vehicle(
         ('surge', 'heave', 'yaw'), position=InputSettings(),

@@ -16,7 +16,7 @@ from typing import Any
 from rovid_core.dofs import PARAMETERS
 from rovid_core.ekf.follower import Follower
 from rovid_core.ekf.innovations import HUBER, Innovations
-from rovid_core.ekf.linearised import ALPHA, DELAY, DivergenceError, VELOCITY
+from rovid_core.ekf.linearised import ALPHA, DELAY, VELOCITY
 from rovid_core.ekf.normalised import Normalised
 from rovid_core.ekf.start import DURATION, KNOWN, LONGEST, Start
 from rovid_core.ekf.upsets import SOON, SURPRISE, Upsets
@@ -236,7 +236,7 @@ class ExtendedKalman(Identifier):
         filter = self._follower.filter
         alpha = filter.nominal[ALPHA]
         if filter.variance(ALPHA) < (KNOWN * alpha) ** 2:
-            with suppress(DivergenceError):
+            with suppress(ArithmeticError):
                 self._follower, self._innovations = self._start.again(
                     self._new, self._normalised.box, filter.nominal[ALPHA:],
                     self._innovations.noise)

@@ -128,6 +128,8 @@ class Start:
 
 def _level(sizes: Sequence[float]) -> float:
     """Return the standard deviation of normalised innovations without the outliers."""
+    if not sizes:  # fixes that each begin anew, after a gap
+        raise DivergenceError('nothing was measured')
     level = max(median(sizes) / 0.6745, 1e-9)
     squares = [min(size / level, CLIP)**2 for size in sizes]
     return level * sqrt(fsum(squares) / len(squares) / CLIPPED)

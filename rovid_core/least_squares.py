@@ -48,10 +48,11 @@ def with_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) 
     for record in records:
         grid = np.arange(record.time[0], record.time[-1], np.median(np.diff(record.time)))
         dt = float(grid[1] - grid[0]) if len(grid) > 1 else 0.0
-        edge = int(1.0 / (cutoff * dt)) if dt else 0
+        band = min(cutoff, 0.4 / dt) if dt else cutoff
+        edge = int(1.0 / (band * dt)) if dt else 0
         if len(grid) < 4 * edge + 16:
             continue
-        smooth = butter(ORDER, min(cutoff, 0.4 / dt), fs=1.0 / dt, output='sos')
+        smooth = butter(ORDER, band, fs=1.0 / dt, output='sos')
         middles = 0.5 * (record.time[:-1] + record.time[1:])
         force = sosfiltfilt(smooth, np.interp(grid, middles, record.mean_force))
         if len(record.position):

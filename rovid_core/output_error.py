@@ -54,7 +54,14 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     return Fit(solution, white * problem.inflation(solution))
 
 
-def information(records: Sequence[Record], scales: Scales, parameters: Four) -> Information:
-    """Return the Cramer-Rao bound of a trial at ``parameters``, for its own noise."""
+def information(records: Sequence[Record], scales: Scales,
+                parameters: Four) -> Information | None:
+    """
+    Return the Cramer-Rao bound of a trial at ``parameters``, for its own noise.
+
+    None where it is too short for one.
+    """
     problem = Residuals(records, scales, all(len(r.position) for r in records))
+    if not problem.size:
+        return None
     return problem.information(parameters, noise(records))

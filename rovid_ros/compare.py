@@ -60,9 +60,13 @@ class Model:
     scores: Mapping[str, Score]
 
     def error(self, logs: Sequence[str]) -> float:
-        """Return the mean mae over some logs; infinite where it has none."""
-        values = [self.scores[log].mae for log in logs]
-        return math.inf if any(map(math.isnan, values)) else sum(values) / len(values)
+        """Return the mean mae over those logs that it has one in; infinite without any."""
+        values = [self.scores[log].mae for log in logs if self.is_scored(log)]
+        return sum(values) / len(values) if values else math.inf
+
+    def is_scored(self, log: str) -> bool:
+        """Tell whether there are steps in a log to score it on."""
+        return not math.isnan(self.scores[log].mae)
 
     def document(self) -> dict[str, Any]:
         """Return the model's part of the JSON."""
@@ -159,7 +163,7 @@ def _best_terms(trial: Trial, dof: str, settings: Settings,
     """Choose with the quick method's models; every method then fits the chosen terms."""
     known = settings.dof[dof]
     records = trial.scores.records(dof)
-    judges = [t for t in trials if t is not trial] or [trial]
+    judges = [t for t in trials if t is not trial and t.scores.records(dof)] or [trial]
 
     def error(candidate: DofSettings) -> float:
         fit = METHODS['least_squares'](records, Scales.of(candidate), settings)
@@ -197,7 +201,7 @@ def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model
     names = [trial.name for trial in trials]
 
     def error(model: Model) -> float:
-        others = [name for name in names if name != model.trained_on]
+        others = [name for name in names if name != model.trained_on and model.is_scored(name)]
         return model.error(others or names)
 
     own = [model for model in models if model.dof == dof]

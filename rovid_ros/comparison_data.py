@@ -59,7 +59,8 @@ def sentence(best: Model, trials: Sequence[Trial]) -> str:
     """Return in one sentence what was identified of a DOF and how well it predicts."""
     dof = best.dof
     mass, quadratic, linear, bias = physical(best.fit.parameters)
-    log = next((t.name for t in trials if t.name != best.trained_on), best.trained_on)
+    log = next((t.name for t in trials if t.name != best.trained_on and best.is_scored(t.name)),
+               best.trained_on)
     score = best.scores[log]
     own = ', on which it was trained' if log == best.trained_on else ''
     return (
@@ -184,9 +185,9 @@ def _excitation(dof: str, trial: Trial, best: Model, settings: Settings) -> dict
     condition = None
     if records and all(map(math.isfinite, best.fit.parameters)):
         bound = information(records, Scales.of(settings.dof[dof]), best.fit.parameters)
-        condition = _finite(bound.condition)
+        condition = _finite(bound.condition) if bound else None
         for i, name in enumerate(PARAMETERS):
-            if name in relative and best.fit.parameters[i]:
+            if bound and name in relative and best.fit.parameters[i]:
                 relative[name] = _finite(
                     math.sqrt(bound.covariance[i, i]) / abs(best.fit.parameters[i]))
     return {

@@ -83,8 +83,9 @@ class TrialFeeder(PipeFeeder):
     def online(self, dof: str) -> dict[str, Fit]:
         """Return what every online method ended with."""
         history, others = self.history[dof], self._others.identifiers[dof]
-        found = {PAPER: Fit(history.parameters[-1]) if history.parameters
-                 else Fit.none('no step')}
+        if not history.parameters:  # what they hold is the initial values
+            return dict.fromkeys((PAPER, *others), Fit.none('no step'))
+        found = {PAPER: Fit(history.parameters[-1])}
         for method, identifier in others.items():
             notes = [identifier.note] if identifier.note else []
             # otherwise it may as well be 0

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+from mcap.reader import make_reader
 import pytest
 from rovid_core.dofs import PARAMETERS
 from rovid_core.methods import METHODS as ONLINE
@@ -10,8 +11,10 @@ from rovid_core.offline import METHODS
 from rovid_core.plant import lumped
 from rovid_ros.cli.main import main
 from rovid_ros.estimates import read_estimates
+from rovid_ros.logs.writer import LogWriter
 from rovid_ros.parameter_file import load
 from rovid_ros.parameters import settings_from
+import yaml
 
 CONFIG = Path(__file__).parents[1] / 'config' / 'jhurov.yaml'
 STILL = ',heave=0,yaw=0'
@@ -81,6 +84,46 @@ def test_a_term_that_is_not_there_is_left_out(
     chosen = [m['dofs']['surge']['terms'] for m in models if m['selected_terms']]
     assert all('delta' not in terms for terms in chosen)
     assert 'predicts the velocity of' in capsys.readouterr().out
+
+
+def test_a_log_without_steps_of_a_dof(
+        folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither is its model the initial guess, nor are the others worth less for it."""
+    two = folder / 'two.yaml'
+    two.write_text(CONFIG.read_text().replace('dofs: [surge, heave, yaw]', 'dofs: [surge, heave]'))
+    assert main(['simulate', '--params-file', str(two), '--duration', '60', '--output',
+                 str(folder / 'both.mcap')]) == 0
+    with LogWriter(folder / 'none.mcap') as writer, (folder / 'both.mcap').open('rb') as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            if not (channel.topic == '/depth/pressure' and message.log_time % 10**10 > 10**8):
+                writer.write_raw(channel.topic, schema.name, message.data, message.log_time)
+    capsys.readouterr()
+    assert main(['compare', str(folder / 'both.mcap'), str(folder / 'none.mcap'),
+                 '--params-file', str(two), '--json', str(folder / 'two.json'),
+                 '--report', str(folder / 'two.html')]) == 0
+    out = capsys.readouterr().out
+    assert 'effective mass 2,4' in out
+    assert 'to - ' not in out
+    for model in json.loads((folder / 'two.json').read_text())['models']:
+        if model['trained_on'] == 'none.mcap':
+            assert model['dofs']['heave']['mass'] is None, model['method']
+
+
+@pytest.mark.parametrize(('values', 'duration'), [
+    ({'simulation.position_rate': 0.5, 'max_gap': 5.0}, 120.0),  # slower than velocity.cutoff
+    ({}, 0.9)])  # too short for any method
+def test_few_fixes(values: dict[str, float], duration: float, folder: Path) -> None:
+    few = {'/**': {'ros__parameters': {**load(folder / 'rov.yaml'), **values}}}
+    (folder / 'few.yaml').write_text(yaml.safe_dump(few))
+    assert main(['simulate', '--params-file', str(folder / 'few.yaml'), '--duration',
+                 str(duration), '--output', str(folder / 'few.mcap')]) == 0
+    assert main(['compare', str(folder / 't1.mcap'), '--validate', str(folder / 'few.mcap'),
+                 '--params-file', str(folder / 'few.yaml'),
+                 '--report', str(folder / 'few.html')]) == 0
+    if duration > 60.0:
+        assert main(['compare', str(folder / 'few.mcap'),
+                     '--params-file', str(folder / 'few.yaml')]) == 0
 
 
 def test_mistakes_are_one_line(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

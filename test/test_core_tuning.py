@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rovid_core.settings import Settings
 from rovid_core.simulator import simulate
 from rovid_core.stream import Stream
 from rovid_core.thrust import Thrust
+from rovid_core.tuning.blocks import edges
 from rovid_core.tuning.choice import choose, nearest
 from rovid_core.tuning.commanded import Commanded
 from rovid_core.tuning.gains import Candidate, GainSweep, Steps
@@ -57,6 +59,12 @@ def delayed(surge: Settings) -> Tuned:
     wrong = replace(surge, yaw_offset=math.radians(-5.0))
     log = read(wrong, 180.0, delay=DELAY, time_constant=LAG)
     return tune(log, wrong)
+
+
+def test_a_pause_belongs_to_no_fold() -> None:
+    stretches = [SimpleNamespace(start=start, ends=[start + 99]) for start in (1000, 100_000)]
+    assert edges(stretches).tolist() == [  # type: ignore[arg-type]
+        1000, 1025, 1050, 1075, 100_000, 100_025, 100_050, 100_075, 100_100]
 
 
 @pytest.mark.parametrize('linear', [False, True])

@@ -94,8 +94,15 @@ class Blocks:
 
 
 def edges(stretches: Sequence[Stretch]) -> Array:
-    """Return the bounds of the folds [ns], shape (FOLDS + 1,)."""
-    return np.linspace(stretches[0].start, stretches[-1].ends[-1] + 1, FOLDS + 1)
+    """Return the bounds of the folds [ns], with as much time in steps each; (FOLDS + 1,)."""
+    first = stretches[0].start
+    times, so_far = [], [0]
+    for stretch in stretches:
+        start, end = stretch.start - first, stretch.ends[-1] + 1 - first
+        times += [start, end]
+        so_far += [so_far[-1] + end - start] * 2
+    shares = np.linspace(0, so_far[-1], FOLDS + 1)
+    return np.asarray(first + np.interp(shares, so_far[:-1], times))
 
 
 def blocks(stretches: Sequence[Stretch], bounds: Array) -> Blocks | None:

@@ -190,6 +190,7 @@ def export(args: argparse.Namespace) -> None:
     """Run ``rovid export``."""
     from rovid_ros.estimates import read_estimates
     from rovid_ros.export import export as made_from
+    from rovid_ros.json_file import write_text
     if args.link and args.format != 'sdf':
         raise UsageError('--link goes with --format sdf')
     check_written([args.output], list(filter(None, (args.estimates, args.params_file))))
@@ -200,7 +201,7 @@ def export(args: argparse.Namespace) -> None:
     for line in made.notes:
         print(f'{args.prog}: {line}', file=sys.stderr)
     if args.output:
-        args.output.write_text(made.text, encoding='utf-8')
+        write_text(args.output, made.text)
         print(f'written   {args.output}')
     else:
         print(made.text, end='')

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass
 class InputHealth:
-    """Count, rate and gaps of what was released of an input."""
+    """Rate and gaps of what was released of an input, and how many of it were taken."""
 
     count: int = 0
     last_time: int | None = None  # [ns]
@@ -22,4 +22,3 @@ class InputHealth:
                 self.longest_gap = gap * 1e-9
             self.rate += (1e9 / gap - self.rate) * (0.05 if self.rate else 1.0)
         self.last_time = time
-        self.count += 1

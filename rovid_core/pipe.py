@@ -111,9 +111,11 @@ class Pipe:
         for track in self._tracks:
             track.last = None
 
-    def handle(self, time: int, sample: Sample) -> list[Estimate]:
+    def handle(self, time: int, sample: Sample) -> list[Estimate] | None:
         """
         Take one sample and return the estimates of the steps that it completes.
+
+        None if it was refused.
 
         Parameters
         ----------
@@ -126,7 +128,7 @@ class Pipe:
         reason = self._take(time, sample)
         if reason:
             self._reject(sample.input, reason)
-            return []
+            return None
         estimates: list[Estimate] = []
         for track in self._tracks:
             self._run(track, time, estimates)

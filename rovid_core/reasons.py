@@ -12,6 +12,7 @@ REASONS = {
     'missing_name': 'a name of thrusters.names is not in the message',
     'wrong_length': 'the array has not one value per thruster',
     'not_numeric': 'the field holds something that is no number',
+    'not_estimated': 'its covariance of -1 says that the sensor has no estimate of it',
     'no_clock': 'unstamped, and the clock of the node stands at zero',
     'zero_stamp': 'unstamped; taken at the time of its arrival',
     # order in time
@@ -43,3 +44,6 @@ REASONS = {
     'diverged': 'the filter lost its way and starts from its last good parameters',
 }
 """Reason -> what it means. Those from ``shifted`` on lose a step, not the measurement."""
+
+TAKEN = frozenset({'zero_stamp'})
+"""What is counted, and taken all the same."""

@@ -41,7 +41,7 @@ class Stream:
     estimate : Estimate or None
         The last one.
     inputs : dict
-        Input name -> InputHealth of the samples that were released.
+        Input name -> InputHealth.
 
     """
 
@@ -214,8 +214,12 @@ class Stream:
                 self._recorder.released(event)
             time = event.time
             for sample in event.samples:
-                self.inputs[sample.input].note(time)
-                estimates += self._pipe.handle(time, sample)
+                health = self.inputs[sample.input]
+                health.note(time)
+                found = self._pipe.handle(time, sample)
+                if found is not None:
+                    health.count += 1
+                    estimates += found
         if estimates:
             self.estimate = estimates[-1]
         return estimates

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
+from rovid_core.reasons import TAKEN
 from rovid_core.stream import Stream
 from rovid_core.values import Event
 
@@ -81,7 +82,8 @@ class Recent:
 
     def refused(self, name: str = '') -> Counts:
         """Return what was refused, of one input or DOF or of all, the most frequent first."""
-        return difference(self._past[0][1], self._past[-1][1], name)
+        found = difference(self._past[0][1], self._past[-1][1], name)
+        return {key: count for key, count in found.items() if key[1] not in TAKEN}
 
     def taken(self, name: str) -> int:
         """Return how many samples of an input were used."""

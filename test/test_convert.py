@@ -142,6 +142,24 @@ def test_an_imu_and_a_gyro(make: Any) -> None:
         'attitude': (0.0, 0.0, 1.0, 0.0), 'angular_velocity': (0.1, 0.2, 0.3)}
 
 
+def test_what_an_imu_has_no_estimate_of(make: Any) -> None:
+    case = Case(settings(attitude=InputSettings('/imu', field='orientation'),
+                         angular_velocity=InputSettings('/imu', field='angular_velocity')))
+    for names in ((), ('orientation',), ('angular_velocity', 'orientation')):
+        imu = make('sensor_msgs/msg/Imu', {
+            f'{name}_covariance': [-1.0] + [0.0] * 8 for name in names})
+        assert case.values('/imu', imu).keys() == {
+            {'orientation': 'attitude'}.get(name, name)
+            for name in {'orientation', 'angular_velocity'} - set(names)}
+    assert case.refused == {('attitude', 'not_estimated'): 2,
+                            ('angular_velocity', 'not_estimated'): 1}
+
+
+def test_one_sign_for_all_thrusters(make: Any) -> None:
+    case = Case(settings({'gain': (1.0, 1.0, 1.0)}, sign=InputSettings('/way', field='data')))
+    assert case.values('/way', make('std_msgs/msg/Int8', {'data': -1})) == {'sign': (-1.0,)}
+
+
 def test_depth_is_scaled(make: Any) -> None:
     pressure = make('sensor_msgs/msg/FluidPressure', {'fluid_pressure': 111325.0})
     case = Case(settings(depth=InputSettings('/depth', field='fluid_pressure'),

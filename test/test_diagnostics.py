@@ -1,6 +1,7 @@
 """What the node says of itself: levels, the log's lines, the graph's faults."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 import time
 from types import SimpleNamespace
@@ -202,6 +203,25 @@ def test_messages_that_are_all_refused(messages: list[Raw]) -> None:
     assert values['refused non_finite, meaning'] == REASONS['non_finite']
     assert run.statuses()['rejected'][3] == {'position.non_finite': '40'}
     assert run.statuses()['rejected'][1] == WARN
+
+
+def test_values_that_are_all_refused_are_not_taken(messages: list[Raw]) -> None:
+    run = Watched()
+    run.feed([replace(raw, cdr=raw.cdr[:4] + bytes(len(raw.cdr) - 4)) if raw.topic == '/imu'
+              else raw for raw in messages])
+    assert run.stream.rejected['attitude', 'not_a_rotation'] > 100
+    assert run.stream.inputs['attitude'].count == 0
+    _, level, message, _ = run.statuses()['attitude']
+    assert (level, message[:35]) == (WARN, 'messages come, none is taken: attit')
+
+
+def test_a_command_that_holds_for_ever(messages: list[Raw]) -> None:
+    run = Watched({'thrusters.timeout': 0.0})
+    first = next(raw for raw in messages if raw.topic == '/current')
+    run.feed([first, *(raw for raw in messages if raw.topic != '/current')])
+    statuses = run.statuses()
+    assert statuses['thrusters'][1:3] == (OK, 'the last command holds, 12 s old')
+    assert 'thrusters' not in statuses['state'][2]
 
 
 def test_refusals_of_long_ago_are_no_warning(messages: list[Raw]) -> None:

@@ -36,7 +36,17 @@ def test_every_topic_as_another_reader_gives_it(name: str, data: Path) -> None:
                 with pytest.raises(AnyReaderError):
                     reader.deserialize(*theirs[0][1:])
             else:
-                assert ours == [repr(reader.deserialize(*raw)) for _, *raw in theirs[:50]]
+                assert ours == [_decoded(reader, *raw) for _, *raw in theirs[:50]]
+
+
+def _decoded(reader: AnyReader, raw: bytes, kind: str) -> str:
+    """Decode by another reader, which refuses a message with more behind it."""
+    while True:
+        try:
+            return repr(reader.deserialize(raw, kind))
+        except AnyReaderError as error:
+            assert 'size mismatch' in str(error)
+            raw = raw[:-1]
 
 
 @pytest.mark.parametrize('name', ['fg_no-messages.bag', 'rosbag2_empty.db3'])

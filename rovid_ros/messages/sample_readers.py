@@ -87,7 +87,7 @@ def reading(source: Source, message: Any, settings: Settings, blank: bool = Fals
     if source.input == 'attitude':
         if shape == 'number':
             return Reading((tuple(steps),), _heading(settings))
-        return Reading(_below(steps, 'xyzw'), _quaternion(settings))
+        return _if_estimated(message, steps, Reading(_below(steps, 'xyzw'), _quaternion(settings)))
     ned = settings.frames == 'ned'
     if source.input == 'position':
         return _vector(steps, shape, _ned_to_enu if ned else _floats)
@@ -96,7 +96,22 @@ def reading(source: Source, message: Any, settings: Settings, blank: bool = Fals
         return _pair(steps, ('linear', 'angular'), turn)
     if source.input == 'reference':
         return Reading(_below(steps, 'xyz'), lambda x, y, z: turn(x, y, z) + _NAN3)
-    return _vector(steps, shape, turn)
+    return _if_estimated(message, steps, _vector(steps, shape, turn))
+
+
+def _if_estimated(message: Any, steps: Sequence[Step], reading: Reading) -> Reading:
+    """Refuse what a sensor has no estimate of: sensor_msgs/Imu says so by a covariance of -1."""
+    name = f'{steps[-1]}_covariance' if steps else ''
+    parent = getter(steps[:-1])(message) if steps else None
+    if name not in field_names(parent):
+        return reading
+
+    def make(variance: Any, *values: Any) -> Floats:
+        if variance == -1.0:
+            raise RefusedError('not_estimated')
+        return reading.make(*values)
+
+    return Reading(((*steps[:-1], name, 0), *reading.paths), make)
 
 
 def _below(steps: Sequence[Step], names: Sequence[str]) -> tuple[tuple[Step, ...], ...]:
@@ -202,6 +217,8 @@ def _expected(source: Source, shape: str, value: Any, settings: Settings) -> int
     """Return how many values one message has to give; refuse what never can."""
     thrusters = settings.thrusters
     count = 1 if len(thrusters.topics) > 1 and source.input == 'thrusters' else thrusters.count
+    if source.input == 'sign' and shape == 'number':
+        return count  # one direction for all
     gives = {'number': 1, 'wrench': 6}.get(shape, count)
     if shape == 'array' and not thrusters.names:
         gives = len(value) or count

@@ -93,15 +93,16 @@ def of_input(at: Situation, name: str) -> Verdict:
     silent = (at.now - min(at.arrivals.last(topic) for topic in topics)) / 1e9
     if silent > limit:
         return STALE, f'silent for {silent:.1f} s'
+    if name == 'thrusters' and silent > WINDOW:
+        return OK, f'the last command holds, {silent:.0f} s old'
     return _of_coming(at, name, limit)
 
 
 def may_be_silent(at: Situation, name: str) -> float:
-    """Return how long [s] an input may be silent."""
-    timeout = at.settings.timeout_of(name)
+    """Return how long [s] an input may be silent; inf where a command holds for ever."""
     rates = [at.arrivals.rate(topic) for topic in topics_of(at.settings, name)]
     periods = [PERIODS / rate for rate in rates if rate > 0.0]
-    return max([timeout if math.isfinite(timeout) else at.settings.max_gap, *periods])
+    return max([at.settings.timeout_of(name), *periods])
 
 
 def _of_coming(at: Situation, name: str, limit: float) -> Verdict:
@@ -131,7 +132,8 @@ def of_dof(at: Situation, dof: str) -> Verdict:
         why = _why(at, dof)
         return WARN, f'no step yet: {why}' if why else 'no step yet'
     age = at.steady - at.steps.get(dof, at.steady)
-    limit = max(may_be_silent(at, name) for name in needs(at.settings, dof))
+    limits = [may_be_silent(at, name) for name in needs(at.settings, dof)]
+    limit = max(filter(math.isfinite, limits))
     if age > limit + at.settings.max_wait:
         why = _why(at, dof)
         return STALE, f'no step for {age:.1f} s' + (f': {why}' if why else '')

@@ -120,6 +120,7 @@ class Settings:
     depth_offset: float = 0.0
     yaw_offset: float = 0.0
     heading_unit: str = 'rad'
+    heading_frames: str = ''  # '': as frames
     cutoff: float = 0.6
     max_speed: float = 10.0  # [m/s] or [rad/s]; faster measurements are refused
     gate: float = 8.0  # [std] of what is predicted of an input; 0: off

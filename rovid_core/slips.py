@@ -250,8 +250,8 @@ class Sign:
             self._tell()
 
     def _tell(self) -> None:
-        depth = {'depth': ', or that of depth.scale', 'attitude': ', or see whether a heading '
-                 'counts clockwise'}.get(self._source, '')
+        depth = {'depth': ', or that of depth.scale', 'attitude': ', or, of a heading that is '
+                 'a number, see attitude.heading'}.get(self._source, '')
         frames = '' if self._dof in ('surge', 'roll') else (
             '; if it is so of sway, heave and yaw, the messages may be in other axes: frames')
         self._warn(f'{self._dof} accelerates against its thrust: turn the sign of its row of '

@@ -14,6 +14,7 @@ _FORCE = ('names', 'offset', 'scale', 'deadband', 'limit', 'model', 'gain', 'pol
           'table_command', 'table_force', 'delay', 'time_constant', 'hold', 'allocation',
           'sign.topic')
 _UNITS = ('dofs', 'identifier.method', 'frames', 'depth.scale', 'attitude.unit',
+          'attitude.heading',
           *(f'thrusters.{name}' for name in _FORCE))
 
 LONGEST = 60  # characters of a value in a message

@@ -99,6 +99,9 @@ def _inputs() -> list[Key]:
                'added to the heading, about z up', 'rad', -6.3, 6.3),
         key_of('attitude.unit', 'heading_unit', Settings, 'unit of a scalar heading',
                choices=('rad', 'deg')),
+        key_of('attitude.heading', 'heading_frames', Settings,
+               'sense of a scalar heading: enu, from x of the world to y; ned, from north '
+               'clockwise, as a compass; empty: as frames', choices=('', 'enu', 'ned')),
         *_source('angular_velocity', 'angular_velocity',
                  'topic of a gyro; replaces the attitude for roll, pitch and yaw'),
         *_source('velocity', 'velocity',

@@ -328,6 +328,16 @@ def test_ned_vectors_and_quaternions(
             atol=1e-9)
 
 
+@pytest.mark.parametrize('frames, sense', [('enu', 'ned'), ('ned', 'ned'), ('ned', '')])
+def test_a_compass(frames: str, sense: str, make: Any) -> None:
+    case = Case(settings(attitude=InputSettings('/h', field='data'), frames=frames,
+                         heading_unit='deg', heading_frames=sense))
+    q = case.values('/h', make('std_msgs/msg/Float64', {'data': 90.0}))['attitude']
+    np.testing.assert_allclose(matrix(q) @ (1, 0, 0), (1, 0, 0), atol=1e-12)
+    q = case.values('/h', make('std_msgs/msg/Float64', {'data': 180.0}))['attitude']
+    np.testing.assert_allclose(matrix(q) @ (1, 0, 0), (0, -1, 0), atol=1e-12)
+
+
 @pytest.mark.parametrize('frames, unit, heading, direction', [
     ('enu', 'rad', 0.0, (1, 0)), ('enu', 'rad', math.pi / 2, (0, 1)), ('enu', 'deg', 180, (-1, 0)),
     ('ned', 'deg', 0, (0, 1)), ('ned', 'deg', 90, (1, 0)), ('ned', 'rad', -math.pi / 2, (-1, 0)),

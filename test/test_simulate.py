@@ -95,11 +95,13 @@ def test_messages_come_back_as_the_simulated_values(
 
 @pytest.mark.parametrize('frames', ['enu', 'ned'])
 @pytest.mark.parametrize('unit', ['rad', 'deg'])
+@pytest.mark.parametrize('sense', ['', 'ned'])
 @pytest.mark.parametrize('yaw_offset', [0.0, 1.25])
-def test_a_scalar_heading_comes_back(frames: str, unit: str, yaw_offset: float) -> None:
+def test_a_scalar_heading_comes_back(
+        frames: str, unit: str, sense: str, yaw_offset: float) -> None:
     settings = replace(
         settings_of(frames, attitude=InputSettings('/in', 'std_msgs/msg/Float64', 'data')),
-        heading_unit=unit, yaw_offset=yaw_offset)
+        heading_unit=unit, heading_frames=sense, yaw_offset=yaw_offset)
     (back,) = round_trip(settings, {'attitude': LEVEL})['attitude'].values()
     assert abs(sum(a * b for a, b in zip(back, LEVEL))) == pytest.approx(1.0, abs=1e-12)
 

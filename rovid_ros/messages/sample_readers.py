@@ -160,9 +160,10 @@ def _quaternion(settings: Settings) -> Callable[[Any, Any, Any, Any], Quaternion
 
 
 def _heading(settings: Settings) -> Callable[[Any], Quaternion]:
-    """Return the conversion of a heading; a NED one counts clockwise from north."""
+    """Return the conversion of a heading; a compass counts clockwise from north, as NED does."""
     unit = math.pi / 180.0 if settings.heading_unit == 'deg' else 1.0
-    sign, zero = (-1.0, 0.5 * math.pi) if settings.frames == 'ned' else (1.0, 0.0)
+    sign, zero = (-1.0, 0.5 * math.pi) if (
+        settings.heading_frames or settings.frames) == 'ned' else (1.0, 0.0)
     zero += settings.yaw_offset
 
     def read(value: Any) -> Quaternion:

@@ -37,11 +37,11 @@ def quaternion(settings: Settings, value: Values) -> Quaternion:
 
 
 def heading(settings: Settings, value: Values) -> float:
-    """Return the heading in the message's unit, in NED clockwise from north."""
+    """Return the heading in the message's unit and sense."""
     x, y, z, w = value
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)) - settings.yaw_offset
-    angle = math.remainder(
-        0.5 * math.pi - yaw if settings.frames == 'ned' else yaw, 2.0 * math.pi)
+    frames = settings.heading_frames or settings.frames
+    angle = math.remainder(0.5 * math.pi - yaw if frames == 'ned' else yaw, 2.0 * math.pi)
     return math.degrees(angle) if settings.heading_unit == 'deg' else angle
 
 

@@ -26,6 +26,9 @@ CORNER = 3.0
 FEEDBACK = 2.0
 """Of the measured velocity to v_hat [1/s]."""
 
+USUAL = 0.1
+"""[s] Of shorter steps a pull may be larger: the difference of two fixes is as much noisier."""
+
 SETTLING = 5.0
 """Filter time constants after which the noise of the first velocity is forgotten."""
 
@@ -151,8 +154,9 @@ class RecursiveLeastSquares(Identifier):
             return 'out_of_range'
         ahead = advance(self.parameters, before, force, dt)
         pull = mean - ahead
-        if not -size <= pull <= size:  # a fix may be far off
-            pull = math.copysign(size, pull)
+        most = size if dt >= USUAL else size * USUAL / dt
+        if not -most <= pull <= most:  # a fix may be far off
+            pull = math.copysign(most, pull)
         self.v_hat = ahead - math.expm1(-FEEDBACK * dt) * pull
         self._filter(step, f, u, 0.5 * (before + ahead) / size)
         self.excitation -= math.expm1(-dt / self.adaptation_time) * (f * f - self.excitation)

@@ -68,6 +68,14 @@ def test_default_settings_predict_another_profile_within_1_mm_s(initial):
     assert not stream.rejected
 
 
+@pytest.mark.parametrize('rate', [100.0, 200.0])
+def test_fast_fixes_are_as_good(rate):
+    """The difference of two has 1.4 m/s of noise at 200 Hz, three typical velocities."""
+    one = identified(GUESS, trial(1, 60.0, dts=(1.0 / rate,)))
+    assert prediction(one.parameters).mae < 0.001
+    assert all(abs(p - t) < 3.0 * s for p, t, s in zip(one.parameters, SURGE_TRUTH, one.std))
+
+
 @pytest.mark.parametrize('off', [0.25, 4.0])
 def test_a_guess_off_by_4_does_not_matter_after_a_minute(off):
     guess = Scales.of(DofSettings(290 * off, 290 * off, 43.5 / off))

@@ -26,6 +26,7 @@ from live_node import changed, heard, Peer, Raw, simulated, TYPES, VALUES
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
+from rovid_ros.controls import CONTROL
 from rovid_ros.logs.log import Log
 from rovid_ros.node.identifier import IdentifierNode
 from rovid_ros.node.messages import import_type
@@ -119,10 +120,19 @@ def test_through_all_states(messages: list[Raw], peer: Peer, start: Start,
     assert ask(peer, 'configure')
     assert 'going on from' in node.output
     assert (tmp_path / 'record-1.mcap').exists()
+    assert ask(peer, 'activate')
+    peer.until(lambda: all(is_heard(peer, topic) for topic in TYPES))
+    peer.spin(0.5)
+    before = len(estimates)
+    peer.publish(messages[500:])
+    peer.settle(estimates, before + 10)
     assert ask(peer, 'shutdown')
     assert state(peer) == 'finalized'
     with Log([tmp_path / 'record-1.mcap']) as log:
         assert not log.warnings  # closed properly
+        # what was set when it was configured stands at the first message
+        assert next(log.messages([*log.topics])).topic == CONTROL
+        assert log.end - log.start < 60 * 10**9
     assert node.stop() == 0, node.output
     assert 'ERROR' not in node.output
     assert 'Traceback' not in node.output

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,12 @@ VERSION = 2
 
 class CheckpointError(ValueError):
     """A checkpoint that cannot be gone on from; the text says which file and why."""
+
+
+def is_record(settings: Settings) -> bool:
+    """Tell whether ``checkpoint.path`` and ``record.path`` are one file."""
+    record, checkpoint = settings.record_path, settings.checkpoint_path
+    return bool(record and checkpoint) and os.path.realpath(record) == os.path.realpath(checkpoint)
 
 
 def save(path: Path, settings: Settings, state: Mapping[str, Any]) -> None:

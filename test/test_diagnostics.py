@@ -38,6 +38,7 @@ from rovid_ros.node.health import of_input, Situation
 from rovid_ros.node.identifier import IdentifierNode
 from rovid_ros.node.messages import import_type
 from rovid_ros.node.publishers import best_effort, reliable
+from rovid_ros.node.report import Report
 from rovid_ros.outputs import DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
 from rovid_ros.parameters import settings_from
 from rovid_ros.recent import Arrivals, Recent
@@ -222,6 +223,27 @@ def test_a_command_that_holds_for_ever(messages: list[Raw]) -> None:
     statuses = run.statuses()
     assert statuses['thrusters'][1:3] == (OK, 'the last command holds, 12 s old')
     assert 'thrusters' not in statuses['state'][2]
+
+
+def test_the_inputs_are_waited_for_from_the_activation_on(
+        ros_node: Node, capfd: pytest.CaptureFixture[str]) -> None:
+    now = [0.0]
+    report = Report(ros_node, Stream(SETTINGS), steady=lambda: now[0])
+    now[0] = 60.0
+    report.activated()
+    for seconds, is_told in ((60.5, False), (66.0, True)):
+        now[0] = seconds
+        report.each_second()
+        assert ('inputs: none' in capfd.readouterr().err) is is_told
+
+
+@pytest.fixture
+def ros_node() -> Iterator[Node]:
+    rclpy.init(args=[])
+    node = rclpy.create_node('reporting')
+    yield node
+    node.destroy_node()
+    rclpy.shutdown()
 
 
 def test_refusals_of_long_ago_are_no_warning(messages: list[Raw]) -> None:

@@ -368,6 +368,7 @@ def test_whole_numbers_are_taken_where_numbers_are_meant(ros: None) -> None:
     ({'position.type': None}, SettingsError, 'position.type'),
     ({'position.type': 'geometry_msgs/msg/PointStampd'}, SettingsError, 'PointStamped'),
     ({'attitude.field': 'orientatoin'}, FieldError, 'orientation'),
+    ({'record.path': '/tmp/./one', 'checkpoint.path': '/tmp/one'}, SettingsError, 'record.path'),
 ])
 def test_what_is_wrong_is_named(ros: None, changes: dict[str, Any], error: type[Exception],
                                 text: str) -> None:

@@ -11,7 +11,7 @@ from rovid_core.dofs import DOFS
 from rovid_core.settings import Settings, SettingsError
 from rovid_core.stream import Stream
 from rovid_ros.check.findings import Findings
-from rovid_ros.checkpoint import load as load_checkpoint
+from rovid_ros.checkpoint import is_record, load as load_checkpoint
 from rovid_ros.input_topics import inputs_of, section
 from rovid_ros.messages.convert import Converter
 from rovid_ros.messages.field_paths import FieldError
@@ -181,7 +181,7 @@ def _check_files(settings: Settings, findings: Findings) -> None:
             findings.error(key, f'{text} cannot be written: {problem}')
         else:
             findings.ok(key, f'{text} can be written')
-    if settings.record_path and settings.record_path == settings.checkpoint_path:
+    if is_record(settings):
         findings.error('checkpoint.path', 'is record.path', 'give another name')
     elif settings.checkpoint_path and Path(settings.checkpoint_path).is_file():
         try:

@@ -21,7 +21,7 @@ def add_check(commands: Any) -> None:
         'params_file', type=Path, metavar='FILE',
         help="the vehicle's parameter file, the same as the node's")
     command.add_argument(
-        'logs', nargs='*', type=Path, metavar='LOG',
+        'logs', nargs='*', default=[], type=Path, metavar='LOG',
         help='.mcap, .db3 or .bag file or rosbag2 directory; several are joined in time order')
     command.add_argument('--live', action='store_true', help='against the ROS graph')
     command.add_argument(

@@ -101,9 +101,10 @@ def reading(source: Source, message: Any, settings: Settings, blank: bool = Fals
 
 def _if_estimated(message: Any, steps: Sequence[Step], reading: Reading) -> Reading:
     """Refuse what a sensor has no estimate of: sensor_msgs/Imu says so by a covariance of -1."""
-    name = f'{steps[-1]}_covariance' if steps else ''
-    parent = getter(steps[:-1])(message) if steps else None
-    if name not in field_names(parent):
+    if not steps:
+        return reading
+    name = f'{steps[-1]}_covariance'
+    if name not in field_names(getter(steps[:-1])(message)):
         return reading
 
     def make(variance: Any, *values: Any) -> Floats:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rovid_core.settings import Settings, SettingsError
 from rovid_core.stream import Stream
-from rovid_ros.checkpoint import load, save
+from rovid_ros.checkpoint import is_record, load, save
 from rovid_ros.node.files import claim, prepare
 
 
@@ -43,8 +42,8 @@ class Checkpoint:
         self._misfit = False
         if settings.checkpoint_path:
             prepare('checkpoint.path', self.path)
-            if os.path.realpath(self.path) == os.path.realpath(settings.record_path):
-                raise SettingsError('checkpoint.path', 'is record.path, takes another file')
+        if is_record(settings):
+            raise SettingsError('checkpoint.path', 'is record.path, takes another file')
 
     def restore(self) -> dict[str, Any] | None:
         """Go on from the file where there is one that fits; return its state."""

@@ -93,7 +93,7 @@ def of_input(at: Situation, name: str) -> Verdict:
     silent = (at.now - min(at.arrivals.last(topic) for topic in topics)) / 1e9
     if silent > limit:
         return STALE, f'silent for {silent:.1f} s'
-    if name == 'thrusters' and silent > WINDOW:
+    if name == 'thrusters' and silent > WINDOW and at.stream.inputs[name].count:
         return OK, f'the last command holds, {silent:.0f} s old'
     return _of_coming(at, name, limit)
 

@@ -6,6 +6,7 @@ import json
 import math
 from pathlib import Path
 import re
+import resource
 from typing import Any
 from xml.etree import ElementTree
 
@@ -146,6 +147,20 @@ def test_output_goes_to_a_file(exported: Exported, tmp_path: Path) -> None:
     out, _ = exported(replayed(TRUE), '--format', 'yaml', '--output', str(path))
     assert path.read_text() == printed
     assert out == f'written   {path}\n'
+
+
+def test_a_full_disk_costs_no_file(exported: Exported, tmp_path: Path) -> None:
+    path = tmp_path / 'initial.yaml'
+    path.write_text('what was there')
+    exported(replayed(TRUE), '--format', 'yaml')  # leaves the estimates
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (400, before[1]))
+    try:
+        assert main(['export', str(tmp_path / 'estimates.json'), '--format', 'yaml',
+                     '--output', str(path)]) == 1
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert path.read_text() == 'what was there'
 
 
 @pytest.mark.parametrize('status', ['waiting', 'invalid'])

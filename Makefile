@@ -31,7 +31,7 @@ help:
 	@echo 'All take PYTHON=..., the interpreter to use (3.10 or newer; now: $(PYTHON))'
 
 demo: $(RUN_READY)
-	$(RUN)/bin/python -m rovid_ros.demo
+	$(RUN)/bin/python -m rovid_ros.commands.demo
 
 test: lint
 	$(TEST)/bin/python -m pytest $(ARGS)

@@ -41,7 +41,7 @@ setup(
     maintainer=manifest('maintainer'),
     maintainer_email=PACKAGE.find('maintainer').attrib['email'],
     packages=find_packages(include=['rovid_*']),
-    package_data={f'{name}.html': ['page/*']},  # style and scripts of the HTML report
+    package_data={f'{name}.report': ['page/*']},  # style and scripts of the HTML report
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (share, ['package.xml']),
@@ -69,7 +69,7 @@ setup(
     entry_points={
         'console_scripts': [
             'identifier_node = rovid_ros.node.main:main',
-            'rovid = rovid_ros.cli.main:main',
+            'rovid = rovid_ros.commands.main:main',
         ],
     },
     zip_safe=False,

@@ -6,12 +6,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from math import cos, pi, sin
 
-from rovid_core.aid import AdaptiveIdentifier, Gains
-from rovid_core.dofs import Four
-from rovid_core.identifier import Scales, Step
-from rovid_core.plant import acceleration, advance, lumped
-from rovid_core.score import Score
-from rovid_core.settings import (
+from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
+from rovid_core.identify.estimate import Estimate
+from rovid_core.model.dofs import Four
+from rovid_core.model.plant import acceleration, advance, lumped
+from rovid_core.model.samples import Event, Sample, Step
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
     InputSettings,
@@ -20,9 +21,9 @@ from rovid_core.settings import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_core.simulator import Measurement, simulate
-from rovid_core.stream import Stream
-from rovid_core.values import Estimate, Event, Sample
+from rovid_core.settings.scales import Scales
+from rovid_core.simulation.simulator import Measurement, simulate
+from rovid_core.trials.score import Score
 
 # eq. 13: 250 kg, quadratic drag 200, 100 N at 1/4 Hz
 EXACT_TRUTH: Four = (1 / 250, -200 / 250, 0.0, 0.0)

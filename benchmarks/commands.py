@@ -16,7 +16,7 @@ import time
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-CLI = (sys.executable, '-m', 'rovid_ros.cli')
+CLI = (sys.executable, '-m', 'rovid_ros.commands')
 """What ``rovid`` runs, with these sources."""
 
 

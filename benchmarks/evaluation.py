@@ -14,22 +14,21 @@ from statistics import median
 import sys
 
 import numpy as np
-from rovid_core.dofs import Four, PARAMETERS
-from rovid_core.identifier import Scales
-from rovid_core.least_squares import with_acceleration
-from rovid_core.offline import METHODS
-from rovid_core.output_error import information, output_error
-from rovid_core.passes import repeated_passes
-from rovid_core.residuals import noise
-from rovid_core.score import ScoreLog
-from rovid_core.settings import Settings
-from rovid_core.stream import Stream
-from rovid_core.trial import Record
-from rovid_core.values import Estimate
+from rovid_core.identify.estimate import Estimate
+from rovid_core.model.dofs import Four, PARAMETERS
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings
+from rovid_core.settings.scales import Scales
+from rovid_core.trials.least_squares import with_acceleration
+from rovid_core.trials.offline import METHODS
+from rovid_core.trials.output_error import information, noise, output_error
+from rovid_core.trials.record import Record
+from rovid_core.trials.repeated_passes import repeated_passes
+from rovid_core.trials.score import ScoreLog
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
 from rovid_ros.messages.convert import Converter
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
 
 from benchmarks.trials import (
     Array,

@@ -9,10 +9,9 @@ from math import isinf
 from typing import Any
 
 import numpy as np
-from rovid_core.settings import Settings
+from rovid_core.settings.run import Settings
 from rovid_ros.logs.log import LogMessage
-from rovid_ros.messages.field_paths import Step
-from rovid_ros.messages.field_values import resolve
+from rovid_ros.messages.field_paths import resolve, Step
 
 SECOND = 1_000_000_000  # [ns]
 ALL = ''

@@ -14,7 +14,7 @@ import time
 from typing import Any
 
 import rclpy
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 
 from benchmarks.fault_edits import Messages, SECOND
 from benchmarks.fault_outcomes import Outcome, step_text

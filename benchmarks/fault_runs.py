@@ -10,20 +10,20 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from rovid_core.dofs import Four
-from rovid_core.plant import lumped
-from rovid_core.profile import Profile, Sinusoid
-from rovid_core.score import ScoreLog
-from rovid_core.settings import Settings
-from rovid_core.values import Estimate
-from rovid_ros.feeder import PipeFeeder
+from rovid_core.identify.estimate import Estimate
+from rovid_core.model.dofs import Four
+from rovid_core.model.plant import lumped
+from rovid_core.settings.run import Settings
+from rovid_core.simulation.profiles import Profile, Sinusoid
+from rovid_core.trials.score import ScoreLog
+from rovid_ros.commands.feeder import PipeFeeder
+from rovid_ros.commands.replay import replay
+from rovid_ros.commands.simulate import simulate_log
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log, LogMessage
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
-from rovid_ros.replay import replay
-from rovid_ros.simulate import simulate_log
 
 from benchmarks.evaluation import TANK_LENGTH
 from benchmarks.fault_edits import Messages, Recording, SECOND, shifted

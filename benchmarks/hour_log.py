@@ -16,13 +16,13 @@ import sys
 from typing import Any
 
 import numpy as np
-from rovid_core.settings import Settings
-from rovid_core.simulator import simulate
+from rovid_core.settings.run import Settings
+from rovid_core.simulation.simulator import simulate
+from rovid_ros.commands.simulate import EPOCH
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
-from rovid_ros.simulate import EPOCH
 
 CONFIG = Path(__file__).parents[1] / 'config' / 'jhurov.yaml'
 RATES = {'position_rate': 10.0, 'depth_rate': 20.0, 'attitude_rate': 50.0, 'thruster_rate': 20.0}

@@ -17,10 +17,10 @@ import sys
 from tempfile import TemporaryDirectory
 import time
 
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
-from rovid_ros.replay_checkpoint import read_state
-from rovid_ros.simulate import simulate_log
+from rovid_ros.commands.replay_checkpoint import read_state
+from rovid_ros.commands.simulate import simulate_log
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 from benchmarks.kill_tally import configured, environment, Tally
 
@@ -79,7 +79,7 @@ class Replays:
 
     def _start(self, checkpoint: bool = True) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
-            [sys.executable, '-m', 'rovid_ros.cli', 'replay', self._log, '--params-file',
+            [sys.executable, '-m', 'rovid_ros.commands', 'replay', self._log, '--params-file',
              self._config, '--output', self._output, '--json', self._json,
              *(['--checkpoint', self._state] if checkpoint else [])],
             env=environment(), stdout=subprocess.DEVNULL)

@@ -22,10 +22,10 @@ import time
 from typing import Any
 
 import numpy as np
-from rovid_ros.node.messages import import_type
-from rovid_ros.node.publishers import latched, reliable
-from rovid_ros.outputs import LATCHED, TOPICS
-from rovid_ros.parameter_file import load
+from rovid_ros.config.parameter_file import load
+from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.publishers import latched, reliable
+from rovid_ros.results.outputs import LATCHED, TOPICS
 
 from benchmarks.commands import ratios
 from benchmarks.fault_live import ros

@@ -6,7 +6,7 @@ from multiprocessing.connection import Connection
 import time
 from typing import Any, NamedTuple
 
-from rovid_ros.parameters import settings_from
+from rovid_ros.config.parameters import settings_from
 
 from benchmarks.fault_live import ros
 from benchmarks.live import Peer

@@ -13,8 +13,8 @@ from rcl_interfaces.srv import ListParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
-from rovid_ros.node.messages import import_type
-from rovid_ros.node.publishers import reliable
+from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.publishers import reliable
 import yaml
 
 from benchmarks.processes import PATIENCE

@@ -9,12 +9,12 @@ import subprocess
 import sys
 import time
 
-from rovid_core.stream import Stream
-from rovid_ros.checkpoint import load as load_checkpoint
+from rovid_core.pipeline.stream import Stream
+from rovid_ros.commands.simulate import simulate_log
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.files.state_file import load as load_checkpoint
 from rovid_ros.logs.log import Log
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
-from rovid_ros.simulate import simulate_log
 
 from benchmarks.kill_tally import configured, environment, Tally
 from benchmarks.processes import REPOSITORY
@@ -35,7 +35,7 @@ class Vehicle:
     def __init__(self, log: Path, topics: list[str]) -> None:
         import rclpy
         from rclpy.qos import qos_profile_sensor_data
-        from rovid_ros.node.messages import import_type
+        from rovid_ros.node.transport.message_classes import import_type
         rclpy.init(args=[])
         self.node = rclpy.create_node('vehicle')
         with Log([log]) as opened:

@@ -19,8 +19,8 @@ import time
 from typing import Any
 
 import numpy as np
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
-from rovid_ros.parameter_file import load
+from rovid_ros.config.parameter_file import load
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 
 from benchmarks.fault_live import ros
 from benchmarks.live import Peer, rejected_in, write_parameters

@@ -8,8 +8,8 @@ import time
 from typing import Any
 
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
-from rovid_core.settings import Settings
-from rovid_ros.parameters import settings_from
+from rovid_core.settings.run import Settings
+from rovid_ros.config.parameters import settings_from
 
 from benchmarks.fault_live import ros
 from benchmarks.live import Peer

@@ -16,7 +16,7 @@ from pathlib import Path
 from statistics import median
 
 import numpy as np
-from rovid_core.dofs import PARAMETERS, PHYSICAL
+from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 
 from benchmarks.cases import SURGE_TRUTH
 from benchmarks.online_cases import bound, CLEAN, FAULTS, HONEST, prediction_error, SPLIT

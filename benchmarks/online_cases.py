@@ -8,10 +8,11 @@ from functools import cache
 from math import inf, pi
 
 import numpy as np
-from rovid_core.dofs import Four
-from rovid_core.identifier import Identifier, Step
-from rovid_core.lowpass import filtered
-from rovid_core.response import path, response, sensitivities
+from rovid_core.identify.method import Identifier
+from rovid_core.model.dofs import Four
+from rovid_core.model.samples import Step
+from rovid_core.trials.response import path, response, sensitivities
+from rovid_core.velocity.lowpass import filtered
 
 from benchmarks.cases import SURGE_TRUTH, TRAINING, VALIDATION
 from benchmarks.trials import Array, CUTOFF, NOISE, RATE, Waves

@@ -10,13 +10,15 @@ from math import inf, isfinite
 from time import process_time
 
 import numpy as np
-from rovid_core.dofs import Four, PARAMETERS, PHYSICAL
-from rovid_core.identifier import Identifier, Scales, Step
-from rovid_core.intervals import intervals
-from rovid_core.methods import make
-from rovid_core.plant import lumped
-from rovid_core.settings import DofSettings, IdentifierSettings
-from rovid_core.stream import Stream
+from rovid_core.identify.intervals import intervals
+from rovid_core.identify.method import Identifier
+from rovid_core.identify.methods import make
+from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
+from rovid_core.model.plant import lumped
+from rovid_core.model.samples import Step
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import DofSettings, IdentifierSettings
+from rovid_core.settings.scales import Scales
 
 from benchmarks import cases
 from benchmarks.cases import HEAVY, surge_log, surge_settings, SURGE_TRUTH, TRAINING, VALIDATION

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from rovid_core.settings import IdentifierSettings
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_core.settings.run import IdentifierSettings
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 from benchmarks.evaluation import replayed, TANK_LENGTH
 from benchmarks.trials import CONFIG

@@ -6,10 +6,10 @@ import sys
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rovid_ros.node.messages import import_type
 from rovid_ros.node.parameters import read_files
-from rovid_ros.node.publishers import best_effort, DEPTH, reliable
 from rovid_ros.node.stop import Stop
+from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.publishers import best_effort, DEPTH, reliable
 from std_msgs.msg import Float64MultiArray
 
 

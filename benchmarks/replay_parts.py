@@ -8,16 +8,16 @@ import sys
 from time import process_time
 from typing import Any
 
-from rovid_core.ordering import EventOrder
-from rovid_core.pipe import Pipe
-from rovid_core.score import ScoreLog
-from rovid_core.settings import Settings
-from rovid_core.values import Event
-from rovid_ros.feeder import PipeFeeder
+from rovid_core.model.samples import Event
+from rovid_core.ordering.event_order import EventOrder
+from rovid_core.pipeline.steps import Pipe
+from rovid_core.settings.run import Settings
+from rovid_core.trials.score import ScoreLog
+from rovid_ros.commands.feeder import PipeFeeder
+from rovid_ros.commands.replay_run import ReplayRun
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
-from rovid_ros.replay_run import ReplayRun
 
 DURATION = 120.0  # [s] of the log
 RUNS = 5

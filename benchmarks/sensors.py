@@ -8,11 +8,11 @@ from itertools import groupby
 import struct
 from typing import Any
 
-from rovid_core.settings import Settings
-from rovid_core.simulator import simulate
+from rovid_core.settings.run import Settings
+from rovid_core.simulation.simulator import simulate
+from rovid_ros.commands.simulate import EPOCH
 from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages
 from rovid_ros.messages.types import build, standard_types
-from rovid_ros.simulate import EPOCH
 
 STAMP = struct.Struct('<iI')
 AFTER_ENCAPSULATION = 4

@@ -18,12 +18,12 @@ import os
 from pathlib import Path
 from queue import Empty
 
-from rovid_core.settings import Settings
-from rovid_core.stream import Stream
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.messages.convert import Converter
-from rovid_ros.outputs import Outputs
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_ros.results.outputs import Outputs
 
 from benchmarks.processes import resident
 from benchmarks.sections import write

@@ -8,10 +8,10 @@ from tempfile import TemporaryDirectory
 import time
 from typing import Any
 
-from rovid_core.settings import Settings
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_core.settings.run import Settings
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 
 from benchmarks.fault_live import ros
 from benchmarks.live import Peer, rejected_in, write_parameters

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import cast
 
-from rovid_core.dofs import Four, PARAMETERS
-from rovid_core.plant import lumped
-from rovid_core.settings import Settings
+from rovid_core.model.dofs import Four, PARAMETERS
+from rovid_core.model.plant import lumped
+from rovid_core.settings.run import Settings
 
 from benchmarks.fault_runs import WAVES
 from benchmarks.trials import error

@@ -20,7 +20,7 @@ PROGRAMS = {
     EMPTY: 'pass',
     NUMPY: 'import numpy',
     'import rovid_core': 'import rovid_core',
-    'import rovid_core.stream': 'import rovid_core.stream',
+    'import rovid_core.pipeline.stream': 'import rovid_core.pipeline.stream',
 }
 """The core's package holds nothing; its stream needs all that a run does."""
 
@@ -31,7 +31,8 @@ Times = list[tuple[float, float]]
 def commands() -> dict[str, list[str]]:
     """Return what is started."""
     found = {name: [sys.executable, '-c', text] for name, text in PROGRAMS.items()}
-    found['python -m rovid_ros.cli --help'] = [sys.executable, '-m', 'rovid_ros.cli', '--help']
+    found['python -m rovid_ros.commands --help'] = [
+        sys.executable, '-m', 'rovid_ros.commands', '--help']
     script = Path(sys.executable).with_name('rovid')
     if script.exists():
         found['rovid --help'] = [str(script), '--help']

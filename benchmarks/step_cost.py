@@ -13,9 +13,9 @@ from statistics import median
 from time import process_time
 
 import numpy as np
-from rovid_core.identification import Identification
-from rovid_core.identifier import Scales
-from rovid_core.settings import IdentifierSettings, Settings
+from rovid_core.pipeline.one_dof import Identification
+from rovid_core.settings.run import IdentifierSettings, Settings
+from rovid_core.settings.scales import Scales
 
 from benchmarks.cases import HEAVY, surge_settings
 from benchmarks.commands import show

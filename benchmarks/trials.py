@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.dofs import Four
-from rovid_core.lowpass import LowPass
-from rovid_core.plant import lumped
-from rovid_core.response import path, response
-from rovid_core.settings import DofSettings
-from rovid_core.trial import Record
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_core.model.dofs import Four
+from rovid_core.model.plant import lumped
+from rovid_core.settings.run import DofSettings
+from rovid_core.trials.record import Record
+from rovid_core.trials.response import path, response
+from rovid_core.velocity.lowpass import LowPass
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 CONFIG = Path(__file__).parents[1] / 'config'
 RATE, NOISE, DURATION = 10.0, 0.005, 300.0  # [Hz], [m or rad], [s]

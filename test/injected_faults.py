@@ -7,14 +7,14 @@ import math
 from pathlib import Path
 from random import Random
 
-from rovid_core.reasons import REASONS
-from rovid_core.score import ScoreLog
-from rovid_core.settings import IdentifierSettings, Settings
-from rovid_core.simulator import simulate
-from rovid_core.stream import Stream
-from rovid_core.values import Event, Sample
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_core.inputs.reasons import REASONS
+from rovid_core.model.samples import Event, Sample
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import IdentifierSettings, Settings
+from rovid_core.simulation.simulator import simulate
+from rovid_core.trials.score import ScoreLog
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 START = 1_700_000_000_000_000_000  # [ns]
 DURATION = 240.0

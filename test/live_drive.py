@@ -13,7 +13,7 @@ from conftest import REPOSITORY
 from geometry_msgs.msg import PointStamped
 from live_node import changed, heard, NodeProcess, Peer, Status, TYPES, write_parameters
 import rclpy
-from rovid_ros.cli.main import main
+from rovid_ros.commands.main import main
 from rovid_ros.logs.log import Log
 from sensor_msgs.msg import Imu
 from std_msgs.msg import Float64MultiArray
@@ -78,7 +78,7 @@ def replayed_record(record: Path, values: dict[str, Any],
     if environment is None:
         assert main(arguments) == 0
     else:  # ROS begins only once in a process
-        subprocess.run([sys.executable, '-m', 'rovid_ros.cli', *arguments, '--ros'],
+        subprocess.run([sys.executable, '-m', 'rovid_ros.commands', *arguments, '--ros'],
                        env=environment, cwd=REPOSITORY, check=True)
     with Log([output]) as log:
         return heard(message.data for message in log.messages(['/rov/estimate']))

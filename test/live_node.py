@@ -6,14 +6,14 @@ from typing import Any
 
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
-from rovid_core.settings import Settings
-from rovid_core.stream import Stream
-from rovid_core.values import Estimate
+from rovid_core.identify.estimate import Estimate
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings
+from rovid_ros.commands.simulate import simulate_log
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.messages.convert import Converter
-from rovid_ros.node.messages import import_type
-from rovid_ros.outputs import Outputs
-from rovid_ros.parameters import settings_from
-from rovid_ros.simulate import simulate_log
+from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.results.outputs import Outputs
 
 from benchmarks.live import heard, level, Peer, Raw, Status, write_parameters
 from benchmarks.processes import NodeProcess, PATIENCE

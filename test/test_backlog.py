@@ -9,8 +9,8 @@ from live_node import changed, Peer, simulated, TYPES
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rovid_ros.node.backlog import Backlog, LONG, MOST
-from rovid_ros.node.identifier import IdentifierNode
+from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport.backlog import Backlog, LONG, MOST
 
 
 def taken(backlog: Backlog, topic: str = '/fast', patience: int = 1 << 60) -> int:

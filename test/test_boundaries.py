@@ -10,7 +10,7 @@ import pytest
 # The core gets time and randomness as values, so that the same input gives the same bits.
 NOT_IN_CORE = {'calendar', 'datetime', 'random', 'secrets', 'sched', 'time', 'uuid'}
 SEEDED = 'simulator.py'  # the one file with a random generator, seeded by its caller
-OFFLINE = {'least_squares.py', 'residuals.py'}  # evaluate whole trials
+OFFLINE = {'least_squares.py', 'output_error.py'}  # evaluate whole trials
 
 WITHOUT_ROS = """
 import importlib.abc
@@ -66,7 +66,8 @@ def test_core_imports_only_numpy_and_the_standard_library(repository: Path) -> N
 
 def test_the_online_path_does_without_scipy(
         repository: Path, environment: dict[str, str]) -> None:
-    code = ('import sys, rovid_core.stream, rovid_core.score, rovid_core.simulator; '
+    code = ('import sys, rovid_core.pipeline.stream, rovid_core.trials.score, '
+            'rovid_core.simulation.simulator; '
             'assert not any(name.startswith("scipy") for name in sys.modules)')
     subprocess.run([sys.executable, '-c', code], cwd=repository, env=environment, check=True)
 
@@ -109,6 +110,6 @@ def test_simulate_and_replay_without_ros(
     for arguments in (
             ['simulate', '--params-file', config, '--output', log, '--duration', '20'],
             ['replay', log, '--params-file', config, '--json', tmp_path / 'result.json']):
-        without_ros('from rovid_ros.cli.main import main\n'
+        without_ros('from rovid_ros.commands.main import main\n'
                     f'sys.exit(main({[*map(str, arguments)]}))', repository, environment)
     assert (tmp_path / 'result.json').stat().st_size > 0

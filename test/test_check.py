@@ -9,13 +9,13 @@ from typing import Any
 
 from mcap.reader import make_reader
 import pytest
-from rovid_ros.check.check import Asked, check, Outcome
-from rovid_ros.check.findings import ERROR, Finding, OK, WARNING
-from rovid_ros.cli.main import main
+from rovid_ros.commands.check.check import Asked, check, Outcome
+from rovid_ros.commands.check.findings import ERROR, Finding, OK, WARNING
+from rovid_ros.commands.main import main
+from rovid_ros.commands.simulate import simulate_log
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types
-from rovid_ros.parameters import settings_from
-from rovid_ros.simulate import simulate_log
 import yaml
 
 VALUES: dict[str, Any] = {
@@ -380,7 +380,7 @@ def test_the_live_graph(tmp_path: Path, log: Path) -> None:
     rclpy = pytest.importorskip('rclpy')
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
-    from rovid_ros.node.messages import import_type
+    from rovid_ros.node.transport.message_classes import import_type
 
     context = rclpy.Context()
     rclpy.init(args=[], context=context)

@@ -6,14 +6,14 @@ import os
 from pathlib import Path
 
 import pytest
-from rovid_core.settings import (
+from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
     InputSettings,
     Settings,
     ThrusterSettings,
 )
-from rovid_ros.checkpoint import CheckpointError, load, save
+from rovid_ros.files.state_file import CheckpointError, load, save
 
 STATE = {'a': [0.1 + 0.2, 5e-324], 'b': {'c': 'text'}}
 

@@ -10,13 +10,12 @@ from threading import Thread
 
 import pytest
 from rovid_ros import __version__
-from rovid_ros.cli.main import main
-from rovid_ros.command import check_written, CommandError, guarded
-from rovid_ros.interrupt import Interrupted
-from rovid_ros.json_file import write_json
-from rovid_ros.progress import Progress
-from rovid_ros.report import number, percent, table
-from rovid_ros.units import unit
+from rovid_ros.commands.ending import check_written, CommandError, guarded
+from rovid_ros.commands.interrupt import Interrupted
+from rovid_ros.commands.main import main
+from rovid_ros.commands.progress import Progress
+from rovid_ros.files.whole_files import write_json
+from rovid_ros.results.text import number, percent, table, unit
 
 
 @pytest.fixture
@@ -180,14 +179,14 @@ def test_a_link_to_itself_is_no_traceback(tmp_path: Path) -> None:
 
 def test_the_module_is_the_command(repository: Path, environment: dict[str, str]) -> None:
     out = subprocess.run(
-        [sys.executable, '-m', 'rovid_ros.cli', '--version'], cwd=repository, env=environment,
+        [sys.executable, '-m', 'rovid_ros.commands', '--version'], cwd=repository, env=environment,
         check=True, capture_output=True, text=True).stdout
     assert out == f'rovid {__version__}\n'
 
 
 def test_only_the_command_that_runs_is_imported(
         repository: Path, environment: dict[str, str]) -> None:
-    code = ('import sys; from rovid_ros.cli.main import main; main(["--version"]); '
+    code = ('import sys; from rovid_ros.commands.main import main; main(["--version"]); '
             'print([m for m in ("numpy", "rosbags", "mcap", "yaml", "rclpy") '
             'if m in sys.modules])')
     out = subprocess.run(

@@ -13,7 +13,7 @@ pytest.importorskip('rclpy')
 
 from live_drive import ros_peer
 import rovid_ros
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_srvs.srv import Trigger
 
 COLCON = shutil.which('colcon', path=Path(sys.executable).parent) or shutil.which('colcon')

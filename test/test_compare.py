@@ -5,15 +5,15 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 import pytest
-from rovid_core.dofs import PARAMETERS
-from rovid_core.methods import METHODS as ONLINE
-from rovid_core.offline import METHODS
-from rovid_core.plant import lumped
-from rovid_ros.cli.main import main
-from rovid_ros.estimates import read_estimates
+from rovid_core.identify.methods import METHODS as ONLINE
+from rovid_core.model.dofs import PARAMETERS
+from rovid_core.model.plant import lumped
+from rovid_core.trials.offline import METHODS
+from rovid_ros.commands.main import main
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_ros.results.identified import read_estimates
 import yaml
 
 CONFIG = Path(__file__).parents[1] / 'config' / 'jhurov.yaml'

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rovid_core.dofs import DOFS, PHYSICAL
-from rovid_core.settings import Settings
-from rovid_core.simulator import simulate
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import KEYS, settings_from
+from rovid_core.model.dofs import DOFS, PHYSICAL
+from rovid_core.settings.run import Settings
+from rovid_core.simulation.simulator import simulate
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import KEYS, settings_from
 
 CONFIG = Path(__file__).parents[1] / 'config'
 FILES = sorted(CONFIG.glob('*.yaml'))

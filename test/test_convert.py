@@ -9,14 +9,14 @@ from typing import Any
 from hypothesis import given, strategies
 import numpy as np
 import pytest
-from rovid_core.settings import (
+from rovid_core.model.samples import Event
+from rovid_core.settings.run import (
     DofSettings,
     InputSettings,
     Settings,
     SettingsError,
     ThrusterSettings,
 )
-from rovid_core.values import Event
 from rovid_ros.messages.convert import Converter, FieldError
 from rovid_ros.messages.types import build, standard_types
 
@@ -40,7 +40,7 @@ def message(name: str, fields: Mapping[str, Any]) -> Any:
 
 def ros_message(name: str, fields: Mapping[str, Any]) -> Any:
     pytest.importorskip('rclpy')
-    from rovid_ros.node.messages import fill, import_type
+    from rovid_ros.node.transport.message_classes import fill, import_type
     return fill(import_type(name), fields)
 
 

@@ -5,13 +5,14 @@ import math
 
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import pytest
-from rovid_core.ordering import EventOrder
-from rovid_core.score import ScoreLog
-from rovid_core.settings import Settings
-from rovid_core.simulator import simulate
-from rovid_core.stream import Stream
-from rovid_core.thrust import Thrust
-from rovid_core.values import Estimate, Event, Sample
+from rovid_core.identify.estimate import Estimate
+from rovid_core.model.samples import Event, Sample
+from rovid_core.ordering.event_order import EventOrder
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings
+from rovid_core.simulation.simulator import simulate
+from rovid_core.thrust.force_history import Thrust
+from rovid_core.trials.score import ScoreLog
 
 from benchmarks.cases import surge_settings
 

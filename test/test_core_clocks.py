@@ -16,11 +16,11 @@ from injected_faults import (
     worse,
 )
 import pytest
-from rovid_core.rotation import from_yaw
-from rovid_core.settings import InputSettings
-from rovid_core.stream import Stream
-from rovid_core.values import Event, Sample
-from rovid_core.world import AttitudeHistory
+from rovid_core.model.samples import Event, Sample
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import InputSettings
+from rovid_core.velocity.attitude_history import AttitudeHistory
+from rovid_core.velocity.quaternions import from_yaw
 
 ALL = ('position', 'depth', 'attitude', 'thrusters')
 UNHEARD = {'no_attitude', 'stale_thrust', 'no_thrust', 'gap'}

@@ -5,21 +5,21 @@ from math import inf, isfinite, isnan, nan
 
 import numpy as np
 import pytest
-from rovid_core.dofs import PARAMETERS
-from rovid_core.ekf.covariance import diagonal, row, SIZE
-from rovid_core.ekf.extended_kalman import ExtendedKalman
-from rovid_core.ekf.impulses import Impulses
-from rovid_core.ekf.linearised import ALPHA, DELAY, Linearised, VELOCITY
-from rovid_core.identifier import Scales, Step
-from rovid_core.intervals import intervals
-from rovid_core.plant import lumped
-from rovid_core.response import response
-from rovid_core.simulator import simulate
-from rovid_core.status import DofStatus
-from rovid_core.stream import Stream
-from rovid_core.values import Event, Sample
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_core.identify.ekf.covariance import diagonal, row, SIZE
+from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
+from rovid_core.identify.ekf.force_impulses import Impulses
+from rovid_core.identify.ekf.linearised import ALPHA, DELAY, Linearised, VELOCITY
+from rovid_core.identify.intervals import intervals
+from rovid_core.identify.status import DofStatus
+from rovid_core.model.dofs import PARAMETERS
+from rovid_core.model.plant import lumped
+from rovid_core.model.samples import Event, Sample, Step
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.scales import Scales
+from rovid_core.simulation.simulator import simulate
+from rovid_core.trials.response import response
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 from benchmarks.cases import HEAVY, LIGHT, SURGE_TRUTH, TRAINING
 from benchmarks.online_cases import (

@@ -4,9 +4,10 @@ from math import pi, sin
 
 import numpy as np
 import pytest
-from rovid_core.excitation import Excitation, Gram
-from rovid_core.identifier import Scales, Step
-from rovid_core.plant import advance, lumped
+from rovid_core.identify.excitation import Excitation, Gram
+from rovid_core.model.plant import advance, lumped
+from rovid_core.model.samples import Step
+from rovid_core.settings.scales import Scales
 
 TRUTH = lumped(290.0, 290.0, 43.5, 2.9)
 ALL = (True, True, True, True)

@@ -5,10 +5,10 @@ from math import isfinite
 from statistics import median
 
 import pytest
-from rovid_core import pipe
-from rovid_core.dofs import PARAMETERS
-from rovid_core.lowpass import LowPass
-from rovid_core.stream import Stream
+from rovid_core.model.dofs import PARAMETERS
+from rovid_core.pipeline import steps as pipe
+from rovid_core.pipeline.stream import Stream
+from rovid_core.velocity.lowpass import LowPass
 
 from benchmarks.cases import (
     exact_case,

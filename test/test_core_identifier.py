@@ -7,13 +7,14 @@ import math
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.aid import AdaptiveIdentifier, Gains
-from rovid_core.averaged import AveragedIdentifier
-from rovid_core.dofs import PARAMETERS
-from rovid_core.identifier import Scales, Step
-from rovid_core.methods import make, METHODS
-from rovid_core.plant import advance, lumped
-from rovid_core.settings import DofSettings, IdentifierSettings, SettingsError
+from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
+from rovid_core.identify.aid.running_mean import AveragedIdentifier
+from rovid_core.identify.methods import make, METHODS
+from rovid_core.model.dofs import PARAMETERS
+from rovid_core.model.plant import advance, lumped
+from rovid_core.model.samples import Step
+from rovid_core.settings.run import DofSettings, IdentifierSettings, SettingsError
+from rovid_core.settings.scales import Scales
 
 DOF = DofSettings(400.0, 150.0, 20.0, 1.0)
 TRUTH = lumped(290.0, 290.0, 43.5, 2.9)

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from rovid_core.dofs import PARAMETERS, PHYSICAL
-from rovid_core.intervals import intervals
-from rovid_core.plant import lumped, physical
+from rovid_core.identify.intervals import intervals
+from rovid_core.model.dofs import PARAMETERS, PHYSICAL
+from rovid_core.model.plant import lumped, physical
 
 VEHICLE = (290.0, 290.0, 43.5, 20.0)
 TRUTH = lumped(*VEHICLE)

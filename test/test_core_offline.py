@@ -7,17 +7,17 @@ from statistics import median
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.coupled import CoupledIdentifier
-from rovid_core.identifier import Scales, Step
-from rovid_core.least_squares import with_acceleration
-from rovid_core.offline import METHODS, subsets
-from rovid_core.output_error import information, output_error
-from rovid_core.plant import advance
-from rovid_core.residuals import noise
-from rovid_core.response import path, response, sensitivities
-from rovid_core.score import ScoreLog
-from rovid_core.simulator import simulate
-from rovid_core.stream import Stream
+from rovid_core.identify.aid.full_gain import CoupledIdentifier
+from rovid_core.model.plant import advance
+from rovid_core.model.samples import Step
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.scales import Scales
+from rovid_core.simulation.simulator import simulate
+from rovid_core.trials.least_squares import with_acceleration
+from rovid_core.trials.offline import METHODS, subsets
+from rovid_core.trials.output_error import information, noise, output_error
+from rovid_core.trials.response import path, response, sensitivities
+from rovid_core.trials.score import ScoreLog
 
 from benchmarks.cases import HEAVY, run, surge_settings, SURGE_TRUTH
 from benchmarks.evaluation import (

@@ -4,8 +4,8 @@ import random
 
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import pytest
-from rovid_core.ordering import EventOrder
-from rovid_core.values import Event, Sample
+from rovid_core.model.samples import Event, Sample
+from rovid_core.ordering.event_order import EventOrder
 
 MS = 1_000_000
 INPUTS = [('position', 0), ('attitude', 0), ('thrusters', 0)]

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 from injected_faults import clean, DURATION, run, seconds, spoilt, undisturbed, vehicle, worse
 import pytest
-from rovid_core.profile import Steps
-from rovid_core.rotation import from_yaw, product
-from rovid_core.settings import InputSettings
-from rovid_core.simulator import simulate
-from rovid_core.stream import Stream
-from rovid_core.values import Event, Sample
+from rovid_core.model.samples import Event, Sample
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import InputSettings
+from rovid_core.simulation.profiles import Steps
+from rovid_core.simulation.simulator import simulate
+from rovid_core.velocity.quaternions import from_yaw, product
 
 METHODS = ('aid', 'rls', 'ekf')
 

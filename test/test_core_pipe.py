@@ -7,11 +7,11 @@ import random
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.dofs import DOFS
-from rovid_core.plant import lumped
-from rovid_core.rotation import between, from_yaw, normalised, product, rotate, rotation_between
-from rovid_core.score import ScoreLog
-from rovid_core.settings import (
+from rovid_core.model.dofs import DOFS
+from rovid_core.model.plant import lumped
+from rovid_core.model.samples import Event, Sample
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
     InputSettings,
@@ -21,9 +21,16 @@ from rovid_core.settings import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_core.simulator import simulate
-from rovid_core.stream import Stream
-from rovid_core.values import Event, Sample
+from rovid_core.simulation.simulator import simulate
+from rovid_core.trials.score import ScoreLog
+from rovid_core.velocity.quaternions import (
+    between,
+    from_yaw,
+    normalised,
+    product,
+    rotate,
+    rotation_between,
+)
 
 from benchmarks.cases import run, surge_settings
 

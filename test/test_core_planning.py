@@ -5,11 +5,14 @@ import math
 
 import numpy as np
 import pytest
-from rovid_core.identifier import Scales
-from rovid_core.output_error import output_error
-from rovid_core.planning import fleet
-from rovid_core.planning.plan import Plan, plan
-from rovid_core.planning.prospect import (
+from rovid_core.model.plant import lumped
+from rovid_core.settings.scales import Scales
+from rovid_core.simulation.profiles import Multisine, Sinusoid, Steps, Waveform
+from rovid_core.simulation.simulator import simulate
+from rovid_core.trials.output_error import output_error, Residuals
+from rovid_core.trials.planning import fleet
+from rovid_core.trials.planning.plan import Plan, plan
+from rovid_core.trials.planning.prospect import (
     bounds,
     Limits,
     PlanError,
@@ -18,12 +21,8 @@ from rovid_core.planning.prospect import (
     times,
     Vehicles,
 )
-from rovid_core.plant import lumped
-from rovid_core.profile import Multisine, Sinusoid, Steps, Waveform
-from rovid_core.residuals import Residuals
-from rovid_core.response import path, response
-from rovid_core.simulator import simulate
-from rovid_core.trial import Record
+from rovid_core.trials.record import Record
+from rovid_core.trials.response import path, response
 
 from benchmarks.cases import surge_settings, SURGE_TRUTH
 

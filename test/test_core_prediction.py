@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from rovid_core.identifier import Step
-from rovid_core.lowpass import filtered, LowPass
-from rovid_core.plant import advance
-from rovid_core.prediction import predict
-from rovid_core.recurrence import LENGTH, recurrence
-from rovid_core.score import Score, ScoreLog
-from rovid_core.settings import Settings
+from rovid_core.model.plant import advance
+from rovid_core.model.recurrence import LENGTH, recurrence
+from rovid_core.model.samples import Step
+from rovid_core.settings.run import Settings
+from rovid_core.trials.prediction import predict
+from rovid_core.trials.score import Score, ScoreLog
+from rovid_core.velocity.lowpass import filtered, LowPass
 
 from benchmarks.cases import surge_settings, SURGE_TRUTH
 

@@ -4,7 +4,7 @@ import ast
 from pathlib import Path
 import re
 
-from rovid_core.reasons import REASONS
+from rovid_core.inputs.reasons import REASONS
 
 REPOSITORY = Path(__file__).parents[1]
 TELLING = {'reject', '_reject', '_drop', '_skip', '_refuse', '_count', 'RefusedError'}

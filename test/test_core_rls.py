@@ -7,12 +7,13 @@ from random import Random
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.factored import FactoredCovariance
-from rovid_core.identifier import Scales, Step
-from rovid_core.plant import advance, lumped
-from rovid_core.rls import MEMORY, PRIOR, RecursiveLeastSquares
-from rovid_core.settings import DofSettings
-from rovid_core.stream import Stream
+from rovid_core.identify.rls.factored_covariance import FactoredCovariance
+from rovid_core.identify.rls.recursive_least_squares import MEMORY, PRIOR, RecursiveLeastSquares
+from rovid_core.model.plant import advance, lumped
+from rovid_core.model.samples import Step
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import DofSettings
+from rovid_core.settings.scales import Scales
 
 from benchmarks.cases import HEAVY, LIGHT, prediction, run, surge_log, surge_settings, SURGE_TRUTH
 

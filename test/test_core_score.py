@@ -7,10 +7,10 @@ import os
 
 import numpy as np
 import pytest
-from rovid_core import rows, score
-from rovid_core.identifier import Step
-from rovid_core.rows import Rows
-from rovid_core.score import Score, ScoreLog
+from rovid_core.model.samples import Step
+from rovid_core.trials import rows, score
+from rovid_core.trials.rows import Rows
+from rovid_core.trials.score import Score, ScoreLog
 
 from benchmarks.cases import surge_settings, SURGE_TRUTH
 

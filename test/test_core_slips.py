@@ -6,9 +6,9 @@ from random import Random
 
 from injected_faults import clean, run, spoilt, vehicle
 import pytest
-from rovid_core.rotation import from_yaw
-from rovid_core.settings import InputSettings
-from rovid_core.watch import Interleaved
+from rovid_core.inputs.units_and_signs import Interleaved
+from rovid_core.settings.run import InputSettings
+from rovid_core.velocity.quaternions import from_yaw
 
 
 def times(factor):

@@ -11,12 +11,12 @@ from typing import Any
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from rovid_core.inputs.units_and_signs import TypicalSizes
+from rovid_core.model.samples import Event, Sample
 from rovid_core.snapshot import SnapshotError, Snapshots
-from rovid_core.values import Event, Sample
-from rovid_core.watch import TypicalSizes
-from rovid_ros.feeder import PipeFeeder
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_ros.commands.feeder import PipeFeeder
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 
 def holder(**attributes: Any) -> TypicalSizes:

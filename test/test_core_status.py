@@ -4,13 +4,14 @@ from dataclasses import replace
 from math import pi, sin
 
 import pytest
-from rovid_core.dofs import Four
-from rovid_core.identifier import Scales, Step
-from rovid_core.plant import advance
-from rovid_core.settings import SimulatedDof
-from rovid_core.simulator import simulate
-from rovid_core.status import DofStatus, Judgement, STATUSES
-from rovid_core.stream import Stream
+from rovid_core.identify.status import DofStatus, Judgement, STATUSES
+from rovid_core.model.dofs import Four
+from rovid_core.model.plant import advance
+from rovid_core.model.samples import Step
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import SimulatedDof
+from rovid_core.settings.scales import Scales
+from rovid_core.simulation.simulator import simulate
 
 from benchmarks.cases import run, surge_log, surge_settings, SURGE_TRUTH as TRUTH, TRAINING
 

@@ -6,9 +6,9 @@ import math
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
-from rovid_core.settings import SettingsError, ThrusterSettings
-from rovid_core.thrust import Thrust
-from rovid_core.thruster_force import are_commands, thruster_model, wrench
+from rovid_core.settings.run import SettingsError, ThrusterSettings
+from rovid_core.thrust.force_history import Thrust
+from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench
 
 NONE = (0.0, 0.0)
 TWO = ThrusterSettings(

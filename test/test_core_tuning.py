@@ -9,21 +9,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rovid_core.aid import AdaptiveIdentifier, Gains
-from rovid_core.identifier import Scales, Step
-from rovid_core.settings import Settings
-from rovid_core.simulator import simulate
-from rovid_core.stream import Stream
-from rovid_core.thrust import Thrust
-from rovid_core.tuning.blocks import edges
-from rovid_core.tuning.choice import choose, nearest
-from rovid_core.tuning.commanded import Commanded
-from rovid_core.tuning.gains import Candidate, GainSweep, Steps
-from rovid_core.tuning.log import TuningLog
-from rovid_core.tuning.tune import observed, tune, Tuned, TuningError
-from rovid_core.values import Event, Sample
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
+from rovid_core.model.samples import Event, Sample, Step
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings
+from rovid_core.settings.scales import Scales
+from rovid_core.simulation.simulator import simulate
+from rovid_core.thrust.force_history import Thrust
+from rovid_core.trials.tuning.blocks import edges
+from rovid_core.trials.tuning.choice import choose, nearest
+from rovid_core.trials.tuning.commanded import Commanded
+from rovid_core.trials.tuning.gains import Candidate, GainSweep, Steps
+from rovid_core.trials.tuning.log import TuningLog
+from rovid_core.trials.tuning.tune import observed, tune, Tuned, TuningError
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 DELAY, LAG = 0.12, 0.3
 

@@ -3,8 +3,9 @@
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.coupled_step import UNROLLED
-from rovid_core.ekf.covariance import (
+from rovid_core.identify.aid.integrators import coupled_rates, INTEGRATORS
+from rovid_core.identify.aid.written_out import UNROLLED
+from rovid_core.identify.ekf.covariance import (
     diagonal,
     packed,
     row,
@@ -14,10 +15,9 @@ from rovid_core.ekf.covariance import (
     updated,
     widened,
 )
-from rovid_core.ekf.impulses import Impulses
-from rovid_core.excitation import NO_SUMS, summed
-from rovid_core.identifier import Step
-from rovid_core.integrators import coupled_rates, INTEGRATORS
+from rovid_core.identify.ekf.force_impulses import Impulses
+from rovid_core.identify.excitation import NO_SUMS, summed
+from rovid_core.model.samples import Step
 
 BOX = ((-9.0,) * 4, (9.0,) * 4)
 numbers = st.floats(-2.0, 2.0)

@@ -28,20 +28,19 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from rovid_core.reasons import REASONS
-from rovid_core.stream import Stream
-from rovid_ros.limited_log import LimitedWarnings, MOST, RefusalLines
+from rovid_core.inputs.reasons import REASONS
+from rovid_core.pipeline.stream import Stream
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.messages.convert import Converter
-from rovid_ros.node.diagnostics import diagnostics, NodeState
-from rovid_ros.node.graph import graph_states, TopicState
-from rovid_ros.node.health import of_input, Situation
-from rovid_ros.node.identifier import IdentifierNode
-from rovid_ros.node.messages import import_type
-from rovid_ros.node.publishers import best_effort, reliable
-from rovid_ros.node.report import Report
-from rovid_ros.outputs import DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
-from rovid_ros.parameters import settings_from
-from rovid_ros.recent import Arrivals, Recent
+from rovid_ros.node.health.console import LimitedWarnings, MOST, RefusalLines, Report
+from rovid_ros.node.health.diagnostics import diagnostics, NodeState
+from rovid_ros.node.health.graph import graph_states, TopicState
+from rovid_ros.node.health.levels import of_input, Situation
+from rovid_ros.node.health.recent import Arrivals, Recent
+from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.publishers import best_effort, reliable
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
 
 NAME = '/rov1/identifier_node'
 SETTINGS = settings_from(VALUES)

@@ -10,9 +10,9 @@ rclpy = pytest.importorskip('rclpy')
 from live_node import Peer
 from rclpy.serialization import deserialize_message
 from rovid_ros.messages.types import build, standard_types
-from rovid_ros.node.encoder import encoded
-from rovid_ros.node.messages import fill, import_type
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
+from rovid_ros.node.transport.encoding import encoded
+from rovid_ros.node.transport.message_classes import fill, import_type
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 
 NUMBER = st.floats(allow_nan=False)
 NUMBERS = st.lists(NUMBER, max_size=5)

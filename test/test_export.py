@@ -12,14 +12,14 @@ from xml.etree import ElementTree
 
 from hypothesis import given, strategies as st
 import pytest
-from rovid_core.dofs import DOFS, PARAMETERS, PHYSICAL
-from rovid_core.plant import advance, lumped, physical
-from rovid_ros.cli.main import main
-from rovid_ros.command import read_settings
-from rovid_ros.estimates import Identified
-from rovid_ros.export import export
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_core.model.dofs import DOFS, PARAMETERS, PHYSICAL
+from rovid_core.model.plant import advance, lumped, physical
+from rovid_ros.commands.ending import read_settings
+from rovid_ros.commands.main import main
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.results.export import export
+from rovid_ros.results.identified import Identified
 
 TRUE = {'surge': (250.0, 290.0, 43.5, 2.9), 'heave': (270.0, 2000.0, 240.0, 10.0),
         'yaw': (60.0, 70.0, 13.5, 0.5)}

@@ -20,12 +20,12 @@ from typing import Any
 from hypothesis import event, given, HealthCheck, settings, strategies as st
 import pytest
 import recorded_logs
-from rovid_core.stream import Stream
-from rovid_ros.cli.main import main
+from rovid_core.pipeline.stream import Stream
+from rovid_ros.commands.main import main
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.messages.convert import Converter
 from rovid_ros.messages.types import build, standard_types
-from rovid_ros.outputs import Outputs
-from rovid_ros.parameters import settings_from
+from rovid_ros.results.outputs import Outputs
 import yaml
 
 from benchmarks.sensors import at_rates, sensed

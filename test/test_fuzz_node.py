@@ -13,8 +13,8 @@ rclpy = pytest.importorskip('rclpy')
 from live_node import changed, Peer, Raw, simulated, TYPES
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
-from rovid_ros.keys import KEYS
-from rovid_ros.node.identifier import IdentifierNode
+from rovid_ros.config.keys import KEYS
+from rovid_ros.node.node import IdentifierNode
 
 EXAMPLES = int(os.environ.get('ROVID_EXAMPLES', '100'))
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from report_data import report_data
-from rovid_ros.html.report import page, write_report
+from rovid_ros.report.report import page, write_report
 
 HOSTILE = '</script><img src=x onerror=alert(1)>&"\'.mcap'
 VOID = {'meta', 'img', 'br', 'hr', 'input', 'link'}

@@ -16,7 +16,7 @@ from xml.etree import ElementTree
 
 from mcap.reader import make_reader
 import pytest
-from rovid_ros.cli.main import main
+from rovid_ros.commands.main import main
 from rovid_ros.messages.types import standard_types
 
 LIVE_ONLY = '/diagnostics'

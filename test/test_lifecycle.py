@@ -26,12 +26,12 @@ from live_node import changed, heard, Peer, Raw, simulated, TYPES, VALUES
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
-from rovid_ros.controls import CONTROL
+from rovid_ros.commands.controls import CONTROL
 from rovid_ros.logs.log import Log
-from rovid_ros.node.identifier import IdentifierNode
-from rovid_ros.node.messages import import_type
-from rovid_ros.node.publishers import latched
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
+from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.publishers import latched
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 

@@ -24,14 +24,14 @@ from live_node import changed, heard, Peer
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
-from rovid_core.settings import SettingsError
-from rovid_core.stream import Stream
-from rovid_ros.controls import apply, repeat
-from rovid_ros.keys import KEYS
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import SettingsError
+from rovid_ros.commands.controls import apply, repeat
+from rovid_ros.config.keys import KEYS
+from rovid_ros.config.parameters import changed as changed_settings, settings_from
 from rovid_ros.logs.log import Log
-from rovid_ros.node.identifier import IdentifierNode
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
-from rovid_ros.parameters import changed as changed_settings, settings_from
+from rovid_ros.node.node import IdentifierNode
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_srvs.srv import SetBool, Trigger
 
 LIVE = {

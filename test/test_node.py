@@ -29,21 +29,26 @@ from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosgraph_msgs.msg import Clock
-from rovid_core.settings import SettingsError
-from rovid_core.values import Event
-from rovid_ros.controls import CONTROL
-from rovid_ros.keys import KEYS
+from rovid_core.model.samples import Event
+from rovid_core.settings.run import SettingsError
+from rovid_ros.commands.controls import CONTROL
+from rovid_ros.config.keys import KEYS
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.node.files import prepare
-from rovid_ros.node.identifier import IdentifierNode
-from rovid_ros.node.messages import definition, fill, import_type, MessageTypeError
+from rovid_ros.node.log_feeder import NodeFeeder
+from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.parameters import read_files
-from rovid_ros.node.publishers import best_effort, latched
 from rovid_ros.node.recorder import Received, Recorder
-from rovid_ros.node.replay import NodeFeeder
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
-from rovid_ros.parameters import settings_from
+from rovid_ros.node.transport.message_classes import (
+    definition,
+    fill,
+    import_type,
+    MessageTypeError,
+)
+from rovid_ros.node.transport.publishers import best_effort, latched
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
 
 

@@ -41,12 +41,12 @@ from rcl_interfaces.srv import (
 )
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-from rovid_ros.keys import KEYS
+from rovid_ros.config.keys import KEYS
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
-from rovid_ros.node.publishers import latched
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
-from rovid_ros.parameters import settings_from
-from rovid_ros.summary import summary
+from rovid_ros.node.transport.publishers import latched
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
+from rovid_ros.results.summary import summary
 from std_srvs.srv import SetBool, Trigger
 
 

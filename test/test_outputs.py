@@ -5,14 +5,14 @@ import math
 from typing import Any
 
 import pytest
-from rovid_core.dofs import Four, NAN4, PARAMETERS, PHYSICAL
-from rovid_core.score import Score
-from rovid_core.settings import DofSettings, InputSettings, Settings, ThrusterSettings
-from rovid_core.status import Judgement, STATUSES
-from rovid_core.uncertainty import Stated
-from rovid_core.values import DofEstimate, Estimate
-from rovid_ros.outputs import LEVELS, OK, Output, Outputs, TOPICS, WARN
-from rovid_ros.summary import summary
+from rovid_core.identify.estimate import DofEstimate, Estimate
+from rovid_core.identify.status import Judgement, STATUSES
+from rovid_core.identify.uncertainty import Stated
+from rovid_core.model.dofs import Four, NAN4, PARAMETERS, PHYSICAL
+from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
+from rovid_core.trials.score import Score
+from rovid_ros.results.outputs import LEVELS, OK, Output, Outputs, TOPICS, WARN
+from rovid_ros.results.summary import summary
 
 TIME = 1_700_000_000_123_456_789
 AWKWARD = (1.0 / 3.0, -0.1 - 0.2, -1e-17, 5e-324)

@@ -9,7 +9,7 @@ import sys
 import time
 
 import pytest
-from rovid_ros.parallel import in_parallel, WorkerError
+from rovid_ros.commands.parallel import in_parallel, WorkerError
 
 INTERRUPTED = """
 import sys, time

@@ -6,7 +6,7 @@ import random
 from typing import Any
 
 import pytest
-from rovid_ros.parameter_file import load, ParameterFileError, read
+from rovid_ros.config.parameter_file import load, ParameterFileError, read
 
 Write = Callable[[str], Path]
 NODE = 'identifier_node'

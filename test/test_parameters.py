@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rovid_core.dofs import DOFS
-from rovid_core.settings import (
+from rovid_core.model.dofs import DOFS
+from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
     INPUTS,
@@ -19,7 +19,7 @@ from rovid_core.settings import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_ros.parameters import check, flatten, Key, KEYS, settings_from
+from rovid_ros.config.parameters import check, flatten, Key, KEYS, settings_from
 
 LEAST: dict[str, Any] = {
     'dofs': ['surge'], 'surge.initial.mass': 290, 'position.topic': '/fix',

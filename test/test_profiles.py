@@ -7,22 +7,17 @@ from pathlib import Path
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.dofs import DOFS
-from rovid_core.profile import Multisine, ProfileError, Sinusoid, Steps, Waveform
-from rovid_core.settings import (
-    Settings,
-    SettingsError,
-    SimulatedDof,
-    ThrusterSettings,
-)
-from rovid_core.simulator import profile_of, simulate
-from rovid_core.thruster_commands import shortfall, ThrusterCommands
-from rovid_core.thruster_force import wrench
-from rovid_ros.cli.main import main
+from rovid_core.model.dofs import DOFS
+from rovid_core.settings.run import Settings, SettingsError, SimulatedDof, ThrusterSettings
+from rovid_core.simulation.profiles import Multisine, ProfileError, Sinusoid, Steps, Waveform
+from rovid_core.simulation.simulator import profile_of, simulate
+from rovid_core.simulation.thruster_commands import shortfall, ThrusterCommands
+from rovid_core.thrust.thruster_curve import wrench
+from rovid_ros.commands.main import main
+from rovid_ros.commands.profile_grammar import GRAMMAR
+from rovid_ros.commands.profile_text import parse_profile, profile_text
+from rovid_ros.commands.simulate import plan_trials, profile_warnings
 from rovid_ros.logs.log import Log, LogMessage
-from rovid_ros.profile_grammar import GRAMMAR
-from rovid_ros.profile_text import parse_profile, profile_text
-from rovid_ros.simulate import plan_trials, profile_warnings
 
 from benchmarks.cases import surge_settings
 

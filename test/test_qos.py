@@ -13,9 +13,9 @@ from live_drive import ros_peer, starting
 from live_node import changed, Peer, Raw, simulated, TYPES
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
-from rovid_ros.node.identifier import IdentifierNode
-from rovid_ros.node.publishers import best_effort, latched, reliable
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
+from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport.publishers import best_effort, latched, reliable
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
 
 BULKY = {'thrusters.type': 'std_msgs/msg/Float64MultiArray', 'thrusters.field': 'data',
@@ -40,7 +40,7 @@ class Vehicle:
         self.executor.add_node(self.node)
 
     def advertise(self, topic: str, name: str, profile: QoSProfile) -> None:
-        from rovid_ros.node.messages import import_type
+        from rovid_ros.node.transport.message_classes import import_type
         self.peer._publishers[topic] = self.peer.node.create_publisher(
             import_type(name), topic, profile)
 

@@ -13,11 +13,11 @@ from typing import Any
 
 from mcap.reader import make_reader
 import pytest
-from rovid_core.dofs import PARAMETERS, PHYSICAL
-from rovid_core.status import STATUSES
-from rovid_ros.cli.main import main
-from rovid_ros.demo import demo
-from rovid_ros.interrupt import Interrupt, Interrupted
+from rovid_core.identify.status import STATUSES
+from rovid_core.model.dofs import PARAMETERS, PHYSICAL
+from rovid_ros.commands.demo import demo
+from rovid_ros.commands.interrupt import Interrupt, Interrupted
+from rovid_ros.commands.main import main
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types
@@ -63,7 +63,7 @@ def edited(config: Path, folder: Path, *changes: tuple[str, str]) -> Path:
 
 def command(*arguments: object) -> list[str]:
     """Return the command line of a child process."""
-    return [sys.executable, '-m', 'rovid_ros.cli', *map(str, arguments)]
+    return [sys.executable, '-m', 'rovid_ros.commands', *map(str, arguments)]
 
 
 @pytest.fixture

@@ -9,12 +9,12 @@ from typing import Any
 
 from mcap.reader import make_reader
 import pytest
-from rovid_ros.cli.main import main
-from rovid_ros.feeder import PipeFeeder
+from rovid_ros.commands.feeder import PipeFeeder
+from rovid_ros.commands.main import main
+from rovid_ros.commands.replay_checkpoint import read_state
+from rovid_ros.files.output_log import OutputFile
 from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.output_file import OutputFile
-from rovid_ros.replay_checkpoint import read_state
 
 DURATION = 20  # [s]
 

@@ -7,7 +7,7 @@ from typing import Any
 from headless_browser import Browser, browser, CHROMIUM
 import pytest
 from report_data import report_data
-from rovid_ros.html.report import write_report
+from rovid_ros.report.report import write_report
 
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None, reason='no chromium, chromium-browser or google-chrome is installed')

@@ -9,15 +9,16 @@ from typing import Any
 
 from hypothesis import given, HealthCheck, Phase, settings as hypothesis_settings, strategies as st
 import pytest
-from rovid_core.settings import Settings
+from rovid_core.identify.estimate import Estimate
+from rovid_core.model.samples import Event, Sample
+from rovid_core.settings.run import Settings
 from rovid_core.snapshot import SnapshotError, Snapshots
-from rovid_core.values import Estimate, Event, Sample
-from rovid_ros.feeder import PipeFeeder
+from rovid_ros.commands.feeder import PipeFeeder
+from rovid_ros.commands.simulate import simulate_log
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
 from rovid_ros.messages.convert import Converter
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
-from rovid_ros.simulate import simulate_log
 
 METHODS = ('aid', 'ekf', 'rls')
 

@@ -12,9 +12,10 @@ from tempfile import TemporaryDirectory
 
 import lz4.frame
 import pytest
-from rovid_core.ordering import EventOrder, MOST_HELD
-from rovid_core.values import Event, Sample
-from rovid_ros.command import LONGEST_LINE, printable
+from rovid_core.model.samples import Event, Sample
+from rovid_core.ordering.event_order import EventOrder, MOST_HELD
+from rovid_ros.commands.ending import LONGEST_LINE, printable
+from rovid_ros.config.parameter_file import load, ParameterFileError
 from rovid_ros.logs import order, paths
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.log import Log
@@ -22,7 +23,6 @@ from rovid_ros.logs.mcap import MAGIC
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.field_paths import FieldError, parse
 from rovid_ros.messages.types import build, LARGEST_MESSAGE, typestore, TypeUnknownError
-from rovid_ros.parameter_file import load, ParameterFileError
 import yaml
 import zstandard
 
@@ -159,7 +159,8 @@ def limited() -> None:
 
 def replay(log: Path, config: Path = CONFIG) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, '-m', 'rovid_ros.cli', 'replay', str(log), '--params-file', str(config)],
+        [sys.executable, '-m', 'rovid_ros.commands', 'replay', str(log), '--params-file',
+         str(config)],
         cwd=REPOSITORY, capture_output=True, text=True, timeout=120, preexec_fn=limited)
 
 

@@ -14,7 +14,7 @@ from rcl_interfaces.msg import ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
-from rovid_ros.outputs import DIAGNOSTIC_TYPE, TOPICS
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, TOPICS
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 

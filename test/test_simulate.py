@@ -8,8 +8,7 @@ from typing import Any
 
 from mcap.reader import make_reader
 import pytest
-from rovid_core.rotation import from_yaw, product
-from rovid_core.settings import (
+from rovid_core.settings.run import (
     DofSettings,
     InputSettings,
     Settings,
@@ -17,11 +16,12 @@ from rovid_core.settings import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_ros.cli.main import main
+from rovid_core.velocity.quaternions import from_yaw, product
+from rovid_ros.commands.main import main
+from rovid_ros.commands.simulate import EPOCH, simulate_log
 from rovid_ros.messages.convert import Converter
 from rovid_ros.messages.sensor_messages import SensorMessages, SimulationError
 from rovid_ros.messages.types import build, standard_types
-from rovid_ros.simulate import EPOCH, simulate_log
 
 ATTITUDE = product(from_yaw(2.5), (0.1, 0.0, 0.0, math.sqrt(0.99)))
 LEVEL = from_yaw(-2.0)

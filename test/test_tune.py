@@ -6,10 +6,10 @@ import json
 from pathlib import Path
 
 import pytest
-from rovid_ros.cli.main import main
-from rovid_ros.parameter_edit import edited
-from rovid_ros.parameter_file import load
-from rovid_ros.parameters import settings_from
+from rovid_ros.commands.main import main
+from rovid_ros.config.parameter_edit import edited
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 CONFIG = Path(__file__).parents[1] / 'config'
 SURGE = """\

@@ -13,10 +13,10 @@ from live_drive import assert_same, replayed_record, ros_peer
 from live_node import changed, heard, NodeProcess, Peer, Raw, replayed, told
 from rcl_interfaces.srv import GetParameters, SetParameters
 from rclpy.parameter import Parameter
+from rovid_ros.commands.simulate import simulate_log
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
-from rovid_ros.outputs import DIAGNOSTIC_TYPE
-from rovid_ros.parameters import settings_from
-from rovid_ros.simulate import simulate_log
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_srvs.srv import Trigger
 import yaml
 

@@ -11,8 +11,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.serde import SerdeError
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
-from rovid_core.settings import DofSettings, InputSettings, Settings, ThrusterSettings
-from rovid_core.values import Event
+from rovid_core.model.samples import Event
+from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
 from rovid_ros.messages.convert import Converter
 from rovid_ros.messages.field_paths import FieldError, getter
 from rovid_ros.messages.types import decoder, standard_types, WireType

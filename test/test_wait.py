@@ -12,11 +12,11 @@ import pytest
 rclpy = pytest.importorskip('rclpy')
 
 from rclpy.executors import SingleThreadedExecutor
-from rovid_ros.node import intake
-from rovid_ros.node.identifier import IdentifierNode
-from rovid_ros.node.publishers import latched
-from rovid_ros.node.wait import Wait
-from rovid_ros.parameters import settings_from
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport import intake
+from rovid_ros.node.transport.publishers import latched
+from rovid_ros.node.transport.wait import Wait
 from std_srvs.srv import SetBool
 
 

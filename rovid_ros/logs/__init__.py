@@ -1,1 +1,1 @@
-"""Reading and writing logs of every container, also broken ones."""
+"""Recorded logs of several formats, read and written."""

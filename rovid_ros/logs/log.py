@@ -12,7 +12,7 @@ from typing import Any
 
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
-from rovid_ros.leftovers import remove_leftovers
+from rovid_ros.files.whole_files import remove_leftovers
 from rovid_ros.logs.container import Channel, LogError, MALFORMED, Raw
 from rovid_ros.logs.messages import LogMessage, Maker, RawMessage, Take, TopicInfo, topics_of
 from rovid_ros.logs.order import parts

@@ -6,12 +6,14 @@ The format's own Python package refuses a file without an end and stops at a chu
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from io import BytesIO
 import struct
 from typing import BinaryIO
 import zlib
 
 from mcap import records
+from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from rovid_ros.logs.compression import inflate
 from rovid_ros.logs.container import (
@@ -23,7 +25,6 @@ from rovid_ros.logs.container import (
     MOST_DECLARED,
     Raw,
 )
-from rovid_ros.logs.mcap_records import length_of, messages, RECORD, records_in, stream
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'\x89MCAP0\r\n'
@@ -219,3 +220,46 @@ class McapFile(IndexedContainer):
         if not whole and len(data) >= size and length_of(data) == len(data):
             return b'', False  # every record is there, but some bits are wrong
         return data, whole
+
+
+RECORD = struct.Struct('<BQ')  # opcode, length
+_MESSAGE = struct.Struct('<BQH4xQ8x')  # a record; channel, (sequence,) log time, (publish time)
+
+
+def stream(body: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(body))
+
+
+def records_in(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and body of the whole records."""
+    position = 0
+    while position + RECORD.size <= len(data):
+        opcode, length = RECORD.unpack_from(data, position)
+        start = position + RECORD.size
+        position = start + length
+        if not opcode or position > len(data):
+            return
+        yield opcode, data[start:position]
+
+
+def length_of(data: bytes) -> int:
+    """Return the length of the whole records [bytes]."""
+    return sum(RECORD.size + len(body) for _, body in records_in(data))
+
+
+def messages(data: bytes, wanted: Mapping[int, Channel], place: int) -> list[Raw]:
+    """Return the whole messages of these channels."""
+    found: list[Raw] = []
+    position, size = 0, len(data)
+    head, channel_of = _MESSAGE.unpack_from, wanted.get
+    while position + 31 <= size:  # no message is shorter
+        opcode, length, number, time = head(data, position)
+        end = position + 9 + length
+        if end > size or not opcode:
+            break
+        if opcode == 5 and length >= 22:
+            channel = channel_of(number)
+            if channel is not None:
+                found.append((time, place | position, channel, data[position + 31:end]))
+        position = end
+    return found

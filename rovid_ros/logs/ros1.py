@@ -7,14 +7,7 @@ import struct
 from typing import BinaryIO
 
 from rovid_ros.logs.compression import inflate
-from rovid_ros.logs.container import (
-    Block,
-    Channel,
-    IndexedContainer,
-    LARGEST,
-    MALFORMED,
-    Raw,
-)
+from rovid_ros.logs.container import Block, Channel, IndexedContainer, LARGEST, MALFORMED, Raw
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'#ROSBAG V2.0\n'

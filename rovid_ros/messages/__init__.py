@@ -1,1 +1,1 @@
-"""Messages of any type, to samples in body FLU / world ENU and SI units, and back."""
+"""Messages of any type, by field path, to samples."""

@@ -11,14 +11,9 @@ from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
-from rovid_core.settings import Settings
-from rovid_core.values import Event, Sample
-from rovid_ros.messages.field_paths import (
-    describe,
-    field_names,
-    FieldError,
-    MissingIndexError,
-)
+from rovid_core.model.samples import Event, Sample
+from rovid_core.settings.run import Settings
+from rovid_ros.messages.field_paths import describe, field_names, FieldError, MissingIndexError
 from rovid_ros.messages.sample_readers import Reading, reading, RefusedError
 from rovid_ros.messages.sources import conflict, Source, sources
 

@@ -8,11 +8,18 @@ import math
 from operator import attrgetter
 from typing import Any
 
-from rovid_core.dofs import Quaternion
-from rovid_core.rotation import from_yaw, product
-from rovid_core.settings import Settings
-from rovid_ros.messages.field_paths import describe, field_names, FieldError, getter, Step, walk
-from rovid_ros.messages.field_values import resolve
+from rovid_core.model.dofs import Quaternion
+from rovid_core.settings.run import Settings
+from rovid_core.velocity.quaternions import from_yaw, product
+from rovid_ros.messages.field_paths import (
+    describe,
+    field_names,
+    FieldError,
+    getter,
+    resolve,
+    Step,
+    walk,
+)
 from rovid_ros.messages.sources import Source
 
 Floats = tuple[float, ...]

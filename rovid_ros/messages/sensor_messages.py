@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from rovid_core.settings import InputSettings, Settings, SettingsError, ThrusterSettings
+from rovid_core.settings.run import InputSettings, Settings, SettingsError, ThrusterSettings
 from rovid_ros.messages import sensor_values
 from rovid_ros.messages.convert import Converter
-from rovid_ros.messages.field_paths import parse, Step
-from rovid_ros.messages.field_values import resolve
+from rovid_ros.messages.field_paths import parse, resolve, Step
 from rovid_ros.messages.sensor_values import Values
 from rovid_ros.messages.types import build, standard_types
 

@@ -1,7 +1,7 @@
 """
 What a sensor reports for a value of the simulator: the frames and units of its messages.
 
-Values come in body FLU, world ENU and SI units, as in :class:`rovid_core.values.Sample`.
+Values come in body FLU, world ENU and SI units, as in :class:`rovid_core.model.samples.Sample`.
 Each function undoes one conversion of ``convert.py``.
 """
 
@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-from rovid_core.dofs import Quaternion
-from rovid_core.rotation import from_yaw, product
-from rovid_core.settings import Settings
+from rovid_core.model.dofs import Quaternion
+from rovid_core.settings.run import Settings
+from rovid_core.velocity.quaternions import from_yaw, product
 
 Values = tuple[float, ...]
 

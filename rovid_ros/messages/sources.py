@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from rovid_core.settings import INPUTS, Settings, SettingsError
+from rovid_core.settings.run import INPUTS, Settings, SettingsError
 from rovid_ros.messages.field_paths import nearest
 from rovid_ros.messages.types import standard_types
 

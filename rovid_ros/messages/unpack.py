@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from rovid_core.values import Event
+from rovid_core.model.samples import Event
 from rovid_ros.messages.convert import Access, Converter, STAMP
 from rovid_ros.messages.sample_readers import RefusedError
 from rovid_ros.messages.types import WireType

@@ -1,1 +1,1 @@
-"""The live node; the only modules that import rclpy."""
+"""The live node."""

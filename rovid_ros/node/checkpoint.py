@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.impl.rcutils_logger import RcutilsLogger
-from rovid_core.settings import Settings, SettingsError
-from rovid_core.stream import Stream
-from rovid_ros.checkpoint import is_record, load, save
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings, SettingsError
+from rovid_ros.files.state_file import is_record, load, save
 from rovid_ros.node.files import claim, prepare
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import tempfile
 import time
 
-from rovid_core.settings import SettingsError
+from rovid_core.settings.run import SettingsError
 
 
 def prepare(key: str, path: Path) -> None:

@@ -12,6 +12,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; return the exit code."""
     stop = Stop()
     # these take half a second, in which Ctrl-C would give a traceback
-    from rovid_ros.node.identifier import IdentifierNode
+    from rovid_ros.node.node import IdentifierNode
     from rovid_ros.node.process import run
     return run(IdentifierNode, sys.argv if arguments is None else arguments, stop)

@@ -19,10 +19,10 @@ from rclpy.impl.logging_severity import LoggingSeverity
 from rclpy.logging import set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
-from rovid_ros.command import AT_FAULT, DONE, printable, USAGE, UsageError
+from rovid_ros.commands.ending import AT_FAULT, DONE, printable, USAGE, UsageError
 from rovid_ros.node.parameters import NODE_NAME, read_files
 from rovid_ros.node.stop import Stop
-from rovid_ros.node.wait import Wait
+from rovid_ros.node.transport.wait import Wait
 
 
 def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],

@@ -9,10 +9,10 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-from rovid_core.values import Event
+from rovid_core.model.samples import Event
 from rovid_ros import __version__
-from rovid_ros.controls import CONTROL
-from rovid_ros.json_file import sync_folder
+from rovid_ros.commands.controls import CONTROL
+from rovid_ros.files.whole_files import sync_folder
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.node.files import claim, prepare
 

@@ -1,0 +1,1 @@
+"""The adaptive identifier of Smallwood & Whitcomb (2003)."""

@@ -1,0 +1,1 @@
+"""The extended Kalman filter on one degree of freedom."""

@@ -1,0 +1,22 @@
+"""Names and order of the degrees of freedom and of the parameters."""
+
+import math
+
+DOFS = ('surge', 'sway', 'heave', 'roll', 'pitch', 'yaw')
+LINEAR_DOFS = DOFS[:3]
+ANGULAR_DOFS = DOFS[3:]
+
+PARAMETERS = ('alpha', 'beta', 'gamma', 'delta')
+PHYSICAL = ('mass', 'quadratic_drag', 'linear_drag', 'bias')
+
+Four = tuple[float, float, float, float]
+"""Values in the order of ``PARAMETERS`` (or of ``PHYSICAL``)."""
+
+NAN4: Four = (math.nan, math.nan, math.nan, math.nan)
+
+Quaternion = tuple[float, float, float, float]
+"""Unit quaternion (x, y, z, w) that turns body axes (x forward, y left, z up) into ENU."""
+
+Vector = tuple[float, float, float]
+
+Three = tuple[float, float, float]

@@ -1,0 +1,76 @@
+"""
+The plant of Smallwood & Whitcomb (2003), eq. 2 and 3, and its two parameter forms.
+
+physical  m v' + d_Q v|v| + d_L v + b = tau
+lumped    v' = alpha tau + beta v|v| + gamma v + delta
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from rovid_core.model.dofs import Four
+
+MOST_PIECES = 1000
+
+
+def lumped(mass: float, quadratic_drag: float, linear_drag: float, bias: float) -> Four:
+    """Return alpha, beta, gamma, delta (Table II of the paper); ``mass`` above 0 [kg]."""
+    return (1.0 / mass, -quadratic_drag / mass, -linear_drag / mass, -bias / mass)
+
+
+def physical(parameters: Sequence[float]) -> Four:
+    """
+    Return mass, quadratic drag, linear drag and bias of lumped parameters.
+
+    The mass is the effective one, added mass included. All are NaN unless alpha > 0.
+    """
+    alpha, beta, gamma, delta = parameters
+    if not alpha > 0.0:
+        return (math.nan, math.nan, math.nan, math.nan)
+    return (1.0 / alpha, -beta / alpha, -gamma / alpha, -delta / alpha)
+
+
+def acceleration(parameters: Sequence[float], velocity: float, force: float) -> float:
+    """Return v' of eq. 3 [m/s^2 or rad/s^2]."""
+    alpha, beta, gamma, delta = parameters
+    return alpha * force + beta * velocity * abs(velocity) + gamma * velocity + delta
+
+
+def advance(parameters: Sequence[float], velocity: float, force: float, dt: float) -> float:
+    """
+    Return the velocity after ``dt`` [s] of constant force.
+
+    Classical Runge-Kutta, with the step divided until the drag's time constant is well
+    resolved, so that any finite parameters with beta, gamma <= 0 give a bounded answer.
+    """
+    alpha, beta, gamma, delta = parameters
+    u = alpha * force + delta
+    # the fastest the drag can be on this step: at the speed it has or is driven to
+    fastest = abs(velocity) + min(abs(u) * dt, math.sqrt(abs(u / beta)) if beta else math.inf)
+    stiffness = (2.0 * abs(beta) * fastest + abs(gamma)) * dt
+    if not stiffness < MOST_PIECES:
+        return _backward_euler(u, beta, gamma, velocity, dt)
+    pieces = int(stiffness) + 1
+    h = dt / pieces
+    v = velocity
+    for _ in range(pieces):
+        k1 = u + beta * v * abs(v) + gamma * v
+        w = v + 0.5 * h * k1
+        k2 = u + beta * w * abs(w) + gamma * w
+        w = v + 0.5 * h * k2
+        k3 = u + beta * w * abs(w) + gamma * w
+        w = v + h * k3
+        k4 = u + beta * w * abs(w) + gamma * w
+        v += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    return v
+
+
+def _backward_euler(u: float, beta: float, gamma: float, velocity: float, dt: float) -> float:
+    """Return the end of a step on which the drag settles at once, in closed form."""
+    target = velocity + dt * u
+    linear, quadratic = 1.0 - dt * gamma, -dt * beta
+    # linear w + quadratic w^2 = |target|, in the form that does not cancel
+    root = math.sqrt(linear * linear + 4.0 * quadratic * abs(target))
+    return 2.0 * target / (linear + root)

@@ -1,0 +1,129 @@
+"""
+The frozen values that go down the pipeline: samples and events, velocities, steps.
+
+There are many of them, and a tuple is made several times faster than a frozen dataclass.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+from rovid_core.model.dofs import Three
+
+
+class Sample(NamedTuple):
+    """
+    What one input measured, in body FLU / world ENU and SI units.
+
+    Attributes
+    ----------
+    input : str
+        One of ``settings.INPUTS``.
+    value : tuple of float
+        position: x, y, z [m]; depth: z (up) [m]; attitude: quaternion x, y, z, w (body to
+        world); angular_velocity: x, y, z [rad/s]; velocity: x, y, z [m/s]; reference: the
+        linear then the angular velocity (6 values, NaN where there is none); thrusters and
+        sign: one raw value per thruster, or the one value of thruster ``part``.
+    part : int
+        Index of the topic among ``thrusters.topics``.
+
+    """
+
+    input: str
+    value: tuple[float, ...]
+    part: int = 0
+
+
+class Event(NamedTuple):
+    """
+    The samples that one message gave, at one event time.
+
+    Attributes
+    ----------
+    time : int
+        Event time [ns].
+    samples : tuple of Sample
+        In the order of ``settings.INPUTS``.
+    origin : object
+        What the event was made from; passed through untouched, for a recorder.
+
+    """
+
+    time: int
+    samples: tuple[Sample, ...]
+    origin: Any = None
+
+
+class Motion(NamedTuple):
+    """
+    One measured velocity.
+
+    Attributes
+    ----------
+    start, end : int
+        The interval over which it is the mean [ns]; the same for a point measurement.
+    time : int
+        At which the velocity stands: the middle of the interval [ns].
+    velocity : tuple of float
+        One value per DOF of the source [m/s or rad/s], in the body frame.
+    turn : float
+        Angle by which the body turned since the interval before [rad].
+    slips : tuple of float
+        By how much the noise of the attitude puts the way over the interval wrong [m], one
+        per DOF; empty where none was used.
+
+    """
+
+    start: int
+    end: int
+    time: int
+    velocity: tuple[float, ...]
+    turn: float = 0.0
+    slips: tuple[float, ...] = ()
+
+
+class Step(NamedTuple):
+    """
+    What was measured over one step of one DOF.
+
+    Attributes
+    ----------
+    dt : float
+        Length of the step [s], above 0.
+    velocity : tuple of 3 floats
+        Filtered velocity at the start, the middle and the end [m/s or rad/s].
+    force : tuple of 3 floats
+        Force at the same points, filtered alike [N or N m]. The pipe gives the exact mean
+        over the step three times.
+    mean : float
+        What was measured, not filtered: the mean velocity over ``interval``, in whose middle
+        the step ends, or the velocity at the step's end [m/s or rad/s].
+    interval : float
+        From the fix before the step's end to the fix after it [s]; 0 for a velocity sensor.
+    parts : tuple of 2 floats
+        Lengths of the step before and after the first of those fixes [s]; (dt, 0) for a
+        velocity sensor.
+    forces : tuple of 2 floats
+        Exact mean of the force over each part, not filtered [N or N m].
+    turn : float
+        Angle by which the body turned since the interval before [rad].
+    slip : float
+        By how much the noise of the attitude puts the way over ``interval`` wrong [m].
+
+    """
+
+    dt: float
+    velocity: Three
+    force: Three
+    mean: float = math.nan
+    interval: float = 0.0
+    parts: tuple[float, float] = (0.0, 0.0)
+    forces: tuple[float, float] = (0.0, 0.0)
+    turn: float = 0.0
+    slip: float = 0.0
+
+
+def finite(values: tuple[float, ...]) -> bool:
+    """Tell whether all values are finite."""
+    return all(map(math.isfinite, values))

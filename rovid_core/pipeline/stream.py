@@ -1,0 +1,248 @@
+"""What the live node, a replay and a simulation all run: order, pipe, counters, controls."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from rovid_core.identify.estimate import Estimate
+from rovid_core.identify.method import Identifier
+from rovid_core.inputs.health import InputHealth
+from rovid_core.model.samples import Event
+from rovid_core.ordering.event_order import EventOrder
+from rovid_core.pipeline.observers import Recorder, Scorer
+from rovid_core.pipeline.steps import Pipe
+from rovid_core.settings.run import Settings
+
+STATE_VERSION = 1
+
+MOST_WARNINGS = 1000
+"""That wait to be taken; of more, the oldest are lost."""
+
+
+class Stream:
+    """
+    Messages in, estimates out.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    recorder : Recorder, optional
+        Told everything that is consumed.
+    scorer : Scorer, optional
+        Told every step, to score the model afterwards.
+
+    Attributes
+    ----------
+    rejected : dict
+        (input, reason) -> how many samples or steps were refused.
+    estimate : Estimate or None
+        The last one.
+    inputs : dict
+        Input name -> InputHealth.
+
+    """
+
+    def __init__(self, settings: Settings, *, recorder: Recorder | None = None,
+                 scorer: Scorer | None = None) -> None:
+        self.settings = settings
+        self.rejected: dict[tuple[str, str], int] = {}
+        self.estimate: Estimate | None = None
+        self.inputs = {name: InputHealth() for name in settings.used_inputs()}
+        self._recorder = recorder
+        self._warnings = deque([
+            f'{dof} has no restoring moment in this model: only for a vehicle that is '
+            'neutral in it' for dof in settings.dofs if dof in ('roll', 'pitch')], MOST_WARNINGS)
+        self._pipe = Pipe(settings, self.reject, self._warnings.append, scorer)
+        keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
+        keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
+        self._order = EventOrder(keys, settings.max_wait, settings.time_jump, self.reject,
+                                 self._warnings.append)
+
+    def receive(self, event: Event) -> list[Estimate]:
+        """Take an event in any order and return the estimates that it releases."""
+        released, jumped = self._order.push(event)
+        if jumped:
+            self._jump()
+        return self._handle(released)
+
+    def finish(self) -> list[Estimate]:
+        """Release what is held: the log's end, or shutdown."""
+        return self._handle(self._order.flush())
+
+    def reset(self) -> None:
+        """Put the parameters back to their initial values, between two steps."""
+        self._note('reset', '')
+        self._pipe.reset()
+
+    def enable(self, adapt: bool) -> None:
+        """Adapt the parameters, or freeze them while v_hat goes on."""
+        self._note('enable', 'true' if adapt else 'false')
+        self._adapt(adapt)
+
+    def change(self, settings: Settings, told: str) -> None:
+        """
+        Take other gains, limits and ``enable``, between two steps; the estimates stay.
+
+        Parameters
+        ----------
+        settings : Settings
+            Those of now with other values of what can change: ``identifier`` without its
+            method and integrator, ``cutoff``, ``gate``, ``max_speed``, ``max_gap``, ``max_wait``,
+            ``thrusters.timeout``, ``enable``, ``checkpoint_period``.
+        told : str
+            What the recorder is told of it, to be repeated in a replay.
+
+        """
+        self._note('parameters', told)
+        self._order.change(settings.max_wait)
+        self._pipe.change(settings)
+        self.settings = settings
+        self._pipe.adapt = settings.enable
+
+    def interrupt(self) -> list[Estimate]:
+        """Release what is held, and start the histories anew: nothing is heard for a while."""
+        estimates = self.finish()
+        self._note('interrupt', '')
+        self._order.restart()
+        self._restart()
+        return estimates
+
+    @property
+    def adapting(self) -> bool:
+        """Tell whether the parameters are being adapted."""
+        return self._pipe.adapt
+
+    def identifier(self, dof: str) -> Identifier:
+        """Return the identifier of a DOF."""
+        return self._pipe.identifiers[self.settings.dofs.index(dof)]
+
+    def verdict(self, dof: str) -> str:
+        """Return what the data since the start or a reset leave open of a DOF, '' if nothing."""
+        return self._pipe.verdict(self.settings.dofs.index(dof))
+
+    def control(self, name: str, value: str) -> list[Estimate]:
+        """
+        Replay a recorded control; what was recorded before it is released first.
+
+        Raises
+        ------
+        ValueError
+            For a control that there is not.
+
+        """
+        estimates = self.finish()
+        if name == 'reset':
+            self.reset()
+        elif name == 'enable':
+            self.enable(value == 'true')
+        elif name == 'interrupt':
+            self.interrupt()
+        elif name == 'time_jump':
+            self._order.restart()
+            self._jump()
+        else:
+            raise ValueError(f'an unknown control {name!r}')
+        return estimates
+
+    def reject(self, input: str, reason: str) -> None:
+        """Count a refusal."""
+        self.rejected[(input, reason)] = self.rejected.get((input, reason), 0) + 1
+
+    def rejected_by_reason(self) -> dict[str, int]:
+        """Return how many samples or steps were refused, by reason."""
+        total: dict[str, int] = {}
+        for (_, reason), count in sorted(self.rejected.items()):
+            total[reason] = total.get(reason, 0) + count
+        return total
+
+    def take_warnings(self) -> list[str]:
+        """Return the warnings that have not been taken yet, a line each."""
+        taken = list(self._warnings)
+        self._warnings.clear()
+        return taken
+
+    def state(self) -> dict[str, Any]:
+        """Return the identifiers' state, of plain numbers, strings, lists and dicts."""
+        return {
+            'version': STATE_VERSION, 'method': self.settings.identifier.method,
+            'adapt': self.adapting,
+            'dofs': {dof: {'terms': list(self.settings.dof[dof].terms), **identifier.state()}
+                     for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers)}}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """
+        Go on from a state, all of it or nothing.
+
+        Raises
+        ------
+        ValueError
+            If it was made by another version, method or set of DOFs or terms, or holds
+            values that are out of bounds.
+
+        """
+        version = state.get('version') if isinstance(state, Mapping) else None
+        if version != STATE_VERSION:
+            raise ValueError(f'version {version}, not {STATE_VERSION}')
+        mine = self.state()
+        if state.get('method') != mine['method']:
+            raise ValueError(f'method {state.get("method")}, not {mine["method"]}')
+        dofs = state.get('dofs')
+        if not isinstance(dofs, Mapping) or list(dofs) != list(self.settings.dofs):
+            raise ValueError(f'DOFs other than {", ".join(self.settings.dofs)}')
+        for dof in self.settings.dofs:
+            if not isinstance(dofs[dof], Mapping):
+                raise ValueError(f'no state of {dof}')
+            if dofs[dof].get('terms') != list(self.settings.dof[dof].terms):
+                raise ValueError(f'other terms of {dof}')
+        try:
+            for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers):
+                identifier.restore(dofs[dof])
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+            for name, identifier in zip(self.settings.dofs, self._pipe.identifiers):
+                identifier.restore(mine['dofs'][name])
+            raise ValueError(f'{dof}: {error}') from error
+        self._adapt(bool(state.get('adapt', True)))
+        self._pipe.refresh()
+
+    def _handle(self, events: list[Event]) -> list[Estimate]:
+        estimates: list[Estimate] = []
+        for event in events:
+            if self._recorder is not None:
+                self._recorder.released(event)
+            time = event.time
+            for sample in event.samples:
+                health = self.inputs[sample.input]
+                health.note(time)
+                found = self._pipe.handle(time, sample)
+                if found is not None:
+                    health.count += 1
+                    estimates += found
+        if estimates:
+            self.estimate = estimates[-1]
+        return estimates
+
+    def _jump(self) -> None:
+        self._note('time_jump', '')
+        self._warnings.append('time jumped back: histories are started anew'
+                              + (' and the parameters reset' if
+                                 self.settings.reset_on_time_jump else ''))
+        self._restart()
+        if self.settings.reset_on_time_jump:
+            self._pipe.reset()
+
+    def _restart(self) -> None:
+        self._pipe.restart()
+        for health in self.inputs.values():
+            health.last_time = None
+
+    def _adapt(self, on: bool) -> None:
+        self._pipe.adapt = on
+        self.settings = replace(self.settings, enable=on)
+
+    def _note(self, name: str, value: str) -> None:
+        if self._recorder is not None:
+            self._recorder.controlled(name, value)

@@ -1,1 +1,0 @@
-"""The thrust to drive next, by the Cramer-Rao bound, within limits."""

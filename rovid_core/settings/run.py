@@ -1,0 +1,227 @@
+"""
+Everything that a run depends on, as frozen values.
+
+Each class refuses what cannot work with a :class:`SettingsError` that names the key as
+it stands in the parameter file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+import math
+
+from rovid_core.model.dofs import ANGULAR_DOFS, DOFS, LINEAR_DOFS, PARAMETERS
+from rovid_core.settings.inputs import InputSettings, SettingsError, ThrusterSettings
+
+__all__ = [
+    'INPUTS', 'DofSettings', 'IdentifierSettings', 'InputSettings', 'Settings', 'SettingsError',
+    'SimulatedDof', 'SimulationSettings', 'ThrusterSettings',
+]
+
+INPUTS = (
+    'position', 'depth', 'attitude', 'angular_velocity', 'velocity', 'reference', 'sign',
+    'thrusters',
+)
+"""The inputs, in the order in which samples of one event time are taken."""
+
+TINY, HUGE = 1e-6, 1e12
+"""What a mass, force or velocity can be in any unit; squares of it are far from overflow."""
+
+
+@dataclass(frozen=True)
+class IdentifierSettings:
+    """The method and its gains; raw gains win over ``adaptation_time`` where given."""
+
+    method: str = 'aid'
+    integrator: str = 'heun'
+    adaptation_time: float = 3.0
+    feedback_gain: float = 0.0  # a of eq. 7 [1/s], negative; 0: from adaptation_time
+    adaptation_gains: tuple[float, ...] = ()  # 4, or 4 per DOF: the diagonal of Gamma
+
+
+@dataclass(frozen=True)
+class DofSettings:
+    """What is known or guessed of one degree of freedom beforehand."""
+
+    mass: float
+    quadratic_drag: float = 0.0
+    linear_drag: float = 0.0
+    bias: float = 0.0
+    typical_force: float = 0.0  # 0: from the initial values
+    typical_velocity: float = 0.0  # 0: 0.5
+    dry_mass: float = 0.0  # 0: unknown
+    terms: tuple[str, ...] = PARAMETERS
+
+
+@dataclass(frozen=True)
+class SimulatedDof:
+    """The truth of a simulated degree of freedom and the thrust that moves it."""
+
+    mass: float
+    quadratic_drag: float = 0.0
+    linear_drag: float = 0.0
+    bias: float = 0.0
+    forces: tuple[float, ...] = ()  # amplitudes [N or N m] of the sinusoids
+    frequencies: tuple[float, ...] = ()  # their frequencies [Hz]
+
+
+@dataclass(frozen=True)
+class SimulationSettings:
+    """Truth, sensor rates [Hz] and noise (one standard deviation) of a simulated run."""
+
+    dofs: Mapping[str, SimulatedDof] = field(default_factory=dict)
+    position_rate: float = 10.0
+    position_noise: float = 0.005  # [m]
+    depth_rate: float = 20.0
+    depth_noise: float = 0.002  # [m]
+    attitude_rate: float = 20.0
+    attitude_noise: float = 0.002  # [rad]
+    angular_velocity_rate: float = 50.0
+    angular_velocity_noise: float = 0.002  # [rad/s]
+    velocity_rate: float = 10.0  # also of the reference, which has no noise
+    velocity_noise: float = 0.01  # [m/s]
+    thruster_rate: float = 20.0
+    thruster_noise: float = 0.0  # in the unit of the command
+    publish_w: bool = False  # estimates carry W against these parameters
+
+
+@dataclass(frozen=True)
+class Settings:
+    """
+    One run: inputs, measurement chain, identifier and the vehicle's degrees of freedom.
+
+    Raises
+    ------
+    SettingsError
+        If the settings contradict each other; it names the key.
+
+    """
+
+    dofs: tuple[str, ...]
+    dof: Mapping[str, DofSettings]
+    thrusters: ThrusterSettings
+    position: InputSettings = InputSettings()
+    depth: InputSettings = InputSettings()
+    attitude: InputSettings = InputSettings()
+    angular_velocity: InputSettings = InputSettings()
+    velocity: InputSettings = InputSettings()
+    reference: InputSettings = InputSettings()
+    sign: InputSettings = InputSettings()
+    hardware_id: str = ''  # '': the name of the node
+    frames: str = 'enu'
+    max_wait: float = 0.1
+    max_gap: float = 1.0
+    time_jump: float = 1.0
+    enable: bool = True  # False: the parameters are frozen at the start
+    reset_on_time_jump: bool = True
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    depth_scale: float = 1.0
+    depth_offset: float = 0.0
+    yaw_offset: float = 0.0
+    heading_unit: str = 'rad'
+    heading_frames: str = ''  # '': as frames
+    cutoff: float = 0.6
+    max_speed: float = 10.0  # [m/s] or [rad/s]; faster measurements are refused
+    gate: float = 8.0  # [std] of what is predicted of an input; 0: off
+    identifier: IdentifierSettings = IdentifierSettings()
+    simulation: SimulationSettings = SimulationSettings()
+    record_path: str = ''
+    checkpoint_path: str = ''
+    checkpoint_period: float = 60.0
+    autostart: bool = True  # of the live node: configured and activated by itself
+
+    def __post_init__(self) -> None:
+        """Check that every DOF has what it needs."""
+        if not self.dofs:
+            raise SettingsError('dofs', f'takes one or more of {", ".join(DOFS)}')
+        for dof in self.dofs:
+            if dof not in DOFS:
+                raise SettingsError('dofs', f'got {dof!r}, takes some of {", ".join(DOFS)}')
+            if dof not in self.dof:
+                raise SettingsError(f'{dof}.initial.mass', 'is required for a DOF in dofs')
+        if len(set(self.dofs)) != len(self.dofs):
+            raise SettingsError('dofs', 'names a DOF twice')
+        if not self.thrusters.topics:
+            raise SettingsError('thrusters.topic', 'is required')
+        self._check_sources()
+        self._check_gains()
+
+    def source(self, dof: str) -> str:
+        """Return the input that the DOF's velocity is measured by ('' if there is none)."""
+        if dof in ANGULAR_DOFS:
+            order: tuple[str, ...] = ('angular_velocity', 'attitude')
+        elif dof == 'heave':
+            order = ('velocity', 'depth', 'position')
+        else:
+            order = ('velocity', 'position')
+        return next((name for name in order if self.input(name).topic), '')
+
+    def input(self, name: str) -> InputSettings:
+        """Return the settings of an input other than the thrusters."""
+        found = getattr(self, name)
+        assert isinstance(found, InputSettings)
+        return found
+
+    def timeout_of(self, name: str) -> float:
+        """Return after how long [s] an input counts as silent; infinite for held thrust."""
+        if name == 'thrusters':
+            return self.thrusters.timeout or math.inf
+        return self.input(name).timeout or self.max_gap
+
+    @property
+    def longest_timeout(self) -> float:
+        """Return how far back [s] the measurements may reach that a step is made of."""
+        return max(self.max_gap, *(
+            self.timeout_of(name) for name in self.used_inputs() if name != 'thrusters'))
+
+    def used_inputs(self) -> tuple[str, ...]:
+        """Return the names of the inputs that have a topic, in the order of ``INPUTS``."""
+        return tuple(
+            name for name in INPUTS if name == 'thrusters' or self.input(name).topic)
+
+    def _check_sources(self) -> None:
+        for dof in self.dofs:
+            if not self.source(dof):
+                needs = ('attitude.topic or angular_velocity.topic' if dof in ANGULAR_DOFS
+                         else 'depth.topic, position.topic or velocity.topic'
+                         if dof == 'heave' else 'position.topic or velocity.topic')
+                raise SettingsError('dofs', f'{dof} needs {needs}')
+        horizontal = [d for d in self.dofs if d in LINEAR_DOFS and self.source(d) == 'position']
+        if horizontal and not self.attitude.topic:
+            raise SettingsError(
+                'attitude.topic', f'is required: {horizontal[0]} is measured in the world frame '
+                                  'and has to be turned into the body frame')
+
+    def _check_gains(self) -> None:
+        count = len(self.identifier.adaptation_gains)
+        if count not in (0, 4, 4 * len(self.dofs)):
+            raise SettingsError(
+                'identifier.adaptation_gains', f'takes 4 numbers, or 4 per DOF = '
+                f'{4 * len(self.dofs)}, got {count}')
+        if bool(count) != (self.identifier.feedback_gain != 0.0):
+            raise SettingsError(
+                'identifier.feedback_gain', 'and identifier.adaptation_gains go together')
+        for name in self.dofs:
+            self._check_dof(name)
+            terms = self.dof[name].terms
+            unknown = [t for t in terms if t not in PARAMETERS]
+            if unknown:
+                raise SettingsError(
+                    f'{name}.terms', f'got {unknown[0]!r}, takes {", ".join(PARAMETERS)}')
+            if 'alpha' not in terms:
+                raise SettingsError(f'{name}.terms', 'alpha always stays')
+
+    def _check_dof(self, name: str) -> None:
+        dof = self.dof[name]
+        for key, value, lowest in (
+                ('initial.mass', dof.mass, TINY),
+                ('initial.quadratic_drag', dof.quadratic_drag, 0),
+                ('initial.linear_drag', dof.linear_drag, 0),
+                ('typical.force', dof.typical_force or 1.0, TINY),
+                ('typical.velocity', dof.typical_velocity or 1.0, TINY)):
+            if not lowest <= value < HUGE:
+                raise SettingsError(
+                    f'{name}.{key}', f'got {value:g}, takes a number from {lowest:g} to {HUGE:g}')
+        if not abs(dof.bias) < HUGE:
+            raise SettingsError(f'{name}.initial.bias', f'got {dof.bias:g}, is too large')

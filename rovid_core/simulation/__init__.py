@@ -1,0 +1,1 @@
+"""A simulated vehicle with thrusters and sensors."""

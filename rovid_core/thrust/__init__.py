@@ -1,0 +1,1 @@
+"""The force on the body over time, from thruster commands."""

@@ -1,0 +1,115 @@
+"""From raw thruster commands to the force on the body at one moment, without delay and lag."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+import math
+
+from rovid_core.model.dofs import DOFS
+from rovid_core.settings.run import ThrusterSettings
+
+BEYOND = 2.0
+"""What is beyond the limit by this factor is no command, such as 0 in place of PWM."""
+
+
+def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
+    """
+    Return the force of one thruster before its gain, as a function of the raw command.
+
+    Offset, scale, deadband, limit and curve: linear ``u``, quadratic ``u|u|``, polynomial
+    ``c0 + c1 u + ...`` or a table interpolated linearly and held beyond its ends. Inside
+    the deadband the command is 0, beyond the limit it is the limit.
+    """
+    curves: dict[str, Callable[[float], float]] = {
+        'linear': lambda u: u,
+        'quadratic': lambda u: u * abs(u),
+        'polynomial': lambda u: _polynomial(settings.polynomial, u),
+        'table': lambda u: _interpolate(settings.table_command, settings.table_force, u),
+    }
+    curve = curves[settings.model]
+    offset, scale, deadband = settings.offset, settings.scale, settings.deadband
+    limit = settings.limit or math.inf
+
+    def force(raw: float) -> float:
+        command = (raw - offset) * scale
+        if abs(command) > limit:
+            command = math.copysign(limit, command)
+        return curve(0.0 if abs(command) <= deadband else command)
+
+    return force
+
+
+def _polynomial(coefficients: Sequence[float], u: float) -> float:
+    total = 0.0
+    for c in reversed(coefficients):
+        total = total * u + c
+    return total
+
+
+def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
+    if x <= xs[0]:
+        return ys[0]
+    if x >= xs[-1]:
+        return ys[-1]
+    i = bisect_right(xs, x) - 1
+    return ys[i] + (ys[i + 1] - ys[i]) * (x - xs[i]) / (xs[i + 1] - xs[i])
+
+
+def dot(row: Sequence[float], forces: Sequence[float]) -> float:
+    """Return the product of a row of the allocation with the thrusters' forces."""
+    # sum() rounds differently from Python 3.12 on; a log has to give the same bits on all
+    total = 0.0
+    for a, f in zip(row, forces):
+        total += a * f
+    return total
+
+
+def wrench(settings: ThrusterSettings, commands: Sequence[float],
+           dofs: Sequence[str] = DOFS) -> tuple[float, ...]:
+    """
+    Return the body force of raw commands, without delay and lag.
+
+    Parameters
+    ----------
+    settings : ThrusterSettings
+        The chain; its allocation has 6 rows (surge to yaw) and n columns.
+    commands : sequence of float, length n
+        Raw commands, such as currents [A].
+    dofs : sequence of str
+        The rows that are wanted.
+
+    Returns
+    -------
+    tuple of float, length len(dofs)
+        Forces [N] and moments [N m] in the body frame.
+
+    """
+    model = thruster_model(settings)
+    forces = [k * model(u) for k, u in zip(settings.gain, commands)]
+    return tuple(
+        [dot(settings.allocation[DOFS.index(d)], forces) for d in dofs])
+
+
+def are_commands(settings: ThrusterSettings, raw: Sequence[float], part: int = 0) -> bool:
+    """
+    Tell whether raw values can be commands: none is far beyond the limit.
+
+    A thruster with no gain is not asked.
+
+    Parameters
+    ----------
+    settings : ThrusterSettings
+        The chain; without a limit every value can be one.
+    raw : sequence of float
+        One value per thruster, or the one value of thruster ``part``.
+    part : int
+        Index of the topic among ``thrusters.topics``.
+
+    """
+    if settings.limit == 0.0:
+        return True
+    gains = settings.gain[part:] if len(settings.topics) > 1 else settings.gain
+    most = BEYOND * settings.limit
+    return all(abs((u - settings.offset) * settings.scale) <= most
+               for u, k in zip(raw, gains) if k)

@@ -1,0 +1,1 @@
+"""Whole trials: offline methods and the score."""

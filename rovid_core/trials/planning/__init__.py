@@ -1,0 +1,1 @@
+"""The next thrust profile to drive."""

@@ -1,0 +1,220 @@
+"""
+The next thrust profile of a degree of freedom: what tells most within its limits.
+
+The parameters that are to be found decide how well a profile finds them, so it is chosen for
+a few vehicles around the model. Best is the profile whose largest relative uncertainty, of
+mass, drags and bias and of all those vehicles, is smallest: the worst number of a table is
+what its reader minds, and a determinant (D-optimality) can hide it behind a good one.
+
+More thrust always tells more. So a profile is a shape, which is searched for, and a size,
+which is the largest that keeps all the vehicles within the limits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+from rovid_core.identify.intervals import Z95
+from rovid_core.simulation.profiles import Sinusoid, Steps, Waveform
+from rovid_core.trials.planning import fleet
+from rovid_core.trials.planning.fleet import Array
+from rovid_core.trials.planning.prospect import (
+    bounds,
+    disturbance,
+    Limits,
+    PlanError,
+    Prospect,
+    prospect,
+    samples,
+    Sensor,
+    times,
+    Vehicles,
+)
+from rovid_core.trials.planning.shapes import (
+    first_shapes,
+    FREQUENCIES,
+    near_shapes,
+    rounded,
+    Shape,
+)
+
+SEARCHED = 300.0
+"""[s] A longer trial is searched for as if it were this long; it then tells more of the same."""
+
+STEP = 0.1
+"""[s] Of the integration; longer in the search, for all of which there are MOST_STEPS."""
+
+MOST_STEPS = 1000
+
+FINER = (1.3, 1.15, 1.06)
+"""By how much the search changes a shape, round by round."""
+
+DISTURBANCE, LASTING = 0.01, 1.0
+"""
+Forces that no model knows: of the largest thrust, and for how long [s]. They are added in the
+choice of a shape. By the bare bound a few newtons would do, held for minutes: it takes every
+millimetre of slow drift for drag, and in water much else drifts.
+"""
+
+MARGIN = 0.98
+"""Of the limits of speed and room: commands are held, and thrusters lag."""
+
+NAIVE = 0.25
+"""[Hz] Of the sinusoid to compare with, which is that of eq. 13 of the paper."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """
+    The profile that is proposed for a DOF.
+
+    Attributes
+    ----------
+    limits : Limits
+        What it keeps to.
+    vehicles : Vehicles
+        The model and the others, that the arrays of a prospect are about.
+    planned, naive : Prospect
+        Of the profile, and of one sinusoid with the same largest thrust.
+
+    """
+
+    limits: Limits
+    vehicles: Vehicles
+    planned: Prospect
+    naive: Prospect
+
+    @property
+    def used(self) -> dict[str, float]:
+        """Return which share of each limit is used, by the vehicle that uses most."""
+        return {'room': float(self.planned.room.max()) / self.limits.room,
+                'max_speed': float(self.planned.speed.max()) / self.limits.speed,
+                'max_force': self.planned.force / self.limits.force}
+
+
+def plan(vehicles: Vehicles, sensor: Sensor, limits: Limits) -> Plan:
+    """
+    Propose a profile.
+
+    Parameters
+    ----------
+    vehicles : Vehicles
+        The model, and the others for which the profile has to be good too.
+    sensor : Sensor
+        What measures the motion.
+    limits : Limits
+        For all the vehicles; each begins at rest.
+
+    Raises
+    ------
+    PlanError
+        If the bias needs all the thrust, or nothing can be identified within the limits.
+
+    """
+    offset = rounded(vehicles.bias, 5)
+    if not abs(offset) < 0.9 * limits.force:
+        raise PlanError(f'max_force: {limits.force:g} leaves nothing beside the bias of '
+                        f'{offset:g}, which it has to cancel')
+    shape, size = _searched(vehicles.few(), sensor, limits, offset)
+    planned = _sized(shape, size, offset, vehicles, sensor, limits)
+    peak = rounded(planned.force - abs(offset), 3)
+    naive = prospect((Sinusoid(peak, NAIVE), *_constant(offset)), vehicles, sensor,
+                     limits.duration, STEP)
+    found = Plan(limits, vehicles, planned, naive)
+    force = samples(planned.waveforms, times(limits.duration, STEP))[:, None]
+    unknown = disturbance(vehicles, force, STEP, _density(limits))[0, 0] + planned.physical[0]
+    if Z95 * math.sqrt(unknown[0, 0]) * vehicles.parameters[0, 0] > 1.0:
+        name = max(found.used, key=lambda key: found.used[key])
+        raise PlanError(f'{name}: {getattr(limits, name.removeprefix("max_")):g} in '
+                        f'{limits.duration:g} s is too little to identify anything: not even '
+                        'the mass would be known to 100 %')
+    return found
+
+
+def _searched(vehicles: Vehicles, sensor: Sensor, limits: Limits,
+              offset: float) -> tuple[Shape, float]:
+    """Return the best shape and its size [N or N m]."""
+    limits = replace(limits, duration=min(limits.duration, SEARCHED))
+    dt = max(STEP, limits.duration / MOST_STEPS)
+    t = times(limits.duration, dt)
+    scales = vehicles.scales(limits)
+    low = max(FREQUENCIES[0], 1.0 / limits.duration)
+    high = max(min(FREQUENCIES[1], sensor.rate / 5.0, 0.1 / dt), 2.0 * low)
+    grid = [rounded(f, 3) for f in np.geomspace(low, high, 12).tolist()]
+    judged: dict[Shape, tuple[float, float]] = {}
+    best: list[Shape] = []
+    for change in (math.nan, *FINER):
+        candidates = ([near for shape in best for near in near_shapes(shape, change)] if best
+                      else first_shapes(grid))
+        # two sinusoids of one frequency are one, or none
+        new = [shape for shape in dict.fromkeys(candidates) if shape not in judged
+               and len({w.highest for w in shape}) == len(shape)]
+        force = np.stack([samples(shape, t) for shape in new], axis=1)
+        force /= np.abs(force).max(axis=0)
+        sizes = _largest(vehicles, limits, force, offset, dt)
+        force = force * sizes + offset
+        covariance = (bounds(vehicles, sensor, force, dt)[1]
+                      + disturbance(vehicles, force, dt, _density(limits)))
+        errors = np.sqrt(np.diagonal(covariance, axis1=2, axis2=3)) / scales
+        costs = errors.max(axis=(1, 2))
+        judged.update(zip(new, zip(costs.tolist(), sizes.tolist())))
+        ranked = sorted(judged, key=lambda shape: judged[shape][0])
+        # both kinds go on: the better one at first is not always the better one in the end
+        best = [shape for kind in (Sinusoid, Steps)
+                for shape in [s for s in ranked if isinstance(s[0], kind)][:2]]
+    return ranked[0], judged[ranked[0]][1]
+
+
+def _density(limits: Limits) -> float:
+    return 2.0 * LASTING * (DISTURBANCE * limits.force) ** 2
+
+
+def _largest(vehicles: Vehicles, limits: Limits, force: Array, offset: float,
+             dt: float) -> Array:
+    """Return the sizes of profiles of size 1 that keep within the limits, nearly."""
+    most = limits.force - abs(offset)
+    sizes = np.full(force.shape[1], most)
+    for _ in range(4):
+        # speed and room grow in proportion without drag, with the root in much drag
+        excess = np.maximum(_excess(vehicles, limits, force * sizes + offset, dt), 1e-3)
+        sizes = np.minimum(sizes * excess ** -1.2, most)
+    return sizes
+
+
+def _excess(vehicles: Vehicles, limits: Limits, force: Array, dt: float) -> Array:
+    speed, room = fleet.reach(vehicles.parameters, force, dt)
+    most = np.maximum(speed / limits.speed, room / limits.room).max(axis=1)
+    return np.asarray(most / MARGIN)
+
+
+def _sized(shape: Shape, size: float, offset: float, vehicles: Vehicles, sensor: Sensor,
+           limits: Limits) -> Prospect:
+    """Return a shape with round numbers that keeps all limits for the whole trial."""
+    # commands come at any time: the peak is taken on a grid that misses nothing
+    unit = float(np.abs(samples(shape, times(limits.duration, 0.01))).max())
+    size = min(1.1 * size, limits.force - abs(offset))
+    t = times(limits.duration, STEP)
+    while True:
+        waveforms = _scaled(shape, size / unit, offset)
+        excess = float(_excess(vehicles, limits, samples(waveforms, t)[:, None], STEP)[0])
+        if excess <= 1.0:
+            return prospect(waveforms, vehicles, sensor, limits.duration, STEP)
+        size *= min(0.985, 1.0 / excess)
+
+
+def _scaled(shape: Shape, factor: float, offset: float) -> Shape:
+    """Return a shape times a factor, towards 0 rounded, and the thrust against the bias."""
+    scaled: list[Waveform] = []
+    for w in shape:
+        if isinstance(w, Steps):
+            levels = [rounded(factor * x, 3) + offset for x in w.levels]
+            return (Steps(tuple(float(f'{x:.6g}') for x in levels), w.hold),)
+        assert isinstance(w, Sinusoid)
+        scaled.append(Sinusoid(rounded(factor * w.amplitude, 3), w.frequency))
+    return (*scaled, *_constant(offset))
+
+
+def _constant(force: float) -> Shape:
+    return (Steps((force, force), 60.0),) if force else ()

@@ -1,0 +1,133 @@
+"""One DOF of a recorded trial as arrays, for the offline methods."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.model.dofs import Four, NAN4
+from rovid_core.model.samples import Step
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Record:
+    """
+    What was measured of one DOF between two interruptions.
+
+    Attributes
+    ----------
+    time : ndarray, shape (m,)
+        Times of the fixes (or velocity samples) from the trial's start [s].
+    position : ndarray, shape (m,) or (0,)
+        Path along the body axis at the fixes [m or rad], from 0; empty for a velocity sensor.
+    velocity : ndarray, shape (m - 1,) or (m,)
+        Mean velocity between two fixes, or the velocity at each sample [m/s or rad/s].
+    dt, force : ndarray, shape (2 m - 2,) or (m - 1,)
+        Segments of known mean force [s], [N or N m]: two from fix to fix, or one from sample
+        to sample.
+
+    """
+
+    time: Array
+    position: Array
+    velocity: Array
+    dt: Array
+    force: Array
+
+    @property
+    def nodes(self) -> slice:
+        """Return which ends of segments are fixes or samples."""
+        return slice(None, None, 2 if len(self.position) else 1)
+
+    @property
+    def mean_force(self) -> Array:
+        """Return the mean force from fix to fix, shape (m - 1,) [N or N m]."""
+        if not len(self.position):
+            return self.force
+        pairs = (self.dt * self.force).reshape(-1, 2).sum(axis=1)
+        return np.asarray(pairs / self.dt.reshape(-1, 2).sum(axis=1))
+
+    def steps(self) -> list[Step]:
+        """
+        Return the steps of an identifier from one velocity to the next, not filtered.
+
+        The mean velocity between two fixes stands at the middle.
+        """
+        dt, impulse = self.dt, self.dt * self.force
+        if len(self.position):
+            dt = dt[1:-1].reshape(-1, 2).sum(axis=1)
+            impulse = impulse[1:-1].reshape(-1, 2).sum(axis=1)
+        v = self.velocity.tolist()
+        return [Step(h, (a, 0.5 * (a + b), b), (f, f, f)) for h, f, a, b in zip(
+            dt.tolist(), (impulse / dt).tolist(), v, v[1:])]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """
+    A model that an offline method found.
+
+    Attributes
+    ----------
+    parameters : tuple of 4 floats
+        Lumped parameters.
+    covariance : ndarray, shape (4, 4), or None
+        Of the parameters, 0 for terms that are left out; None where the method gives none.
+    note : str
+        What is wrong with it, '' if nothing.
+
+    """
+
+    parameters: Four
+    covariance: Array | None = None
+    note: str = ''
+
+    @property
+    def std(self) -> Four:
+        """Return the standard deviations, NaN where there are none."""
+        if self.covariance is None:
+            return NAN4
+        roots = np.sqrt(np.diag(self.covariance))
+        return cast(Four, tuple(np.where(roots > 0.0, roots, np.nan).tolist()))
+
+    @staticmethod
+    def none(note: str) -> Fit:
+        """Return that there is no model, and why."""
+        return Fit(NAN4, None, note)
+
+
+def record(origin: int, times: NDArray[np.int64], values: Array) -> Record | None:
+    """
+    Return the steps of the pipe, midpoint to midpoint, as a record from fix to fix.
+
+    Parameters
+    ----------
+    origin : int
+        The trial's start [ns].
+    times : ndarray of int64, shape (2, n)
+        Fix at which each step's measurement begins, and the step's end [ns].
+    values : ndarray, shape (4, n)
+        Mean force of each step before and after its fix [N or N m]; its filtered velocity,
+        which is not used; the velocity that it measured, not filtered [m/s or rad/s].
+
+    Returns
+    -------
+    Record or None
+        None if there are too few steps to be of use.
+
+    """
+    (fix, end), (first, last, _, mean) = times, values
+    if len(end) < 3:
+        return None
+    if fix[-1] == end[-1]:  # a velocity sensor: steps from sample to sample
+        dt = np.diff(end) * 1e-9
+        return Record((end - origin) * 1e-9, np.empty(0), mean, dt, first[1:])
+    dt = np.stack([end[:-1] - fix[:-1], fix[1:] - end[:-1]], axis=1).ravel() * 1e-9
+    force = np.stack([last[:-1], first[1:]], axis=1).ravel()
+    velocity = mean[:-1]
+    position = np.concatenate([[0.0], np.cumsum(velocity * np.diff(fix) * 1e-9)])
+    return Record((fix - origin) * 1e-9, position, velocity, dt, force)

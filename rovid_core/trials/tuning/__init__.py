@@ -1,0 +1,1 @@
+"""Settings that a log is explained best by."""

@@ -1,0 +1,151 @@
+"""What tuning keeps of a log: the commands before delay and lag, and the measured motion."""
+
+from __future__ import annotations
+
+from array import array
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.model.dofs import DOFS
+from rovid_core.model.recurrence import Array
+from rovid_core.model.samples import Event
+from rovid_core.settings.run import Settings
+from rovid_core.thrust.force_history import LARGEST_FORCE
+from rovid_core.thrust.thruster_curve import are_commands, wrench
+from rovid_core.trials.score import ScoreLog
+from rovid_core.trials.tuning.commanded import Commanded
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """
+    The motion of one DOF between two interruptions.
+
+    Attributes
+    ----------
+    start : int
+        Time from which the first step goes [ns].
+    velocity : float
+        Measured there [m/s or rad/s].
+    fixes, ends : ndarray of int64, shape (n,)
+        Where each step's measurement begins, and the step's end [ns].
+    means : ndarray, shape (n,)
+        Measured over each step, not filtered [m/s or rad/s].
+
+    """
+
+    start: int
+    velocity: float
+    fixes: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    means: Array
+
+    @property
+    def bounds(self) -> NDArray[np.int64]:
+        """Return the start and the end of every step [ns], shape (n + 1,)."""
+        return np.concatenate([[self.start], self.ends])
+
+
+class TuningLog(ScoreLog):
+    """
+    A score log that also keeps the commands; it is the stream's recorder and scorer in one.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+
+    Attributes
+    ----------
+    jumped : bool
+        Whether time went back.
+
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self._settings = settings
+        self._raw: list[float | None] = [None] * settings.thrusters.count
+        self._sign: tuple[float, ...] | None = None
+        self._times = array('q')
+        self._commands = array('d')
+        self.jumped = False
+
+    def released(self, event: Event) -> None:
+        """Take an event, in the order of release."""
+        for sample in event.samples:
+            if sample.input == 'sign':
+                self._sign = sample.value
+            elif sample.input == 'thrusters' and all(map(math.isfinite, sample.value)):
+                self._command(event.time, sample.value, sample.part)
+
+    def controlled(self, name: str, value: str) -> None:
+        """Take a control; only time counts."""
+        self.jumped = self.jumped or name == 'time_jump'
+
+    def _command(self, time: int, value: tuple[float, ...], part: int) -> None:
+        if self._settings.sign.topic:
+            if self._sign is None:
+                return
+            signs = self._sign if len(self._sign) > 1 else self._sign * len(value)
+            if len(signs) > len(value):
+                signs = signs[part:part + 1]
+            value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
+        if not are_commands(self._settings.thrusters, value, part):
+            return
+        if len(self._settings.thrusters.topics) > 1:
+            self._raw[part] = value[0]
+        else:
+            self._raw = list(value)
+        raw = [u for u in self._raw if u is not None]
+        if len(raw) < len(self._raw):
+            return
+        forces = wrench(self._settings.thrusters, raw, self._settings.dofs)
+        if not all(abs(f) < LARGEST_FORCE for f in forces):
+            return
+        if self._times and self._times[-1] == time:  # another topic of the same instant
+            self._times.pop()
+            del self._commands[-len(forces):]
+        self._times.append(time)
+        self._commands.extend(forces)
+
+    def commanded(self) -> Commanded:
+        """Return the force on the DOFs of the run, in their order."""
+        table = np.array(self._commands).reshape(-1, len(self._settings.dofs)).T
+        return Commanded(np.array(self._times), table,
+                         self._settings.thrusters.hold == 'linear')
+
+    def stretches(self, dof: str) -> list[Stretch]:
+        """Return the motion of a DOF."""
+        found = []
+        for run in self._steps[dof].runs:
+            times, values = run.steps
+            if run.count:
+                found.append(Stretch(
+                    run.start, run.velocity, times[0], times[1], values[3]))
+        return found
+
+
+def turned(forward: list[Stretch], sideways: list[Stretch],
+           angle: float) -> tuple[list[Stretch], list[Stretch]]:
+    """
+    Return surge and sway as they are when ``angle`` [rad] is added to every heading.
+
+    Of a level vehicle; both DOFs come from the same fixes.
+    """
+    c, s = math.cos(angle), math.sin(angle)
+    pairs = list(zip(forward, sideways))
+    return ([Stretch(u.start, c * u.velocity + s * v.velocity, u.fixes, u.ends,
+                     c * u.means + s * v.means) for u, v in pairs],
+            [Stretch(v.start, c * v.velocity - s * u.velocity, v.fixes, v.ends,
+                     c * v.means - s * u.means) for u, v in pairs])
+
+
+def turnable(settings: Settings) -> tuple[str, str] | None:
+    """Return surge and sway where the position is turned by an attitude, else None."""
+    there = [dof for dof in DOFS[:2] if dof in settings.dofs]
+    if there and all(settings.source(dof) == 'position' for dof in there):
+        return DOFS[0], DOFS[1]
+    return None

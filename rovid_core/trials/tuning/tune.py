@@ -1,0 +1,198 @@
+"""
+Finding delay, lag, heading offset, cutoff and gains from a log by cross-validation.
+
+The log is divided into blocks of time. Delay, lag and heading offset are those with which a
+model that output error fitted to the other blocks predicts a block best. Cutoff and gains are
+those with which the adaptive identifier has found, up to some time, the model that predicts
+the blocks after it best. Nothing is changed that does not gain more than chance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
+from rovid_core.trials.tuning.blocks import blocks, edges
+from rovid_core.trials.tuning.choice import Change, Done, Each, Stage
+from rovid_core.trials.tuning.commanded import Commanded
+from rovid_core.trials.tuning.dof import Dof, usable
+from rovid_core.trials.tuning.heading import tune_heading
+from rovid_core.trials.tuning.identifier import tune_identifier
+from rovid_core.trials.tuning.log import TuningLog, turnable, turned
+from rovid_core.trials.tuning.thrust import tune_thrust
+
+UNUSED = DofSettings(1.0)
+"""A DOF that is only looked at."""
+
+DIGITS = 4
+"""What is written of a value; the data never tell more."""
+
+
+class TuningError(ValueError):
+    """A log that tells nothing; the text is the line to print."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """
+    Mean absolute error of the velocity that models predict on held-out blocks.
+
+    Attributes
+    ----------
+    model : tuple of 2 floats
+        Before and after, of output error, which has no gains [m/s or rad/s].
+    identifier : tuple of 2 floats, or None
+        Before and after, of the adaptive identifier; None where its gains are not tuned.
+
+    """
+
+    model: tuple[float, float]
+    identifier: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """
+    What was found.
+
+    Attributes
+    ----------
+    stages : tuple of Stage
+        Keys that were sought together.
+    scores : dict
+        Per DOF.
+    left_out : dict
+        Why nothing was tuned with a DOF, by name.
+    notes : tuple of str
+        What was not tuned, and why.
+
+    """
+
+    stages: tuple[Stage, ...]
+    scores: Mapping[str, Score]
+    left_out: Mapping[str, str]
+    notes: tuple[str, ...]
+
+    def changes(self) -> dict[str, float]:
+        """Return the keys that have a better value, with that."""
+        return {key: change.after for stage in self.stages
+                for key, change in stage.keys.items() if change.after != change.before}
+
+
+def observed(settings: Settings) -> Settings:
+    """
+    Return the settings with which a log is read to be tuned.
+
+    Of the plane both DOFs, for a wrong heading shows in the one that has no thrust; and the
+    simplest identifier, for what it finds is not used.
+    """
+    dofs, pair = settings.dofs, turnable(settings)
+    dofs += tuple(dof for dof in pair or () if dof not in dofs)
+    return replace(settings, dofs=dofs, dof={d: settings.dof.get(d, UNUSED) for d in dofs},
+                   identifier=IdentifierSettings(integrator='euler'))
+
+
+def one_by_one(work: Callable[[int], Done], given: Sequence[int]) -> list[Done]:
+    """Return ``work`` of each."""
+    return [work(k) for k in given]
+
+
+def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lambda share: None,
+         each: Each = one_by_one) -> Tuned:
+    """
+    Tune with a log.
+
+    Parameters
+    ----------
+    log : TuningLog
+        Read with ``observed`` settings.
+    settings : Settings
+        As they are.
+    done : callable
+        Told now and then which share of the work is done.
+    each : callable
+        Does work on each of some things, possibly at the same time.
+
+    Raises
+    ------
+    TuningError
+        If the log tells nothing.
+
+    """
+    if log.jumped:
+        raise TuningError('time jumps back in it: take a part of it with --start and --duration')
+    seen = observed(settings)
+    commanded = log.commanded()
+    found = {name: usable(log, seen, name, commanded) for name in settings.dofs}
+    left_out = {name: why for name, why in found.items() if isinstance(why, str)}
+    old = [dof for dof in found.values() if isinstance(dof, Dof)]
+    if not old:
+        raise TuningError('nothing to tune with: ' + '; '.join(
+            f'{name}: {why}' for name, why in left_out.items()))
+    done(0.05)
+    pairs = [(settings.thrusters.delay, settings.thrusters.time_constant)]
+    heading = tune_heading(log, old, commanded, seen, pairs[0])
+    stages = [_rounded(heading)] if heading else []
+    new = _with_heading(log, old, heading, commanded, seen, pairs[0])
+    done(0.1)
+    stages.append(_rounded(tune_thrust(
+        new, commanded, settings, each, lambda share: done(0.1 + 0.3 * share))))
+    pairs.append(tuple(change.after for change in stages[-1].keys.values()))  # type: ignore
+    notes = [_no_gains(settings)]
+    identified: Mapping[str, tuple[float, float]] = {}
+    if not notes[0]:
+        stage, identified = tune_identifier(
+            old, new, pairs, commanded, settings, each)
+        stages.append(_rounded(stage))
+    scores = {after.name: Score(
+        (_error(before, commanded, pairs[0]), _error(after, commanded, pairs[1])),
+        identified.get(after.name)) for before, after in zip(old, new)}
+    return Tuned(tuple(stages), scores, left_out, tuple(filter(None, notes)))
+
+
+def _no_gains(settings: Settings) -> str:
+    if settings.identifier.method != 'aid':
+        return (f'cutoff and gains are tuned for aid alone; the method is '
+                f'{settings.identifier.method}')
+    if settings.identifier.adaptation_gains:
+        return ('cutoff and gains stay: raw adaptation_gains are given; leave them out to have '
+                'adaptation_time tuned')
+    return ''
+
+
+def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
+                  commanded: Commanded, settings: Settings,
+                  pair: tuple[float, float]) -> list[Dof]:
+    """Return the DOFs as they are with the new heading."""
+    names = turnable(settings)
+    if heading is None or names is None:
+        return dofs
+    change = heading.keys['attitude.yaw_offset']
+    if change.after == change.before:
+        return dofs
+    forward, sideways = turned(log.stretches(names[0]), log.stretches(names[1]),
+                               change.after - change.before)
+    moved = {names[0]: forward, names[1]: sideways}
+    made = []
+    for dof in dofs:
+        stretches = moved.get(dof.name, dof.stretches)
+        parts = blocks(stretches, edges(stretches)) if dof.name in moved else None
+        made.append(dof if parts is None else Dof(
+            dof.name, dof.row, stretches, parts, dof.settings, settings.cutoff))
+    return made
+
+
+def _error(dof: Dof, commanded: Commanded, pair: tuple[float, float]) -> float:
+    return float(dof.model(commanded, pair).scores.mean())
+
+
+def _rounded(stage: Stage) -> Stage:
+    """Return a stage whose new values are written with few digits."""
+    return replace(stage, keys={
+        key: change if change.after == change.before else
+        replace(change, after=float(f'{change.after:.{DIGITS}g}'))
+        for key, change in stage.keys.items()})
+
+
+__all__ = ['Change', 'observed', 'Score', 'Stage', 'tune', 'Tuned', 'TuningError']

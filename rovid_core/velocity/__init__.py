@@ -1,0 +1,1 @@
+"""Body velocity from position, depth, attitude, a DVL or a gyro."""

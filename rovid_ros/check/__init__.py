@@ -1,1 +1,0 @@
-"""A configuration by itself, against a log, or against the live graph."""

@@ -1,0 +1,135 @@
+"""What the arguments of the command line take, each said in one line."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+import difflib
+import math
+from pathlib import Path
+import re
+import sys
+from typing import Any, NoReturn
+
+from rovid_core.model.dofs import DOFS
+from rovid_ros.commands.ending import USAGE
+
+SHORTEST, LONGEST = 1e-3, 1e9
+"""[s] A shorter part holds no message; a longer one does not fit the time stamps of ROS."""
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line, with the nearest of the choices."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, **options)
+
+    def error(self, message: str) -> NoReturn:
+        found = re.fullmatch(r".*invalid choice: '(.*)' \(choose from (.*)\)", message)
+        near = found and difflib.get_close_matches(found[1], re.findall(r'[\w-]+', found[2]), 1)
+        hint = f'; did you mean {near[0]!r}?' if near else ''
+        wrong_usage(self.prog, message + hint)
+
+
+class Version(argparse.Action):
+    """Print the version, which only then is looked up."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *given: Any) -> NoReturn:
+        """Print it and exit."""
+        from rovid_ros import __version__
+        print(f'{parser.prog} {__version__}')
+        parser.exit()
+
+
+def wrong_usage(prog: str, message: str) -> NoReturn:
+    """End with a line about the command line."""
+    print(f'{prog}: {message} (see {prog} --help)', file=sys.stderr)
+    raise SystemExit(USAGE)
+
+
+def add_command(commands: Any, name: str, run: Callable[[argparse.Namespace], None],
+                does: str, more: str, params_file: bool | None = True) -> Parser:
+    """Add a subcommand that ``does`` something; its parameter file is required, may be, or not."""
+    command: Parser = commands.add_parser(
+        name, help=does, description=f'{does[0].upper()}{does[1:]}. {more}')
+    if params_file is not None:
+        command.add_argument(
+            '--params-file', type=Path, required=params_file, metavar='FILE',
+            help="the vehicle's parameter file, the same as the node's")
+    command.set_defaults(run=run, prog=command.prog)
+    return command
+
+
+def not_negative(text: str) -> float:
+    """Return a number from 0."""
+    return _number(text, 0.0)
+
+
+def positive(text: str) -> float:
+    """Return a number above 0."""
+    return _number(text, 0.0, strict=True)
+
+
+def duration(text: str) -> float:
+    """Return a length of time [s] that can hold a message."""
+    return _number(text, SHORTEST)
+
+
+def seed(text: str) -> int:
+    """Return a whole number from 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes a whole number from 0')
+    return int(text)
+
+
+def mcap(text: str) -> Path:
+    """Return the path of an MCAP file to write; one without a suffix can be a device."""
+    path = Path(text)
+    if path.suffix not in ('', '.mcap'):
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes a name that ends in .mcap')
+    return path
+
+
+def dofs(text: str) -> tuple[str, ...]:
+    """Return degrees of freedom, separated by commas."""
+    return tuple([_dof(name.strip(), text) for name in text.split(',')])
+
+
+def per_dof(text: str) -> dict[str, float]:
+    """Return numbers above 0 by DOF; one without a name is under ''."""
+    values: dict[str, float] = {}
+    for part in text.split(','):
+        name, equals, value = part.rpartition('=')
+        dof = _dof(name.strip(), text) if equals else ''
+        if dof in values:
+            raise argparse.ArgumentTypeError(f'got {text!r}, which says {dof or "it"} twice')
+        values[dof] = positive(value.strip())
+    return values
+
+
+def factor(text: str) -> float:
+    """Return a factor from 1 to 10."""
+    value = _number(text, 1.0)
+    if value > 10.0:
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes a factor from 1 to 10')
+    return value
+
+
+def _dof(name: str, text: str) -> str:
+    if name not in DOFS:
+        near = difflib.get_close_matches(name, DOFS, 1)
+        hint = f'; did you mean {near[0]!r}?' if near else ''
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes some of {", ".join(DOFS)}{hint}')
+    return name
+
+
+def _number(text: str, low: float, strict: bool = False) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not low <= value <= LONGEST or (strict and value == low):
+        raise argparse.ArgumentTypeError(
+            f'got {text!r}, takes a number {"above" if strict else "from"} {low:g} '
+            f'up to {LONGEST:g}')
+    return value

@@ -1,0 +1,1 @@
+"""``rovid check``: what is wrong with a configuration."""

@@ -1,0 +1,360 @@
+"""``rovid plan``: the thrust profile to drive next, within what there is room for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+import math
+from pathlib import Path
+import shlex
+from typing import Any
+
+import numpy as np
+from rovid_core.model.dofs import ANGULAR_DOFS, DOFS, Four, LINEAR_DOFS, PARAMETERS, PHYSICAL
+from rovid_core.model.plant import lumped
+from rovid_core.settings.run import Settings
+from rovid_core.settings.scales import Scales
+from rovid_core.simulation.profiles import Profile, Steps, Waveform
+from rovid_core.simulation.thruster_commands import ThrusterCommands
+from rovid_core.trials.planning import fleet
+from rovid_core.trials.planning.fleet import Array
+from rovid_core.trials.planning.plan import Plan, plan as find_plan, STEP
+from rovid_core.trials.planning.prospect import (
+    Limits,
+    PlanError,
+    Prospect,
+    samples,
+    Sensor,
+    times,
+    Vehicles,
+)
+from rovid_ros.commands.ending import CommandError, UsageError
+from rovid_ros.commands.profile_text import profile_text
+from rovid_ros.commands.progress import Progress
+from rovid_ros.results.identified import Identified
+from rovid_ros.results.text import number, table, unit
+
+LONGEST = 3600.0
+"""[s] A longer trial tells the same again: repeat the profile."""
+
+SHORTEST = 10.0
+"""[s] Of a trial that tells anything."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """
+    What the command line asks for.
+
+    ``max_force``, ``max_speed`` and ``room`` are by DOF; under '' for all linear DOFs.
+    """
+
+    dofs: tuple[str, ...]
+    duration: float
+    max_force: Mapping[str, float]
+    max_speed: Mapping[str, float]
+    room: Mapping[str, float]
+    factor: float
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The plans by DOF, what each model is from, all profiles together, and warnings."""
+
+    asked: Asked
+    plans: Mapping[str, Plan]
+    sources: Mapping[str, str]
+    profile: Profile
+    warnings: tuple[str, ...]
+
+
+def propose(settings: Settings, models: Sequence[Identified], asked: Asked) -> Proposal:
+    """
+    Plan a profile for each DOF that is asked for; the others get no thrust.
+
+    Parameters
+    ----------
+    settings : Settings
+        The vehicle, its sensors, and the initial values for DOFs that have no model.
+    models : sequence of Identified
+        What was identified so far.
+    asked : Asked
+        What the command line asks for.
+
+    Raises
+    ------
+    CommandError, UsageError, SettingsError
+        If the DOFs, the limits or the thrusters do not allow it.
+
+    """
+    dofs = _dofs(settings, asked)
+    limits = _within_thrusters(
+        settings, {dof: _limits(settings, asked, dof) for dof in dofs})
+    known = {model.dof: model for model in models}
+    plans: dict[str, Plan] = {}
+    sources: dict[str, str] = {}
+    warnings: list[str] = []
+    with Progress('plan', lambda: len(plans) / len(dofs)) as progress:
+        for dof in dofs:
+            parameters, sources[dof] = _model(settings, known.get(dof), dof)
+            scales = Scales.of(settings.dof[dof])
+            clipped = (parameters[0], min(parameters[1], 0.0), min(parameters[2], 0.0),
+                       parameters[3])
+            if clipped != parameters:
+                warnings.append(f'{dof}: the model has a drag below 0, which is taken as 0')
+            vehicles = Vehicles.around(clipped, scales.active, asked.factor)
+            try:
+                plans[dof] = find_plan(vehicles, Sensor.of(settings, dof), limits[dof])
+            except PlanError as error:
+                raise CommandError(f'{dof}: --{str(error).replace("_", "-", 1)}') from None
+            progress.tick()
+    still = [d for d in DOFS if d not in dofs and (
+        d in settings.dofs or d in settings.simulation.dofs)]
+    profile: dict[str, tuple[Waveform, ...]] = dict.fromkeys(still, ())
+    profile.update({dof: own.planned.waveforms for dof, own in plans.items()})
+    return Proposal(replace(asked, dofs=dofs), plans, sources, profile,
+                    (*warnings, *_turning(plans)))
+
+
+def _dofs(settings: Settings, asked: Asked) -> tuple[str, ...]:
+    """Return the DOFs to plan, once what is asked for has been checked."""
+    for dof in asked.dofs:
+        if dof not in settings.dofs:
+            raise CommandError(f'--dofs: {dof} is not configured: dofs has '
+                               f'{", ".join(settings.dofs)}')
+    dofs = tuple(d for d in DOFS if d in (asked.dofs or settings.dofs))
+    for option in ('max_force', 'max_speed', 'room'):
+        for dof in getattr(asked, option):
+            name = f'--{option.replace("_", "-")}'
+            if dof and dof not in dofs:
+                raise UsageError(f'{name}: {dof} is not planned; planned: {", ".join(dofs)}')
+            if not dof and not set(dofs) & set(LINEAR_DOFS):
+                raise UsageError(f'{name}: a number alone is for surge, sway and heave; takes '
+                                 f'{dofs[0]}=NUMBER')
+    if not SHORTEST <= asked.duration <= LONGEST:
+        raise UsageError(f'--duration: got {asked.duration:g}, takes {SHORTEST:g} to '
+                         f'{LONGEST:g} s')
+    return dofs
+
+
+def _limits(settings: Settings, asked: Asked, dof: str) -> Limits:
+    def given(values: Mapping[str, float], default: float) -> float:
+        return values.get(dof, values.get('', default) if dof in LINEAR_DOFS else default)
+
+    return Limits(given(asked.max_force, Scales.of(settings.dof[dof]).force),
+                  given(asked.max_speed, settings.max_speed),
+                  given(asked.room, math.inf), asked.duration)
+
+
+def _within_thrusters(settings: Settings, limits: Mapping[str, Limits]) -> dict[str, Limits]:
+    """Return limits of force that the thrusters can give to all DOFs at the same moment."""
+    share = np.zeros(settings.thrusters.count)
+    for dof, own in limits.items():
+        # a force on one DOF and none on the others
+        force = {d: (Steps((own.force * (d == dof), own.force * (d == dof)), 1.0),)
+                 for d in limits}
+        commands = ThrusterCommands(settings.thrusters, force)
+        low, high = commands.limits
+        most = min(high, -low)
+        if not most > 0.0:
+            raise CommandError('thrusters: can only push one way, so nothing can be planned')
+        share += np.abs(commands.thrusters(0.0)) / most
+    less = max(1.0, float(share.max()))
+    return {dof: replace(own, force=own.force / less) for dof, own in limits.items()}
+
+
+def _model(settings: Settings, known: Identified | None, dof: str) -> tuple[Four, str]:
+    """Return the model of a DOF, without terms that are left out, and where it is from."""
+    own = settings.dof[dof]
+    parameters, source = (known.parameters, known.source) if known else (
+        lumped(own.mass, own.quadratic_drag, own.linear_drag, own.bias), 'initial values')
+    alpha, beta, gamma, delta = [
+        value if name in own.terms else 0.0 for name, value in zip(PARAMETERS, parameters)]
+    return (alpha, beta, gamma, delta), source
+
+
+def _turning(plans: Mapping[str, Plan]) -> list[str]:
+    """Return what yaw does to the room: it is along the body, and the body turns."""
+    level = [dof for dof in ('surge', 'sway') if dof in plans]
+    room = math.hypot(*(plans[dof].limits.room for dof in level))
+    if 'yaw' not in plans or not level or math.isinf(room):
+        return []
+    path = {}
+    for dof in (*level, 'yaw'):
+        own = plans[dof]
+        force = samples(own.planned.waveforms, times(own.limits.duration, STEP))[:, None]
+        path[dof] = fleet.paths(own.vehicles.parameters, force, STEP)[:, 0]
+    ahead = [np.diff(path[dof], axis=0) if dof in path else 0.0 for dof in ('surge', 'sway')]
+    moves = (ahead[0] + 1j * ahead[1]) * np.exp(1j * path['yaw'][1:])
+    furthest = float(np.abs(np.cumsum(moves, axis=0)).max())
+    if furthest <= room:
+        return []
+    return [f'yaw turns the vehicle meanwhile: it gets up to {number(furthest)} m away, not '
+            f'{number(room)} m; for less, plan {" and ".join(level)} without yaw (--dofs)']
+
+
+POOR = 0.1
+"""Relative uncertainty above which a parameter is poorly determined."""
+
+ALIKE = 0.9
+"""Correlation above which two drags cannot be told apart."""
+
+NAMES = ('mass', 'quadratic drag', 'linear drag', 'bias')
+
+
+def plan_text(proposal: Proposal, params_file: Path) -> str:
+    """Return what the command prints."""
+    parts = [_of_dof(dof, proposal) for dof in proposal.plans]
+    parts.append('Half the width of the 95 % intervals at best (Cramer-Rao), in percent of the '
+                 'value. Worst: of\nthe model and of vehicles whose mass and drags are up to '
+                 f'{proposal.asked.factor:g} times off, all of which keep the limits.')
+    command = ['rovid', 'simulate', '--params-file', str(params_file), '--output',
+               'planned.mcap', '--duration', f'{proposal.asked.duration:g}',
+               '--profile', profile_text(proposal.profile)]
+    return '\n\n'.join([*parts, f'simulate it with: {shlex.join(command)}'])
+
+
+def _of_dof(dof: str, proposal: Proposal) -> str:
+    plan = proposal.plans[dof]
+    speed, length = ('rad/s', 'rad') if dof in ANGULAR_DOFS else ('m/s', 'm')
+    planned, limits = plan.planned, plan.limits
+
+    def within(reached: Array, limit: float, unit: str) -> str:
+        most = 'no limit' if math.isinf(limit) else f'limit {number(limit)}'
+        return (f'up to {number(float(reached.max()))} {unit} ({most}; the model '
+                f'{number(float(reached[0]))})')
+
+    lines = [
+        profile_text({dof: planned.waveforms}),
+        f'  model   {proposal.sources[dof]}',
+        f'  thrust  up to {number(planned.force)} {unit(dof, "bias")} '
+        f'(limit {number(limits.force)})',
+        f'  speed   {within(planned.speed, limits.speed, speed)}',
+        f'  room    {within(planned.room, limits.room, length)}',
+        table(list(_rows(dof, plan)))]
+    return '\n'.join([*lines, *_sentences(dof, plan)])
+
+
+def _rows(dof: str, plan: Plan) -> Iterator[list[str]]:
+    yield ['', *NAMES, *PARAMETERS]
+    naive = profile_text({dof: plan.naive.waveforms[:1]}).partition('=')[2]
+    for name, prospect in (('planned', plan.planned), (naive, plan.naive)):
+        yield [name, *(_cell(dof, plan, prospect, i, True) for i in range(8))]
+        if len(prospect.speed) > 1:
+            yield ['  worst', *(_cell(dof, plan, prospect, i, False) for i in range(8))]
+
+
+def _cell(dof: str, plan: Plan, prospect: Prospect, i: int, of_model: bool) -> str:
+    """Return one uncertainty, in percent where the value is not 0."""
+    if not plan.vehicles.active[i % 4]:
+        return '-'
+    relative = _relative(plan, prospect, i)
+    if not math.isfinite(relative[0]):
+        half = prospect.uncertainty(i < 4)[:, i % 4]
+        name = (*PHYSICAL, *PARAMETERS)[i]
+        return f'{half[0] if of_model else half.max():.2g} {unit(dof, name)}'
+    return _percent(float(relative[0] if of_model else relative.max()))
+
+
+def _relative(plan: Plan, prospect: Prospect, i: int) -> Any:
+    """Return an uncertainty over the value for each vehicle, inf where that is 0."""
+    alpha = plan.vehicles.parameters[0]
+    values = plan.vehicles.parameters[i % 4]
+    values = values if i >= 4 else 1.0 / alpha if i == 0 else values / alpha
+    half = prospect.uncertainty(i < 4)[:, i % 4]
+    return np.divide(half, np.abs(values), out=np.full(len(half), np.inf), where=values != 0.0)
+
+
+def _percent(share: float) -> str:
+    return f'{100.0 * share:.2g} %' if share < 1.0 else f'{100.0 * share:,.0f} %'
+
+
+def _sentences(dof: str, plan: Plan) -> Iterator[str]:
+    """Yield what is poorly determined and why, and what an unknown bias does."""
+    relative = [float(_relative(plan, plan.planned, i).max()) for i in range(4)]
+    poor = [i for i in range(4) if plan.vehicles.active[i] and POOR < relative[i] < math.inf]
+    if poor:
+        what = ', '.join(f'{NAMES[i]} to {_percent(relative[i])}' for i in poor)
+        yield f'  {_reason(dof, plan)}: at worst {what}{_alike(plan, poor)}'
+    limits = plan.limits
+    if math.isfinite(limits.room) and plan.vehicles.active[3]:
+        extra = 0.01 * limits.force
+        t = times(limits.duration, STEP)
+        force = samples(plan.planned.waveforms, t)[:, None] + np.array([-extra, extra])
+        room = float(fleet.reach(plan.vehicles.parameters[:, :1], force, STEP)[1].max())
+        if room > limits.room:
+            yield (f'  watch it: a bias of {number(extra)} {unit(dof, "bias")} that the model '
+                   f'does not know would take it {number(room)} '
+                   f'{"rad" if dof in ANGULAR_DOFS else "m"} away')
+
+
+def _reason(dof: str, plan: Plan) -> str:
+    angular, limits = dof in ANGULAR_DOFS, plan.limits
+    name = max(plan.used, key=lambda key: plan.used[key])
+    if plan.used[name] < 0.9:
+        return f'in {limits.duration:g} s'
+    return {'room': f'room of {number(limits.room)} {"rad" if angular else "m"}',
+            'max_speed': f'speed up to {number(limits.speed)} {"rad/s" if angular else "m/s"}',
+            'max_force': f'thrust up to {number(limits.force)} {unit(dof, "bias")}'}[name]
+
+
+def _alike(plan: Plan, poor: list[int]) -> str:
+    covariance = plan.planned.physical[0]
+    spread = math.sqrt(covariance[1, 1] * covariance[2, 2])
+    if not {1, 2} & set(poor) or not spread > 0.0:
+        return ''
+    correlation = covariance[1, 2] / spread
+    if abs(correlation) < ALIKE:
+        return ''
+    return (f'; up to {number(float(plan.planned.speed[0]))} in speed the two drags look alike '
+            f'(correlation {correlation:.2f})')
+
+
+def document(proposal: Proposal) -> dict[str, Any]:
+    """Return the plan as JSON; a non-finite number is null."""
+    dofs = {}
+    for dof, plan in proposal.plans.items():
+        limits = plan.limits
+        dofs[dof] = {
+            'model': proposal.sources[dof],
+            'profile': profile_text({dof: plan.planned.waveforms}),
+            'limits': {'force': limits.force, 'speed': limits.speed,
+                       'room': limits.room if math.isfinite(limits.room) else None},
+            'planned': _numbers(plan, plan.planned),
+            'naive': {'profile': profile_text({dof: plan.naive.waveforms}),
+                      **_numbers(plan, plan.naive)}}
+    return {'profile': profile_text(proposal.profile), 'duration_s': proposal.asked.duration,
+            'factor': proposal.asked.factor, 'dofs': dofs, 'warnings': list(proposal.warnings)}
+
+
+def _numbers(plan: Plan, prospect: Prospect) -> dict[str, Any]:
+    """Return costs, and half the 95 % intervals: of the model, and relative of the worst."""
+    names = [(i, name) for i, name in enumerate((*PHYSICAL, *PARAMETERS))
+             if plan.vehicles.active[i % 4]]
+    worst = {name: float(_relative(plan, prospect, i).max()) for i, name in names}
+    return {
+        'force': prospect.force,
+        'speed': {'model': float(prospect.speed[0]), 'worst': float(prospect.speed.max())},
+        'room': {'model': float(prospect.room[0]), 'worst': float(prospect.room.max())},
+        'uncertainty': {name: float(prospect.uncertainty(i < 4)[0, i % 4]) for i, name in names},
+        'worst_relative': {name: value if math.isfinite(value) else None
+                           for name, value in worst.items()}}
+
+
+def as_csv(proposal: Proposal, settings: Settings) -> str:
+    """Return time and force on each DOF, a row per command."""
+    names = [f'{dof}_{unit(dof, "bias").replace(" ", "_")}' for dof in proposal.plans]
+    rate = settings.simulation.thruster_rate
+    t = np.arange(math.floor(proposal.asked.duration * rate + 1e-9) + 1) / rate
+    columns = [samples(plan.planned.waveforms, t) for plan in proposal.plans.values()]
+    rows = [','.join(f'{x:.6g}' if i else f'{x:.10g}' for i, x in enumerate(row))
+            for row in np.stack([t, *columns], axis=1).tolist()]
+    return '\n'.join([','.join(['time_s', *names]), *rows]) + '\n'
+
+
+def as_yaml(proposal: Proposal) -> str:
+    """Return the profile as rovid simulate --profile takes it, in a file to keep."""
+    lines = [f'# Of rovid plan. Forces in N, N m for {", ".join(ANGULAR_DOFS)}.',
+             f"profile: '{profile_text(proposal.profile)}'  # for rovid simulate --profile",
+             f'duration: {float(proposal.asked.duration)!r}  # [s]']
+    return '\n'.join(lines) + '\n'

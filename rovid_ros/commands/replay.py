@@ -1,0 +1,121 @@
+"""``rovid replay``: recorded logs through the very pipe that the live node runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+import json
+from pathlib import Path
+
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings
+from rovid_ros.commands.controls import CONTROL
+from rovid_ros.commands.feeder import Feeder
+from rovid_ros.commands.interrupt import Interrupt, Interrupted
+from rovid_ros.commands.progress import Progress
+from rovid_ros.commands.replay_checkpoint import ReplayCheckpoint
+from rovid_ros.commands.replay_run import ReplayError, ReplayRun, Result
+from rovid_ros.files.output_log import OutputFile, part_of
+from rovid_ros.logs.log import Log, RECORD
+from rovid_ros.messages.convert import Converter
+
+
+def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
+           output: Path | None = None, start: float = 0.0, duration: float | None = None,
+           checkpoint: ReplayCheckpoint | None = None,
+           warn: Callable[[str], None] = lambda line: None) -> Result:
+    """
+    Feed logs through the pipe.
+
+    Parameters
+    ----------
+    logs : sequence of Path
+        Files or rosbag2 directories, joined in time order.
+    settings : Settings
+        The run.
+    feeder : Feeder
+        Takes the messages; closed at the end.
+    output : Path, optional
+        MCAP file for the output topics; NAME.part.mcap until it is finished.
+    start, duration : float
+        Part of the log to use [s], from its beginning.
+    checkpoint : ReplayCheckpoint, optional
+        What to go on from, and where to save what another call can go on from.
+    warn : callable
+        Gets the warnings, one line each.
+
+    Raises
+    ------
+    LogError, FieldError, ReplayError
+        If a log cannot be read, lacks what the settings name, or gives no step.
+    CheckpointError, OutputError
+        If what there is to go on from does not fit, or its output is not there any more.
+    Interrupted
+        On Ctrl-C and SIGTERM, after the output has been closed properly.
+
+    """
+    with ExitStack() as stack:
+        stack.callback(feeder.close)
+        log = stack.enter_context(Log(logs))
+        run = ReplayRun(feeder, settings, _topics(log, feeder.converter, settings, warn))
+        if checkpoint is not None:
+            checkpoint.begin(log, (start, duration), feeder, run.read, run.memory(), output)
+            run.go_on()
+        if log.recorded and not run.read.messages:
+            _restore(log, feeder.stream)
+        interrupt = stack.enter_context(Interrupt(part_of(output) if output else None))
+        if output is not None:
+            run.writer = OutputFile(output, checkpoint.written if checkpoint else (0, 0))
+            stack.enter_context(run.writer)
+        begin = log.start + round(start * 1e9)
+        span = min((log.end - begin) * 1e-9, duration or float('inf')) or 1.0
+        progress = stack.enter_context(Progress('replay', lambda: run.until(begin) / span))
+        wanted = [*run.topics, CONTROL] if log.recorded else [*run.topics]
+        messages = log.messages(wanted, start, duration, run.maker)
+        run.take_all(messages, interrupt, progress, checkpoint)
+    if interrupt.asked:
+        raise Interrupted(_interrupted(run, output, checkpoint), interrupt.code)
+    for line in (*log.warnings, *feeder.stream.take_warnings()):
+        warn(line)
+    result = run.result((*(checkpoint.earlier if checkpoint else ()), *logs))
+    if run.writer is not None:
+        run.writer.finish()
+    return result
+
+
+def _interrupted(run: ReplayRun, output: Path | None, checkpoint: ReplayCheckpoint | None) -> str:
+    """Return what is left of an interrupted replay."""
+    part = part_of(output) if output else None
+    kept = f'; {part} holds what came of it' if part and part.exists() else ''
+    more = f'; {checkpoint.path} is where it goes on' if checkpoint else ''
+    return f'interrupted after {run.duration:.1f} s of the log{kept}{more}'
+
+
+def _topics(log: Log, converter: Converter, settings: Settings,
+            warn: Callable[[str], None]) -> dict[str, str]:
+    """Return the topics to read: the log's name, which has a slash, to the configured one."""
+    names = {f'/{topic.lstrip("/")}': topic for topic in converter.topics}
+    wanted = {name: converter.topics[topic] for name, topic in names.items()}
+    optional = f'/{settings.reference.topic.lstrip("/")}'
+    others = [settings.input(name).topic for name in settings.used_inputs()
+              if name not in ('thrusters', 'reference')] + [*settings.thrusters.topics]
+    if optional in names and names[optional] not in others:
+        there = log.topics.get(optional)
+        if there is None or there.count == 0:
+            warn(f'no messages on {optional} (reference): scored against the velocity '
+                 'that was identified from')
+            del names[optional], wanted[optional]
+    log.require(wanted)
+    for name, topic in names.items():
+        converter.check_type(topic, log.blank(name))
+    return names
+
+
+def _restore(log: Log, stream: Stream) -> None:
+    """Begin where the node began when it recorded this log."""
+    state = log.metadata[RECORD].get('state')
+    if state:
+        try:
+            stream.restore(json.loads(state))
+        except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
+            raise ReplayError(f'the state that the recording began with: {error}') from None

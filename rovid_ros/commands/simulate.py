@@ -1,0 +1,187 @@
+"""``rovid simulate``: the log of a vehicle whose parameters are known."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+import heapq
+from itertools import chain, groupby
+import math
+from pathlib import Path
+import re
+import struct
+
+from rovid_core.model.dofs import ANGULAR_DOFS, PARAMETERS, PHYSICAL
+from rovid_core.model.plant import lumped
+from rovid_core.settings.run import Settings, SimulatedDof
+from rovid_core.simulation.profiles import Profile
+from rovid_core.simulation.simulator import Measurement, profile_of, simulate
+from rovid_core.simulation.thruster_commands import shortfall
+from rovid_ros.commands.interrupt import Interrupt, Interrupted
+from rovid_ros.commands.profile_text import profile_text
+from rovid_ros.commands.progress import Progress
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages, SimulationError
+
+EPOCH = 1_700_000_000 * 1_000_000_000
+"""When every simulation begins [ns]: fixed, so that the same seed gives the same file."""
+
+NUMBER = re.compile(r'\{n?\}')
+"""Where the number of a trial goes in the name of its file."""
+
+
+PAUSE = 60 * 1_000_000_000
+"""Between two trials of one call [ns]: joined into one log, they follow one another."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One log of several that are made in one call."""
+
+    path: Path
+    seed: int
+    start: int  # [ns]
+    profile: Profile
+
+
+def plan_trials(output: Path, duration: float, seed: int,
+                profiles: Sequence[Profile]) -> list[Trial]:
+    """
+    Lay out the trials of one call.
+
+    Each starts a minute after the end of the one before, with a seed that is one higher.
+
+    Parameters
+    ----------
+    output : Path
+        ``{}`` in it stands for the trial's number, from 1. Without it a single trial is
+        written there, and of several ``out.mcap`` the first to ``out-1.mcap``.
+    duration : float
+        Of each trial [s].
+    seed : int
+        Of the first.
+    profiles : sequence of mapping
+        One for each trial.
+
+    """
+    name = str(output)
+    if not NUMBER.search(name) and len(profiles) > 1:
+        name = str(output.with_name(f'{output.stem}-{{}}{output.suffix}'))
+    step = math.ceil(duration) * 1_000_000_000 + PAUSE
+    return [Trial(Path(NUMBER.sub(str(k + 1), name)), seed + k, EPOCH + k * step, profile)
+            for k, profile in enumerate(profiles)]
+
+
+def profile_warnings(settings: Settings, duration: float, profile: Profile) -> list[str]:
+    """
+    Return what the thrusters cannot do of a trial's profile, one line each.
+
+    Raises
+    ------
+    SettingsError
+        If they cannot move what the profile moves.
+
+    """
+    lines = []
+    rate = settings.simulation.thruster_rate
+    profile = profile_of(settings.simulation.dofs, profile)
+    for dof, waveforms in profile.items():
+        highest = max([w.highest for w in waveforms], default=0.0)
+        if highest > 0.5 * rate:
+            lines.append(f'{dof} is to follow {highest:g} Hz, more than half of the {rate:g} Hz '
+                         'of simulation.thruster_rate')
+    short = shortfall(settings.thrusters, profile, rate, duration)
+    if short:
+        unit = 'N m' if short.dof in ANGULAR_DOFS else 'N'
+        lines.append(f'the thrusters are at their limit for {100.0 * short.share:.3g} % of the '
+                     f'time; at {short.time:.2f} s {short.dof} gets {short.given:.4g} of '
+                     f'{short.asked:.4g} {unit}')
+    return lines
+
+
+def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
+                 profile: Profile | None = None, start: int = EPOCH) -> int:
+    """
+    Write the log of a simulated vehicle, with the configured topics and types.
+
+    Parameters
+    ----------
+    settings : Settings
+        With the truth, the sensor rates and the noise under ``simulation``.
+    path : Path
+        MCAP file; its metadata record ``rovid_truth`` holds the true parameters and, as
+        ``profile``, the thrust of all DOFs.
+    duration : float
+        Length [s].
+    seed : int
+        Of the noise; the same seed gives the same file, byte for byte.
+    profile : mapping, optional
+        Thrust per DOF; the others have that of the settings.
+    start : int
+        Time [ns] of the first measurement.
+
+    Returns
+    -------
+    count : int
+        Number of messages written.
+
+    Raises
+    ------
+    SimulationError, SettingsError
+        If there is no truth to simulate, or a message type cannot be filled.
+
+    """
+    sensors = SensorMessages(settings)
+    messages = _in_order(sensors, simulate(settings, duration, seed, profile), start)
+    first = next(messages)  # what cannot be simulated shows before there is a file
+    count, elapsed = 0, 0
+    with (Interrupt(path) as interrupt, LogWriter(path) as writer,
+          Progress('simulate', lambda: elapsed / (duration * 1e9)) as progress):
+        writer.metadata('rovid_truth', {
+            **truth(settings.simulation.dofs),
+            'profile': profile_text(profile_of(settings.simulation.dofs, profile))})
+        for message in chain([first], messages):
+            if interrupt.asked:
+                break
+            _write(writer, message)
+            count, elapsed = count + 1, message.time - start
+            progress.tick()
+    if interrupt.asked:
+        raise Interrupted(
+            f'interrupted; {path} holds the first {elapsed * 1e-9:.1f} s', interrupt.code)
+    return count
+
+
+def truth(simulated: Mapping[str, SimulatedDof]) -> dict[str, str]:
+    """Return the true parameters, physical and lumped, as text by ``<dof>.<parameter>``."""
+    values: dict[str, str] = {}
+    for dof, true in simulated.items():
+        physical = (true.mass, true.quadratic_drag, true.linear_drag, true.bias)
+        for name, value in zip(PHYSICAL + PARAMETERS, physical + lumped(*physical)):
+            values[f'{dof}.{name}'] = repr(float(value))
+    return values
+
+
+def _write(writer: LogWriter, message: SensorMessage) -> None:
+    try:
+        writer.write(message.topic, message.type, message.fields, message.time)
+    except (OverflowError, struct.error) as error:
+        raise SimulationError(
+            message.topic, f'a value does not fit the integer in {message.type}: {error}'
+        ) from None
+
+
+def _in_order(sensors: SensorMessages, samples: Iterator[Measurement],
+              start: int) -> Iterator[SensorMessage]:
+    """Yield the messages in the order of arrival: each is as late as its input's latency."""
+    waiting: list[tuple[int, int, SensorMessage]] = []
+    count = 0
+    for time, group in groupby(samples, key=lambda sample: sample[0]):
+        now = start + time
+        while waiting and waiting[0][0] <= now + sensors.soonest:
+            yield heapq.heappop(waiting)[2]
+        for message in sensors.messages(now, {name: value for _, name, value in group}):
+            heapq.heappush(waiting, (message.time, count, message))
+            count += 1
+    while waiting:
+        yield heapq.heappop(waiting)[2]

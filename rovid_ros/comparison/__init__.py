@@ -1,0 +1,1 @@
+"""Every method on every log, each model scored on every log."""

@@ -1,0 +1,236 @@
+"""What the report of a comparison shows, as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.identify.intervals import intervals
+from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
+from rovid_core.model.plant import physical
+from rovid_core.settings.run import Settings
+from rovid_core.settings.scales import Scales
+from rovid_core.trials.output_error import information
+from rovid_ros import __version__
+from rovid_ros.comparison.compare import best_of, Model
+from rovid_ros.comparison.trials import Trial
+from rovid_ros.results.text import number, percent, unit
+
+MOST_POINTS = 3000
+"""Of a curve: more than a screen shows."""
+
+BINS = 30
+GAP = 5.0
+"""Steps without a measurement at which a curve breaks."""
+
+DETERMINED, VAGUE = 0.1, 0.5
+"""Relative bounds up to which a parameter is determined, and from which it is not."""
+
+Array = NDArray[np.float64]
+
+
+def report_data(models: Sequence[Model], trials: Sequence[Trial],
+                settings: Settings) -> dict[str, Any]:
+    """
+    Return the input of ``html.report.write_report``.
+
+    Parameters
+    ----------
+    models : sequence of Model
+        As ``compare`` returns them.
+    trials : sequence of Trial
+        All logs.
+    settings : Settings
+        The run.
+
+    """
+    return {
+        'rovid_version': __version__,
+        'logs': [_log(trial, settings) for trial in trials],
+        'dofs': {dof: _dof(dof, models, trials, settings) for dof in settings.dofs},
+    }
+
+
+def sentence(best: Model, trials: Sequence[Trial]) -> str:
+    """Return in one sentence what was identified of a DOF and how well it predicts."""
+    dof = best.dof
+    mass, quadratic, linear, bias = physical(best.fit.parameters)
+    log = next((t.name for t in trials if t.name != best.trained_on and best.is_scored(t.name)),
+               best.trained_on)
+    score = best.scores[log]
+    own = ', on which it was trained' if log == best.trained_on else ''
+    return (
+        f'{dof.capitalize()}: effective mass {number(mass)} {unit(dof, "mass")}, quadratic drag '
+        f'{number(quadratic)} {unit(dof, "quadratic_drag")}, linear drag {number(linear)} '
+        f'{unit(dof, "linear_drag")}, bias {number(bias)} {unit(dof, "bias")}; predicts the '
+        f'velocity of {log}{own} to {number(score.mae)} {unit(dof, "mae")} (fit '
+        f'{percent(score.fit)}).')
+
+
+def verdict(relative: dict[str, float | None]) -> str:
+    """Return in words which parameters a log determines and what would help."""
+    known = [name for name, x in relative.items() if x is not None and x <= DETERMINED]
+    vague = [name for name, x in relative.items() if x is None or x > VAGUE]
+    parts = [f'determines {", ".join(known)}' if known else 'determines no parameter well']
+    if vague:
+        parts.append(f'can not tell {", ".join(vague)}')
+    if {'beta', 'gamma'} & set(vague):
+        parts.append('quadratic and linear drag need slow and fast motion: larger and slower '
+                     'thrust (0.02 to 0.05 Hz)')
+    return f'This log {"; ".join(parts)}.'
+
+
+def _log(trial: Trial, settings: Settings) -> dict[str, Any]:
+    stream = trial.feeder.stream
+    topics = {name: ', '.join(settings.thrusters.topics) if name == 'thrusters'
+              else settings.input(name).topic for name in stream.inputs}
+    return {
+        'name': trial.name, 'role': 'train' if trial.trains else 'validate',
+        'duration_s': trial.result.duration, 'messages': trial.result.messages,
+        'inputs': [
+            {'input': name, 'topic': topics[name], 'rate_hz': health.rate,
+             'count': health.count, 'longest_gap_s': health.longest_gap}
+            for name, health in stream.inputs.items()],
+        'rejected': stream.rejected_by_reason(), 'warnings': trial.warnings}
+
+
+def _dof(dof: str, models: Sequence[Model], trials: Sequence[Trial],
+         settings: Settings) -> dict[str, Any]:
+    own = [model for model in models if model.dof == dof]
+    best = best_of(models, dof, trials)
+    return {
+        'sentence': sentence(best, trials),
+        'best': {
+            'method': best.method, 'trained_on': best.trained_on,
+            'physical': _values(best, PHYSICAL, physical(best.fit.parameters)),
+            'lumped': _values(best, PARAMETERS, best.fit.parameters)},
+        'models': [_model(model) for model in own],
+        'series': {trial.name: _series(dof, trial, own) for trial in trials},
+        'adaptation': {trial.name: _adaptation(dof, trial, own)
+                       for trial in trials if trial.trains},
+        'excitation': {trial.name: _excitation(dof, trial, best, settings)
+                       for trial in trials},
+        'units': {'velocity': unit(dof, 'mae'), 'force': unit(dof, 'bias'), **{
+            name: unit(dof, name) for name in (*PARAMETERS, *PHYSICAL)}}}
+
+
+def _values(model: Model, names: tuple[str, ...], values: Four) -> dict[str, Any]:
+    covariance = model.fit.covariance
+    found = {} if covariance is None else intervals(
+        model.fit.parameters, covariance.ravel().tolist())
+    out = {}
+    for name, value in zip(names, values):
+        low, high = found.get(name, (math.nan, math.nan))
+        out[name] = {'value': _finite(value), 'low': _finite(low), 'high': _finite(high),
+                     'unit': unit(model.dof, name)}
+    return out
+
+
+def _model(model: Model) -> dict[str, Any]:
+    document = model.document()
+    return {
+        'method': model.method, 'trained_on': model.trained_on, 'terms': document['terms'],
+        'selected': model.selected, 'std': document['std'], 'note': document['note'],
+        'parameters': {name: document[name] for name in PARAMETERS},
+        'physical': {name: document[name] for name in PHYSICAL},
+        'scores': document['scores']}
+
+
+def _series(dof: str, trial: Trial, models: Sequence[Model]) -> dict[str, Any]:
+    """Return Fig. 3: models trained on this log, or the first training log's."""
+    trained = [m for m in models if not m.selected and all(map(math.isfinite, m.fit.parameters))]
+    chosen = [m for m in trained if m.trained_on == trial.name] or [
+        m for m in trained if m.trained_on == trained[0].trained_on]
+    times, velocities, forces = trial.scores.series(dof)
+    seconds = _seconds(times)
+    kept = _thinned(len(times))
+    # lines break at a gap
+    step = float(np.median(np.diff(seconds))) if len(seconds) > 1 else 0.0
+    for k in range(1, len(seconds)):
+        if seconds[k] - seconds[k - 1] > GAP * step:
+            velocities[k] = math.nan
+    predicted = {m.method: trial.scores.predicted(dof, m.fit.parameters) for m in chosen}
+    return {
+        't': _picked(seconds, kept), 'velocity': _picked(velocities, kept),
+        'force': _picked(forces, kept),
+        'simulated': {name: _picked(values, kept) for name, values in predicted.items()}}
+
+
+def _adaptation(dof: str, trial: Trial, models: Sequence[Model]) -> dict[str, Any]:
+    """Return Fig. 4 and 5: the online identifier, its errors taken against least squares."""
+    history = trial.feeder.history[dof]
+    reference = next(m.fit.parameters for m in models if not m.selected
+                     and m.method == 'least_squares' and m.trained_on == trial.name)
+    identifier = trial.feeder.stream.identifier(dof)
+    kept = _thinned(len(history.times))
+    parameters = [history.parameters[k] for k in kept]
+    dv = [history.v_hats[k] - history.velocities[k] for k in kept]
+    return {
+        't': _picked(_seconds(history.times), kept), 'v_hat': _picked(history.v_hats, kept),
+        'velocity': _picked(history.velocities, kept), 'dv': [_finite(x) for x in dv],
+        **{name: [_finite(p[i]) for p in parameters] for i, name in enumerate(PARAMETERS)},
+        'W': [_finite(identifier.energy(error, history.theta_hats[k], reference))
+              for error, k in zip(dv, kept)],
+        'reference': dict(zip(PARAMETERS, map(_finite, reference)))}
+
+
+def _excitation(dof: str, trial: Trial, best: Model, settings: Settings) -> dict[str, Any]:
+    times, velocities, forces = trial.scores.series(dof)
+    records = trial.scores.records(dof)
+    relative: dict[str, float | None] = dict.fromkeys(best.terms)
+    condition = None
+    if records and all(map(math.isfinite, best.fit.parameters)):
+        bound = information(records, Scales.of(settings.dof[dof]), best.fit.parameters)
+        condition = _finite(bound.condition) if bound else None
+        for i, name in enumerate(PARAMETERS):
+            if bound and name in relative and best.fit.parameters[i]:
+                relative[name] = _finite(
+                    math.sqrt(bound.covariance[i, i]) / abs(best.fit.parameters[i]))
+    return {
+        'force_histogram': _histogram(forces), 'velocity_histogram': _histogram(velocities),
+        'spectrum': _spectrum(_seconds(times), np.array(forces), np.array(velocities)),
+        'relative_bound': relative, 'condition': condition, 'verdict': verdict(relative)}
+
+
+def _histogram(values: Sequence[float]) -> dict[str, Any]:
+    counts, edges = np.histogram(np.array(values), BINS)
+    return {'edges': edges.tolist(), 'counts': counts.tolist()}
+
+
+def _spectrum(seconds: Sequence[float], force: Array, velocity: Array) -> dict[str, Any]:
+    """Return amplitudes by frequency, of the series at even steps."""
+    if len(seconds) < 16:
+        return {'frequency': [], 'force': [], 'velocity': []}
+    step = (seconds[-1] - seconds[0]) / (len(seconds) - 1)
+    grid = np.linspace(seconds[0], seconds[-1], len(seconds))
+    frequency = np.fft.rfftfreq(len(grid), step)
+    kept = (frequency > 0.0) & (frequency <= 1.0)
+    window = np.hanning(len(grid))
+
+    def amplitude(values: Array) -> list[float]:
+        even = np.interp(grid, seconds, values)
+        spectrum = np.abs(np.fft.rfft((even - even.mean()) * window)) * 2.0 / window.sum()
+        return [float(x) for x in spectrum[kept]]
+
+    return {'frequency': frequency[kept].tolist(), 'force': amplitude(force),
+            'velocity': amplitude(velocity)}
+
+
+def _thinned(count: int) -> list[int]:
+    step = max(1, -(-count // MOST_POINTS))
+    return list(range(0, count, step))
+
+
+def _picked(values: Sequence[float], kept: Sequence[int]) -> list[float | None]:
+    return [_finite(values[k]) for k in kept]
+
+
+def _seconds(times: Sequence[int]) -> list[float]:
+    return [(t - times[0]) * 1e-9 for t in times]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

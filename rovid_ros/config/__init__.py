@@ -1,0 +1,1 @@
+"""The table of the keys, and the YAML that sets them."""

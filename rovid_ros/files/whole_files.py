@@ -1,0 +1,119 @@
+"""Results, in JSON or other text, in files that are never seen half written."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+import re
+import shutil
+import sys
+from typing import Any
+
+STDOUT = Path('/dev/stdout')
+
+
+def write_json(path: Path, document: Any, indent: int = 2) -> None:
+    """
+    Write a document as :func:`write_text` writes a text.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+    ValueError
+        If there is a number that is not finite.
+
+    """
+    write_text(path, json.dumps(document, indent=indent, allow_nan=False) + '\n')
+
+
+def write_text(path: Path, text: str) -> None:
+    """
+    Write a text; at every moment the file is the old or the new one, whole.
+
+    What a symbolic link points to is replaced, not the link. A pipe or a device is written
+    to as it is.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written; it names ``path``.
+
+    """
+    try:
+        if path == STDOUT:  # opened anew, it would go over what was printed to a file
+            sys.stdout.write(text)
+        elif path.exists() and not path.is_file():
+            path.write_text(text, encoding='utf-8')
+        else:
+            _replace(Path(os.path.realpath(path)), text)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def sync_folder(folder: Path) -> None:
+    """Let new names in a folder outlast a loss of power."""
+    directory = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(directory)
+    finally:
+        os.close(directory)
+
+
+def _replace(path: Path, text: str) -> None:
+    prefix = f'.{path.name}.'
+    remove_leftovers(path.parent, prefix)
+    temporary = path.with_name(f'{prefix}{os.getpid()}')
+    try:
+        with temporary.open('w', encoding='utf-8') as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    sync_folder(path.parent)
+
+
+def remove_leftovers(folder: Path, prefix: str) -> None:
+    """
+    Remove files and folders of processes that are no more.
+
+    Parameters
+    ----------
+    folder : Path
+        Where they are.
+    prefix : str
+        What their names begin with; then come the number of the process and, behind a
+        hyphen, anything.
+
+    """
+    pattern = re.compile(re.escape(prefix) + r'(\d{1,9})(-.*)?')
+    for entry in os.scandir(folder):
+        found = pattern.fullmatch(entry.name)
+        if found and not _is_running(int(found[1])):
+            _remove(entry)
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # somebody else's
+        pass
+    return True
+
+
+def _remove(entry: os.DirEntry[str]) -> None:
+    try:
+        if entry.stat(follow_symlinks=False).st_uid != os.getuid():
+            return
+        if entry.is_dir(follow_symlinks=False):
+            shutil.rmtree(entry.path, ignore_errors=True)
+        else:
+            os.unlink(entry.path)
+    except OSError:  # another process was faster, or it has to stay
+        pass

@@ -1,1 +1,0 @@
-"""The report of ``rovid compare``, one HTML file."""

@@ -1,0 +1,255 @@
+"""What the node tells people: ``/diagnostics`` and the lines of its log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import time
+
+from rclpy.node import Node
+from rovid_core.identify.estimate import Estimate
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings
+from rovid_ros.config.input_topics import topics_of
+from rovid_ros.node.health.diagnostics import ACTIVE, diagnostics, NodeState
+from rovid_ros.node.health.graph import graph_states
+from rovid_ros.node.health.levels import hertz, of_input, Situation
+from rovid_ros.node.health.recent import Arrivals, Counts, difference, in_words, Recent
+from rovid_ros.node.recorder import Recorder
+from rovid_ros.results.outputs import OK, Output
+
+
+class Report:
+    """
+    Watch a stream and say how it does.
+
+    Parameters
+    ----------
+    node : Node
+        Has the log, the clock and the graph.
+    stream : Stream
+        What runs.
+    recorder : Recorder, optional
+        What records it.
+    live : bool
+        False: messages are fed by hand, and the graph has nothing to do with them.
+    steady : callable
+        The time [s] of a clock that is never set.
+
+    Attributes
+    ----------
+    arrivals : Arrivals
+        To be told of every message.
+
+    """
+
+    def __init__(self, node: Node, stream: Stream,
+                 recorder: Recorder | None = None, *, live: bool = True,
+                 steady: Callable[[], float] = time.monotonic) -> None:
+        self.arrivals = Arrivals()
+        self._node = node
+        self._log = node.get_logger()
+        self._stream = stream
+        self._recorder = recorder
+        self._live = live
+        self._steady = steady
+        self._start = self._heard_since = now = steady()
+        self._recent = Recent(stream, now)
+        self._refusals = RefusalLines(stream, now)
+        self._warnings = LimitedWarnings()
+        self._summary = StartupSummary(stream.settings)
+        self._steps: dict[str, float] = {}
+        self._told: set[tuple[str, str, int]] = set()  # topic, problem, publishers
+
+    def activated(self) -> None:
+        """Look for the inputs from now on."""
+        self._heard_since = self._steady()
+
+    def told(self, estimates: Sequence[Estimate]) -> None:
+        """Take what was published, and log the warnings that the stream has."""
+        now = self._steady()
+        for estimate in estimates:
+            for index in estimate.stepped:
+                self._steps[self._stream.settings.dofs[index]] = now
+        self._warn(self._stream.take_warnings(), now)
+
+    def each_second(self, state: str = ACTIVE) -> Output:
+        """Log what is due and return the message for ``/diagnostics``."""
+        now = self._steady()
+        self._recent.tick(now)
+        topics = graph_states(self._stream.settings, self._node) if self._live else {}
+        at = Situation(
+            self._stream.settings, self._stream, self.arrivals, self._recent, topics,
+            self._node.get_clock().now().nanoseconds, now, self._steps)
+        if self._live and state == ACTIVE:
+            self._introduce(at, now - self._heard_since)
+        self._warn([], now)
+        self._tell_refused(self._refusals.due(now))
+        recorder = self._recorder
+        return diagnostics(at, NodeState(
+            self._node.get_fully_qualified_name(), state, now - self._start,
+            str(recorder.path) if recorder else '', recorder.is_open if recorder else True))
+
+    def finish(self) -> None:
+        """Log what is left to tell."""
+        self._tell_refused(self._refusals.due(self._steady(), end=True))
+
+    def _introduce(self, at: Situation, elapsed: float) -> None:
+        """Say once what is wrong with the publishers of each topic, and the summary."""
+        for topic, state in at.topics.items():
+            case = topic, state.problem, state.publishers
+            if state.text and state.publishers + state.is_wrong and case not in self._told:
+                self._told.add(case)
+                self._log.warning(f'{" and ".join(state.inputs)}: {state.text}')
+        line, complete = self._summary.due(at, elapsed)
+        if line and complete:
+            self._log.info(line)
+        elif line:
+            self._log.warning(line)
+
+    def _warn(self, lines: Sequence[str], now: float) -> None:
+        for line in self._warnings.allowed(lines, now):
+            self._log.warning(line)
+
+    def _tell_refused(self, line: str) -> None:
+        if line:
+            self._log.warning(line)
+
+
+LATEST = 5.0
+"""[s] After this it is said, whatever is still missing."""
+
+ENOUGH = 5
+"""Messages of each topic that make a rate."""
+
+
+class StartupSummary:
+    """
+    Say once what is there and what is missing and why, and again when that changes for good.
+
+    Parameters
+    ----------
+    settings : Settings
+        Which inputs there are.
+
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._missing: set[str] | None = None  # when it was last said
+
+    def due(self, at: Situation, elapsed: float) -> tuple[str, bool]:
+        """
+        Return the line, '' while there is nothing to say, and whether all inputs are there.
+
+        Parameters
+        ----------
+        at : Situation
+            What is there.
+        elapsed : float
+            Time since the start [s].
+
+        """
+        missing = {name for name in self._settings.used_inputs() if not _is_there(at, name)}
+        if self._missing is None:
+            has_rates = all(at.arrivals.count(topic) >= ENOUGH for topic in at.topics)
+            if elapsed < LATEST and (missing or not has_rates):
+                return '', False
+        elif not self._missing - missing:  # none of the missing has come
+            return '', False
+        # only ever fewer, so that what comes and goes does not fill the log
+        self._missing = missing if self._missing is None else self._missing & missing
+        return _line(at, missing), not missing
+
+
+def _is_there(at: Situation, name: str) -> bool:
+    topics = topics_of(at.settings, name)
+    return all(at.arrivals.count(topic) for topic in topics) and (
+        at.recent.taken(name) > 0 or not at.recent.refused(name))
+
+
+def _line(at: Situation, missing: set[str]) -> str:
+    found, lost = [], []
+    for name in at.settings.used_inputs():
+        if name in missing:
+            level, message = of_input(at, name)
+            lost.append(f'{name} ({message})' if level != OK else name)
+            continue
+        topics = topics_of(at.settings, name)
+        rate = hertz(min(at.arrivals.rate(topic) for topic in topics))
+        kinds = {at.topics[topic].type.rpartition('/')[2] for topic in topics
+                 if topic in at.topics}
+        found.append(f'{name} {rate}' + (f' ({", ".join(sorted(kinds))})' if kinds else ''))
+    line = f'inputs: {", ".join(found) or "none"}'
+    return f'{line}; missing: {", ".join(lost)}' if lost else line
+
+
+PERIOD = 10.0
+"""[s] From one line about what was refused to the next; the unit of all limits here."""
+
+MOST = 10
+"""Lines of warning in one period."""
+
+
+class RefusalLines:
+    """
+    One line per period about what was refused in it, none when nothing was.
+
+    Parameters
+    ----------
+    stream : Stream
+        Whose counters are told.
+    now : float
+        Time of a steady clock [s].
+
+    """
+
+    def __init__(self, stream: Stream, now: float) -> None:
+        self._stream = stream
+        self._since = now
+        self._before: Counts = dict(stream.rejected)
+
+    def due(self, now: float, end: bool = False) -> str:
+        """Return the line if a period is over (or at the ``end``) and there is one, or ''."""
+        elapsed = now - self._since
+        if elapsed < PERIOD and not end:
+            return ''
+        counts = difference(self._before, self._stream.rejected)
+        self._since, self._before = now, dict(self._stream.rejected)
+        return f'refused in the last {elapsed:.0f} s: {in_words(counts)}' if counts else ''
+
+
+class LimitedWarnings:
+    """Let a warning through once a period, and at most ``MOST`` of them all."""
+
+    def __init__(self) -> None:
+        self._since = float('-inf')
+        self._told: set[str] = set()
+        self._withheld = 0
+
+    def allowed(self, lines: Sequence[str], now: float) -> list[str]:
+        """
+        Return those of the lines that may be logged.
+
+        Parameters
+        ----------
+        lines : sequence of str
+            What there is to warn of; none asks whether something is due.
+        now : float
+            Time of a steady clock [s].
+
+        """
+        result: list[str] = []
+        if now - self._since >= PERIOD:
+            if self._withheld:
+                result.append(f'{self._withheld} more warnings were not logged')
+            self._since, self._withheld = now, 0
+            self._told.clear()
+        for line in lines:
+            if line in self._told:
+                continue
+            if len(self._told) >= MOST:
+                self._withheld += 1
+                continue
+            self._told.add(line)
+            result.append(line)
+        return result

@@ -1,0 +1,180 @@
+"""
+What ``/diagnostics`` says, in the form of ROS' own ``diagnostic_updater``.
+
+Names are ``<full name of the node>: <part>``, as it writes them with ``use_fqn``, so that two
+vehicles stay apart. All statuses have one ``hardware_id``, which tools group by: without one
+it is the full name too, because ``none`` would put every such node into one group. Units are
+in the keys, so that a value that is a number alone can be plotted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+from typing import Any
+
+from rovid_core.identify.estimate import DofEstimate
+from rovid_core.inputs.reasons import REASONS
+from rovid_core.model.dofs import PHYSICAL
+from rovid_core.model.plant import physical
+from rovid_ros import __version__
+from rovid_ros.config.input_topics import topics_of
+from rovid_ros.node.files import age
+from rovid_ros.node.health.levels import (
+    estimate_of,
+    of_dof,
+    of_input,
+    of_rejected,
+    Situation,
+    Verdict,
+)
+from rovid_ros.results.outputs import (
+    DIAGNOSTIC_TYPE,
+    ERROR,
+    header,
+    key_values,
+    OK,
+    Output,
+    STALE,
+    WARN,
+)
+from rovid_ros.results.text import unit
+
+ACTIVE = 'active'
+LEVEL_NAMES = ('OK', 'WARN', 'ERROR', 'STALE')
+
+
+@dataclass(frozen=True)
+class NodeState:
+    """
+    What the node says of itself.
+
+    Attributes
+    ----------
+    name : str
+        Its full name.
+    state : str
+        Of its life cycle; only an ``active`` one takes data.
+    uptime : float
+        [s]
+    record : str
+        File that it records to, '' if none.
+    recording : bool
+        False: recording has ended by itself.
+
+    """
+
+    name: str
+    state: str = ACTIVE
+    uptime: float = 0.0
+    record: str = ''
+    recording: bool = True
+
+
+def diagnostics(at: Situation, node: NodeState) -> Output:
+    """Return the health of the node as a message for ``/diagnostics``."""
+    settings = at.settings
+    parts = [(name, of_input(at, name), _input(at, name))
+             for name in settings.used_inputs()]
+    parts.append(('rejected', of_rejected(at), {
+        f'{name}.{reason}': n for (name, reason), n in sorted(at.stream.rejected.items())}))
+    parts += [(dof, of_dof(at, dof), _dof(at, dof)) for dof in settings.dofs]
+    if node.state != ACTIVE:
+        parts = [(name, (STALE, f'the node is {node.state}'), values)
+                 for name, _, values in parts]
+    verdict, values = _state(at, node, {name: verdict for name, verdict, _ in parts})
+    hardware = settings.hardware_id or node.name
+    statuses = [
+        {'level': level, 'name': f'{node.name}: {name}', 'message': message,
+         'hardware_id': hardware, 'values': key_values(values)}
+        for name, (level, message), values in [('state', verdict, values), *parts]]
+    return Output('/diagnostics', DIAGNOSTIC_TYPE, {
+        'header': header(at.now, ''), 'status': statuses})
+
+
+def _state(at: Situation, node: NodeState, others: dict[str, Verdict]
+           ) -> tuple[Verdict, dict[str, Any]]:
+    """Return the status of the node as a whole, which is as bad as the worst of the others."""
+    settings = at.settings
+    doing = 'adapting' if at.stream.adapting else 'frozen'
+    problems = [(WARN if level == STALE else level, name)
+                for name, (level, _) in others.items() if level != OK]
+    saved = age(settings.checkpoint_path)
+    if node.record and not node.recording:
+        problems.append((ERROR, 'recording has ended'))
+    overdue = 3.0 * settings.checkpoint_period
+    if settings.checkpoint_path and min(math.inf if saved is None else saved,
+                                        node.uptime) > overdue:
+        problems.append((WARN, 'the checkpoint is not written'))
+    message = doing + (f'; look at {", ".join(name for _, name in problems)}' if problems else '')
+    level = max([OK, *(level for level, _ in problems)])
+    if node.state != ACTIVE:
+        level, message = OK, node.state
+    return (level, message), {
+        'state': node.state, 'adaptation': doing, 'method': settings.identifier.method,
+        'level': LEVEL_NAMES[level], 'uptime [s]': _number(node.uptime),
+        'checkpoint path': settings.checkpoint_path or 'none',
+        'checkpoint age [s]': 'never written' if saved is None else _number(saved),
+        'recording path': node.record or 'none', 'version': __version__}
+
+
+def _input(at: Situation, name: str) -> dict[str, Any]:
+    settings, health = at.settings, at.stream.inputs[name]
+    given = settings.thrusters if name == 'thrusters' else settings.input(name)
+    topics = topics_of(settings, name)
+    states = [at.topics[topic] for topic in topics if topic in at.topics]
+    values: dict[str, Any] = {
+        'topic': ', '.join([state.name for state in states] or topics),
+        'type': given.type, 'field': given.field or '(all of it)',
+        'count': health.count,
+        'rate [Hz]': _number(min(at.arrivals.rate(topic) for topic in topics)),
+        'longest gap [s]': _number(health.longest_gap)}
+    if health.last_time is not None and at.now:
+        values['age [s]'] = _number((at.now - health.last_time) / 1e9)
+    if states:
+        values['publishers'] = min(state.publishers for state in states)
+        problems = '; '.join(state.text for state in states if state.text)
+        values['publishers, problems'] = problems or 'none'
+    for (which, reason), count in sorted(at.stream.rejected.items()):
+        if which == name:
+            values[f'refused {reason}'] = count
+            values[f'refused {reason}, meaning'] = REASONS.get(reason, reason)
+    return values
+
+
+def _dof(at: Situation, name: str) -> dict[str, Any]:
+    values: dict[str, Any] = {'velocity from': at.settings.source(name)}
+    dof = estimate_of(at.stream, name)
+    if dof is None:
+        return {**values, 'status': 'waiting', 'steps': 0}
+    values.update({'status': dof.status, 'reasons': ', '.join(dof.reasons) or 'none',
+                   'steps': dof.steps})
+    if name in at.steps:
+        values['age of the last step [s]'] = _number(at.steady - at.steps[name])
+    values.update(_parameters(dof))
+    values['excitation'] = _number(dof.excitation)
+    if math.isfinite(dof.delay):
+        values['delay of the thrust [s]'] = _number(dof.delay)
+        values['delay of the thrust, std [s]'] = _number(dof.delay_std)
+    for (which, reason), count in sorted(at.stream.rejected.items()):
+        if which == name:
+            values[f'refused {reason}'] = count
+            values[f'refused {reason}, meaning'] = REASONS.get(reason, reason)
+    return values
+
+
+def _parameters(dof: DofEstimate) -> dict[str, str]:
+    """Return mass, drags and bias, each with its 95 % interval where there is one."""
+    values: dict[str, str] = {}
+    for name, value in zip(PHYSICAL, physical(dof.parameters)):
+        label, units = name.replace('_', ' '), unit(dof.dof, name)
+        values[f'{label} [{units}]'] = _number(value)
+        if name in dof.intervals:
+            low, high = dof.intervals[name]
+            values[f'{label}, 95 % [{units}]'] = f'{_number(low)} to {_number(high)}'
+    return values
+
+
+def _number(value: float) -> str:
+    """Return four significant digits."""
+    return f'{value:.4g}'

@@ -1,0 +1,195 @@
+"""What the ROS graph says about the topics that a configuration needs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import difflib
+from typing import Any, Protocol
+
+from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
+from rovid_core.settings.run import Settings
+from rovid_ros.config.input_topics import inputs_of
+from rovid_ros.messages.convert import Converter
+from rovid_ros.node.transport.publishers import best_effort
+from rovid_ros.results.outputs import TOPICS
+
+MOST = 3
+"""Names of what others publish that are listed; there could be any number."""
+
+UNKNOWN = '_NODE_NAME_UNKNOWN_'
+"""What rmw calls a node of which only an endpoint has been discovered yet."""
+
+NEAR = 0.5
+"""How alike names of topics have to be for a hint."""
+
+
+class Graph(Protocol):
+    """What is asked of an rclpy node."""
+
+    def get_name(self) -> str:
+        """Return its name."""
+
+    def get_namespace(self) -> str:
+        """Return its namespace."""
+
+    def resolve_topic_name(self, topic: str) -> str:
+        """Return the name in the graph, after remapping."""
+
+    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
+        """Return all topics."""
+
+    def get_publishers_info_by_topic(self, topic_name: str) -> list[Any]:
+        """Return the publishers of a topic, with type and QoS."""
+
+    def get_subscriptions_info_by_topic(self, topic_name: str) -> list[Any]:
+        """Return its subscriptions."""
+
+    def count_publishers(self, topic_name: str) -> int:
+        """Return how many publishers a topic has."""
+
+
+@dataclass(frozen=True)
+class TopicState:
+    """
+    One topic of the configuration, as the graph has it.
+
+    Attributes
+    ----------
+    topic, name : str
+        As configured, and in the graph after namespace and remapping.
+    inputs : tuple of str
+        What is read from it.
+    type : str
+        As configured.
+    publishers : int
+        How many can be heard.
+    problem : str
+        '' if some can; ``no_publisher``, ``type``, ``definition`` or ``qos``.
+    text : str
+        What is wrong, in one line, with a hint; also about publishers that are not heard
+        beside others that are, and about several that are heard as if they were one.
+
+    """
+
+    topic: str
+    name: str
+    inputs: tuple[str, ...]
+    type: str
+    publishers: int
+    problem: str = ''
+    text: str = ''
+
+    @property
+    def is_wrong(self) -> bool:
+        """Tell whether somebody has to change something; a publisher may still start."""
+        return self.problem not in ('', 'no_publisher')
+
+
+def graph_states(settings: Settings, node: Graph) -> dict[str, TopicState]:
+    """
+    Compare the graph with the configuration.
+
+    Parameters
+    ----------
+    settings : Settings
+        Names the topics and types.
+    node : Graph
+        Asked for publishers, types and QoS. Where it has subscribed itself, its profile
+        counts, else the one that hears most.
+
+    Returns
+    -------
+    states : dict of str to TopicState
+        By topic as configured.
+
+    """
+    converter = Converter(settings, lambda name, reason: None)
+    return {topic: _state(topic, type_name, tuple(inputs_of(settings, topic)), node)
+            for topic, type_name in converter.topics.items()}
+
+
+def _state(topic: str, type_name: str, inputs: tuple[str, ...], node: Graph) -> TopicState:
+    name = node.resolve_topic_name(topic)
+    profile, type_hash = _own(node, name)
+    found = node.get_publishers_info_by_topic(name)
+    heard: list[str] = []  # by whom it is published
+    deaf: dict[str, str] = {}  # problem -> what is wrong with the first publisher that has it
+    for publisher in found:
+        problem, text = _problem(publisher, type_name, profile, type_hash)
+        if problem:
+            deaf.setdefault(problem, text)
+        else:
+            heard.append(_node_of(publisher))
+    if not found:
+        return TopicState(topic, name, inputs, type_name, 0, 'no_publisher',
+                          f'no publisher on {name}{_hint(name, type_name, node)}')
+    others = '; '.join(deaf.values())
+    if heard:
+        lines = [f'{len(found) - len(heard)} of {len(found)} publishers on {name} not heard: '
+                 f'{others}'] if deaf else []
+        if len(heard) > 1:
+            lines.append(f'{len(heard)} publishers on {name} are taken for one: '
+                         f'{_listed(sorted(heard))}')
+        return TopicState(topic, name, inputs, type_name, len(heard), '', '; '.join(lines))
+    if 'type' in deaf:
+        types = sorted({publisher.topic_type for publisher in found})
+        others = (f'{name} carries {_listed(types)}, not {type_name}'
+                  f'{_hint(name, type_name, node)}')
+    problem = next(one for one in ('type', 'definition', 'qos') if one in deaf)
+    return TopicState(topic, name, inputs, type_name, 0, problem, others)
+
+
+def _own(node: Graph, name: str) -> tuple[QoSProfile, Any]:
+    """Return profile and type hash of the node's own subscription."""
+    for one in node.get_subscriptions_info_by_topic(name):
+        if (one.node_name, one.node_namespace) == (node.get_name(), node.get_namespace()):
+            return one.qos_profile, one.topic_type_hash
+    return best_effort(1), None
+
+
+def _problem(publisher: Any, type_name: str, profile: QoSProfile, type_hash: Any
+             ) -> tuple[str, str]:
+    """Return why a publisher cannot be heard, by name and in words; '' if it can."""
+    node = _node_of(publisher)
+    if publisher.topic_type != type_name:
+        return 'type', f'{node} publishes {publisher.topic_type}, not {type_name}'
+    if type_hash is not None and _differs(publisher.topic_type_hash, type_hash):
+        return 'definition', (f'{node} publishes {type_name} of another definition than the one '
+                              'installed here; build both from the same version')
+    compatibility, reason = qos_check_compatible(publisher.qos_profile, profile)
+    if compatibility == QoSCompatibility.ERROR:
+        words = reason.replace('ERROR: ', '').strip('; ').replace(';', ', ').lower()
+        return 'qos', (f'the QoS of {node} does not fit: {words}; with qos: sensor_data every '
+                       'publisher is heard')
+    return '', ''
+
+
+def _node_of(publisher: Any) -> str:
+    node = f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
+    return 'a publisher' if UNKNOWN in node else node
+
+
+def _differs(one: Any, other: Any) -> bool:
+    """Compare two type hashes; one of version -1 is not known."""
+    known = one.version > 0 and other.version > 0
+    return known and bytes(one.value) != bytes(other.value)
+
+
+def _hint(name: str, type_name: str, node: Graph) -> str:
+    """Return a topic that could be meant, '' if none is near."""
+    own = {name, *map(node.resolve_topic_name, TOPICS)}
+    topics: Mapping[str, Sequence[str]] = {
+        other: types for other, types in node.get_topic_names_and_types()
+        if other not in own and node.count_publishers(other)}
+    same = [other for other, types in topics.items() if type_name in types]
+    near = difflib.get_close_matches(name, same, 1, NEAR) or (same if len(same) == 1 else [])
+    if near:
+        return f'; did you mean {near[0]}, which has that type?'
+    near = difflib.get_close_matches(name, topics, 1, 0.8)
+    return f'; {near[0]} has a near name, but is {_listed(topics[near[0]])}' if near else ''
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f' and {len(names) - MOST} more' if len(names) > MOST else ''
+    return ', '.join(names[:MOST]) + more

@@ -1,0 +1,123 @@
+"""The publishers of the node, each with the quality of service that its readers need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+import time
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    qos_policy_name_from_kind,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from rovid_core.identify.estimate import Estimate
+from rovid_ros.node.transport.encoding import encoded
+from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, Outputs, TOPICS
+
+DEPTH = 1000
+"""Messages that are kept for a slow peer, so that none of a burst is lost."""
+
+
+def reliable(depth: int) -> QoSProfile:
+    """Return a profile that keeps ``depth`` messages until they are acknowledged."""
+    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
+                      reliability=ReliabilityPolicy.RELIABLE)
+
+
+def latched(depth: int = 1) -> QoSProfile:
+    """Return a profile that gives a late subscriber the last ``depth`` messages at once."""
+    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
+                      reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def best_effort(depth: int) -> QoSProfile:
+    """Return a profile that takes every publisher, but nothing twice."""
+    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
+                      reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class Publishers:
+    """
+    All that the node publishes.
+
+    Parameters
+    ----------
+    node : Node
+        Owns the publishers.
+
+    Attributes
+    ----------
+    incompatible : dict
+        Topic -> one line about a subscriber that its quality of service does not suit.
+
+    """
+
+    def __init__(self, node: Node) -> None:
+        self.incompatible: dict[str, str] = {}
+        self._node = node
+        self._unsent: set[str] = set()
+        self._publishers: dict[str, Publisher[Any]] = {}
+        try:
+            for topic, name in TOPICS.items():
+                profile = latched() if topic in LATCHED else reliable(DEPTH)
+                self._add(node, topic, name, profile)
+            self._add(node, '/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
+        except BaseException:
+            self.close()
+            raise
+
+    def publish(self, output: Output) -> None:
+        """Send a message."""
+        self._unsent.discard(output.topic)
+        self._publishers[output.topic].publish(encoded(output.type, output.fields))
+
+    def tell(self, outputs: Outputs, estimates: Sequence[Estimate]) -> None:
+        """Send of estimates what somebody hears, each message before the next is made."""
+        if not estimates:
+            return
+        wanted = [topic for topic in TOPICS if self._publishers[topic].get_subscription_count()]
+        for estimate in estimates:
+            for output in outputs.each(estimate, wanted):
+                self.publish(output)
+        self._unsent.update(set(LATCHED).difference(wanted))
+
+    def catch_up(self, outputs: Outputs) -> None:
+        """Send the latched topics of the last estimate that nobody heard, for who comes later."""
+        for output in outputs.latched(sorted(self._unsent)):
+            self.publish(output)
+
+    def wait(self, timeout: float) -> None:
+        """Wait until all subscribers have what was sent, at most ``timeout`` [s]."""
+        end = time.monotonic() + timeout
+        for publisher in self._publishers.values():
+            left = max(0.0, end - time.monotonic())
+            publisher.wait_for_all_acked(Duration(nanoseconds=round(left * 1e9)))
+
+    def close(self) -> None:
+        """Leave the graph."""
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
+
+    def _add(self, node: Node, topic: str, name: str, profile: QoSProfile) -> None:
+        events = PublisherEventCallbacks(
+            incompatible_qos=partial(self._on_incompatible, node.resolve_topic_name(topic)))
+        self._publishers[topic] = node.create_publisher(
+            import_type(name), topic, profile, event_callbacks=events)
+
+    def _on_incompatible(self, topic: str, event: Any) -> None:
+        policy = qos_policy_name_from_kind(event.last_policy_kind).lower()
+        text = (f'{topic}: a subscriber asks for a {policy} that is not offered and hears '
+                f'nothing; it has to ask for less {policy}')
+        if self.incompatible.get(topic) != text:
+            self._node.get_logger().warning(text)
+        self.incompatible[topic] = text

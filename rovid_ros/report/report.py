@@ -1,0 +1,161 @@
+"""
+The report of a comparison: one HTML file that needs nothing but a browser.
+
+Everything that can be said in tables is in the file as text; ``page/*.js`` draws the plots
+from numbers embedded as JSON. A content security policy allows this script, this style and
+nothing else: no request leaves the file.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+import hashlib
+from importlib import resources
+import json
+from pathlib import Path
+from typing import Any
+
+from rovid_ros.files.whole_files import write_text
+from rovid_ros.report.figures import Figures
+from rovid_ros.report.markup import capital, Html, join, tag
+from rovid_ros.report.quality import excitation, quality
+from rovid_ros.report.tables import (
+    best_terms,
+    equal_terms,
+    findings,
+    heat_legend,
+    matrix,
+    parameters,
+)
+
+Data = Mapping[str, Any]
+SCRIPTS = ('axes.js', 'plot.js', 'readout.js', 'zoom.js', 'page.js')
+
+
+def write_report(path: Path, data: Data) -> None:
+    """
+    Write the report; at every moment the file is the old or the new one, whole.
+
+    Parameters
+    ----------
+    path : Path
+        HTML file.
+    data : mapping
+        What ``rovid compare`` found: ``rovid_version``, ``logs`` and, under ``dofs``, per
+        DOF ``sentence``, ``best``, ``models``, ``series``, ``adaptation``, ``excitation``
+        and ``units``. Times [s]; what is missing or None is left out or shown as a dash.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
+
+    """
+    write_text(path, page(data))
+
+
+def page(data: Data) -> str:
+    """Return the whole HTML document."""
+    figures = Figures(data)
+    sections = _sections(data, figures)
+    style = _source('style.css')
+    script = "(() => {\n'use strict';\n" + ''.join(map(_source, SCRIPTS)) + '})();\n'
+    policy = (f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
+              "base-uri 'none'; form-action 'none'")
+    title = f'Identification of {", ".join(data["dofs"]) or "nothing"}'
+    head = join(
+        Html('<meta charset="utf-8">'),
+        Html(f'<meta http-equiv="Content-Security-Policy" content="{policy}">'),
+        Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+        Html('<meta name="color-scheme" content="light dark">'),
+        tag('title', title), Html(f'<style>{style}</style>'))
+    body = join(
+        tag('a', 'To the results', href='#found', class_='skip'),
+        _header(data), _contents(sections),
+        tag('main', *(tag('section', tag('h2', heading), content, id=name)
+                      for name, heading, content in sections)),
+        Html(f'<script type="application/json" id="numbers">{_json(figures.document())}'
+             f'</script><script>{script}</script>'))
+    return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>{body}</body></html>\n'
+
+
+def _sections(data: Data, figures: Figures) -> list[tuple[str, str, Html]]:
+    dofs, logs = data['dofs'], data['logs']
+    sections = [
+        ('found', 'What was identified', findings(data)),
+        ('parameters', 'Parameters', tag(
+            'div', *(parameters(dof, values) for dof, values in dofs.items()), class_='cards')),
+        ('prediction', 'Cross-validation', join(
+            tag('p', 'Every model simulates every log from its thrust alone. The error is the '
+                     'mean absolute error of the velocity (mae); a fit of 100 % would be '
+                     'perfect.'), heat_legend(),
+            *(matrix(dof, values, logs) for dof, values in dofs.items()))),
+        ('terms', 'Methods and terms', join(
+            tag('p', 'For each method the model with the lowest mean error over all logs; σ is '
+                     'one standard deviation, where the method gives one.'),
+            equal_terms(data), best_terms(data))),
+    ]
+    for i, (dof, values) in enumerate(dofs.items()):
+        plots: list[Html] = []
+        for j, log in enumerate(logs):
+            drawn = figures.of_log(dof, values, log, f'{i}/{j}')
+            plots += [tag('h3', f'{capital(dof)} on {log["name"]}'), *drawn] if drawn else []
+        if plots:
+            hint = [_hint()] if len(sections) == 4 else []
+            sections.append((f'plots-{dof}', f'{capital(dof)} over time', join(*hint, *plots)))
+    sections.append(('excitation', 'Excitation', _excitation(data, figures)))
+    sections.append(('quality', 'Data quality', join(*(quality(log) for log in logs))))
+    return sections
+
+
+def _excitation(data: Data, figures: Figures) -> Html:
+    parts: list[Html] = [tag(
+        'p', 'A parameter can only be told from data in which it mattered. Large and slow '
+             'thrust identifies best.')]
+    for i, (dof, values) in enumerate(data['dofs'].items()):
+        parts.append(excitation(dof, values))
+        parts += [figures.of_excitation(dof, values, log, f'e{i}/{j}')
+                  for j, log in enumerate(values.get('excitation') or {})]
+    return join(*parts)
+
+
+def _header(data: Data) -> Html:
+    logs = [f'{log["name"]} ({log.get("duration_s") or 0.0:,.0f} s)' for log in data['logs']]
+    return tag(
+        'header', tag('h1', 'Vehicle identification'),
+        tag('p', f'{", ".join(map(capital, data["dofs"]))} from {", ".join(logs) or "no log"}'
+                 f'. Made by rovid {data.get("rovid_version", "")}.'),
+        tag('p', Html('m v̇ + d<sub>Q</sub> v|v| + d<sub>L</sub> v + b = τ, or v̇ = α τ + β v|v| '
+                      '+ γ v + δ'), class_='model'))
+
+
+def _contents(sections: list[tuple[str, str, Html]]) -> Html:
+    return tag('nav', tag('ol', *(
+        tag('li', tag('a', heading, href=f'#{name}')) for name, heading, _ in sections)),
+        aria_label='Contents')
+
+
+def _hint() -> Html:
+    return join(
+        tag('p', 'Drag across a plot, pinch it, or turn the wheel after a click (or with Ctrl) '
+                 'to zoom: all plots of the same log and degree of freedom follow. Double-click, '
+                 'press 0 or use the button to see everything again. Names in the legend switch '
+                 'curves on and off.', class_='hint script'),
+        tag('noscript', tag('p', 'The plots need JavaScript. All results are in the tables.')))
+
+
+def _source(name: str) -> str:
+    return resources.files('rovid_ros.report').joinpath('page', name).read_text(encoding='utf-8')
+
+
+def _hash(text: str) -> str:
+    return f'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'
+
+
+def _json(document: Any) -> str:
+    """Return JSON in which nothing can end or open an element."""
+    text = json.dumps(document, ensure_ascii=False, allow_nan=False, separators=(',', ':'))
+    for letter in '<>&\u2028\u2029':
+        text = text.replace(letter, f'\\u{ord(letter):04x}')
+    return text

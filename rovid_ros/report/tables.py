@@ -1,0 +1,222 @@
+"""The report's tables of models: parameters, cross-validation, and best terms."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import math
+from typing import Any
+
+from rovid_core.model.dofs import PARAMETERS, PHYSICAL
+from rovid_ros.report.markup import (
+    bound_to_units,
+    capital,
+    finite,
+    Html,
+    join,
+    mean_score,
+    NONE,
+    percent,
+    quantity,
+    rank,
+    score,
+    small,
+    symbol,
+    table,
+    tag,
+    terms,
+    title,
+    with_unit,
+)
+from rovid_ros.results.text import number
+
+Data = Mapping[str, Any]
+LEVELS = 7  # of the heat maps; the style has a colour for each
+
+
+def findings(data: Data) -> Html:
+    """Return what was identified, a sentence per DOF."""
+    items = []
+    for dof, values in data['dofs'].items():
+        sentence = bound_to_units(
+            values.get('sentence') or f'{capital(dof)}: nothing was identified.')
+        start, colon, rest = sentence.partition(':')
+        items.append(tag('li', tag('b', start + colon), rest) if colon and ' ' not in start
+                     else tag('li', sentence))
+    return tag('ul', *items, class_='findings')
+
+
+def parameters(dof: str, values: Data) -> Html:
+    """Return the parameters of a DOF's best model with their 95 % intervals."""
+    best = values.get('best') or {}
+    units = values.get('units') or {}
+    bodies = []
+    for names, form in ((PHYSICAL, 'physical'), (PARAMETERS, 'lumped')):
+        found = best.get(form) or {}
+        rows = [_parameter(name, found[name], units) for name in names if found.get(name)]
+        if rows:
+            bodies.append(rows)
+    if not bodies:
+        return tag('p', f'{capital(dof)}: no model.')
+    source = f'{title(best.get("method", ""))}, trained on {best.get("trained_on", NONE)}'
+    caption = join(tag('b', capital(dof)), ' ', small(source))
+    return table(caption, ('parameter', 'value', '95 % interval'), bodies, class_='parameters')
+
+
+def _parameter(name: str, values: Data, units: Mapping[str, str]) -> list[str]:
+    unit = values.get('unit') or units.get(name, '')
+    value, low, high = (finite(values.get(key)) for key in ('value', 'low', 'high'))
+    interval: str = NONE
+    if math.isfinite(low) and math.isfinite(high):
+        digits = _decimals(low, high)
+        interval = join(with_unit(f'{low:,.{digits}f}', ''), ' to ',
+                        with_unit(f'{high:,.{digits}f}', unit))
+        if value:
+            interval = join(interval, small(f'± {percent(0.5 * abs((high - low) / value))}'))
+    return [join(title(name), ' ', symbol(name)), quantity(value, unit), interval]
+
+
+def _decimals(low: float, high: float) -> int:
+    """Return what four significant digits need, or more to tell the ends apart."""
+    size = max(abs(low), abs(high), 1e-300)
+    digits = max(3 - math.floor(math.log10(size)),
+                 -math.floor(math.log10(max(high - low, size * 1e-6))))
+    return min(max(digits, 0), 12)
+
+
+def matrix(dof: str, values: Data, logs: Sequence[Data]) -> Html:
+    """Return the heat map of models x logs for a DOF."""
+    models = values.get('models') or []
+    names = [log['name'] for log in logs]
+    unit = (values.get('units') or {}).get('velocity', '')
+    maes = [[score(model, name, 'mae') for name in names] for model in models]
+    known = [mae for row in maes for mae in row if math.isfinite(mae) and mae > 0.0]
+    best = [min((row[j] for row in maes if math.isfinite(row[j])), default=math.nan)
+            for j in range(len(names))]
+    groups: dict[tuple[str, ...], list[Sequence[str]]] = {}
+    for model, row in zip(models, maes):
+        cells: list[str] = [_model(model)]
+        for j, name in enumerate(names):
+            classes = [f'heat{level(row[j], known)}'] if math.isfinite(row[j]) else []
+            classes += ['own'] if name == model.get('trained_on') else []
+            classes += ['best'] if same(row[j], best[j]) else []
+            fit = percent(score(model, name, 'fit'))
+            cells.append(tag('td', quantity(row[j], unit), small(f'fit {fit}'),
+                             class_=' '.join(classes) or None))
+        if len(names) > 1:
+            mae, mean_fit = mean_score(model)
+            cells.append(join(quantity(mae, unit), small(f'fit {percent(mean_fit)}')))
+        groups.setdefault(tuple(model.get('terms') or ()), []).append(cells)
+    caption = join(tag('b', capital(dof)), ' ', small(
+        f'mean |v_sim − v| [{unit}] and fit of each model (rows) on each log (columns)'))
+    head = ['model', *(_log_head(log) for log in logs), *(['mean'] if len(names) > 1 else [])]
+    return table(caption, head, list(groups.values()), class_='matrix')
+
+
+def same(a: float, b: float) -> bool:
+    """Tell whether two errors are equal as they are shown."""
+    return number(a) == number(b) != number(math.nan)
+
+
+def level(value: float, known: Sequence[float]) -> int:
+    """Return 0 (the least of the known values) to ``LEVELS`` - 1, by ratio."""
+    low, high = min(known, default=1.0), max(known, default=1.0)
+    if not value > low:
+        return 0
+    # half a decade at least, so that equally good models look equally good
+    span = max(math.log(high / low), math.log(3.0))
+    return min(LEVELS - 1, int(LEVELS * math.log(value / low) / span))
+
+
+def heat_legend() -> Html:
+    """Return what the colours of the matrix mean."""
+    steps = [tag('span', Html('&nbsp;'), class_=f'heat{i}') for i in range(LEVELS)]
+    return tag(
+        'p', 'smallest error ', tag('span', *steps, class_='ramp', aria_hidden='true'),
+        ' largest error of the DOF. ', tag('b', 'Bold'), ': the best on that log. ',
+        tag('span', 'Framed', class_='own key'), ': the log that the model was trained on; '
+        'all others are predictions of data that it has not seen.', class_='legend-note')
+
+
+def _model(model: Data) -> Html:
+    chosen = ' (selected)' if model.get('selected') else ''
+    note = [small(model['note'], class_='note')] if model.get('note') else []
+    return tag('th', capital(title(model['method'])),
+               small(f'{model["trained_on"]} · {terms(model.get("terms") or ())}{chosen}'),
+               *note, scope='row')
+
+
+def _log_head(log: Data) -> Html:
+    role = {'train': 'training', 'validate': 'validation'}.get(log.get('role', ''), '')
+    return join(log['name'], small(role))
+
+
+def _row(first: str, model: Data, units: Mapping[str, str], best: bool) -> list[str]:
+    values, std = model.get('parameters') or {}, model.get('std') or {}
+    used = model.get('terms') or PARAMETERS
+    mae, fit = mean_score(model)
+    cells: list[str] = [first]
+    for name in PARAMETERS:
+        if name not in used:
+            cells.append(NONE)
+            continue
+        sigma = finite(std.get(name))
+        unit = units.get(name, '')
+        spread = [small('σ ', quantity(sigma, unit))] if math.isfinite(sigma) else []
+        cells.append(tag('td', quantity(values.get(name), unit), *spread))
+    cells.append(tag('td', quantity(mae, units.get('velocity', '')),
+                     class_='best' if best else None))
+    return [*cells, percent(fit), model.get('trained_on', NONE)]
+
+
+HEAD = (*(symbol(name) for name in PARAMETERS), 'mean mae', 'mean fit', 'trained on')
+
+
+def equal_terms(data: Data) -> Html:
+    """Return the methods beside each other on equal parameter sets (the paper's Table VII)."""
+    bodies: list[list[list[str]]] = []
+    for dof, values in data['dofs'].items():
+        models = values.get('models') or []
+        for used in dict.fromkeys(tuple(model.get('terms') or ()) for model in models):
+            best = _best([m for m in models if tuple(m.get('terms') or ()) == used])
+            if len(best) < 2:
+                continue
+            lowest = mean_score(min(best.values(), key=rank))[0]
+            group = tag('th', f'{capital(dof)}: {terms(used)}', colspan='8', scope='rowgroup',
+                        class_='group')
+            bodies.append([[group], *(
+                _row(title(method), model, values.get('units') or {},
+                     same(mean_score(model)[0], lowest))
+                for method, model in best.items())])
+    if not bodies:
+        return tag('p', 'No two methods identified the same terms.')
+    return table('Equal parameter sets: the methods compared on the same terms (the paper’s '
+                 'Table VII)', ('method', *HEAD), bodies, class_='models')
+
+
+def best_terms(data: Data) -> Html:
+    """Return each method's best model per DOF (the paper's Tables V and VI)."""
+    methods = dict.fromkeys(model['method'] for values in data['dofs'].values()
+                            for model in values.get('models') or [])
+    bodies = []
+    for method in methods:
+        body: list[Sequence[str]] = [[tag(
+            'th', capital(title(method)), colspan='8', scope='rowgroup', class_='group')]]
+        for dof, values in data['dofs'].items():
+            model = _best(values.get('models') or []).get(method)
+            if model is not None:
+                chosen = 'selected' if model.get('selected') else 'all configured'
+                name = join(dof, small(f'{terms(model.get("terms") or ())} ({chosen})'))
+                body.append(_row(name, model, values.get('units') or {}, False))
+        bodies.append(body)
+    return table('The best terms of each method (the paper’s Tables V and VI)',
+                 ('DOF', *HEAD), bodies, class_='models')
+
+
+def _best(models: Sequence[Data]) -> dict[str, Data]:
+    """Return the best model of each method."""
+    found: dict[str, Data] = {}
+    for model in models:
+        method = model['method']
+        if method not in found or rank(model) < rank(found[method]):
+            found[method] = model
+    return found

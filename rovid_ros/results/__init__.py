@@ -1,0 +1,1 @@
+"""An estimate as topics, JSON, text and files for other programs."""

@@ -1,0 +1,215 @@
+"""
+What was identified, read back from the JSON of ``rovid replay`` and ``rovid compare``.
+
+Only alpha to delta are read; the physical parameters follow from them, to the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+import difflib
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from rovid_core.model.dofs import DOFS, Four, PARAMETERS, PHYSICAL
+from rovid_core.model.plant import physical
+
+
+class EstimatesError(ValueError):
+    """A file of estimates that cannot be used; the text is the line to print."""
+
+
+@dataclass(frozen=True)
+class Identified:
+    """
+    The model of one degree of freedom.
+
+    Attributes
+    ----------
+    dof : str
+        Its name.
+    parameters : Four
+        alpha, beta, gamma, delta.
+    source : str
+        What it comes from, on one line.
+    mae : float
+        Its mean over all logs [m/s or rad/s]; NaN in the JSON of a replay.
+    status : str
+        Of the identifier at the end of a replay; '' in the JSON of a comparison.
+
+    """
+
+    dof: str
+    parameters: Four
+    source: str
+    mae: float = math.nan
+    status: str = ''
+
+    @property
+    def physical(self) -> dict[str, float]:
+        """Return effective mass, drags and bias by name."""
+        # + 0.0: a term that the model lacks is 0, not -0
+        return {name: value + 0.0 for name, value in zip(PHYSICAL, physical(self.parameters))}
+
+
+def read_estimates(path: Path, method: str = '', trained_on: str = '') -> list[Identified]:
+    """
+    Read one model per degree of freedom, in the order of ``DOFS``.
+
+    Parameters
+    ----------
+    path : Path
+        JSON of a replay or a comparison.
+    method, trained_on : str
+        Take a comparison's models of this method or log only. Of those that are left, each
+        DOF takes the one with the lowest mean mae over all logs.
+
+    Raises
+    ------
+    EstimatesError
+        If it is not such JSON or has no usable model; says where and why.
+    OSError
+        If the file cannot be read.
+
+    """
+    try:
+        document = json.loads(path.read_bytes().decode('utf-8-sig'))
+    except (ValueError, RecursionError) as error:
+        raise EstimatesError(f'{path}: is not JSON: {error}') from None
+    if not isinstance(document, dict) or not {'dofs', 'models'} & document.keys():
+        raise EstimatesError(f'{path}: is not the JSON of rovid replay or rovid compare: takes '
+                             'an object with dofs or models')
+    if 'models' in document:
+        found = _of_comparison(document['models'], path, method, trained_on)
+    elif method or trained_on:
+        raise EstimatesError(f'{path}: is of one replay, whose only model has no --method or '
+                             '--trained-on to choose by; leave them out')
+    else:
+        found = _of_replay(document, path)
+    return sorted(found, key=lambda model: DOFS.index(model.dof))
+
+
+def _of_replay(document: Mapping[str, Any], path: Path) -> list[Identified]:
+    source = _line(document.get('method', 'replay'))
+    return [
+        Identified(dof, _parameters(values, f'{path}: dofs.{dof}'), source,
+                   status=_line(values.get('status', '')))
+        for dof, values in _dofs(document['dofs'], f'{path}: dofs').items()]
+
+
+def _of_comparison(models: Any, path: Path, method: str, trained_on: str) -> list[Identified]:
+    if not isinstance(models, list) or not models:
+        raise EstimatesError(f'{path}: models: got {_short(models)}, takes a list of models')
+    for i, model in enumerate(models):
+        for key in ('method', 'trained_on'):
+            if not isinstance(model, dict) or not isinstance(model.get(key), str):
+                raise EstimatesError(f'{path}: models[{i}]: takes an object with {key}')
+    named = [(f'{path}: models[{i}].dofs', model) for i, model in enumerate(models)]
+    named = _chosen(named, 'method', method, path)
+    named = _chosen(named, 'trained_on', trained_on, path)
+    candidates: dict[str, list[tuple[str, str, dict[str, Any]]]] = {}
+    for place, model in named:
+        source = f'{_line(model["method"])}, trained on {_line(model["trained_on"])}'
+        for dof, values in _dofs(model.get('dofs'), place).items():
+            candidates.setdefault(dof, []).append((f'{place}.{dof}', source, values))
+    return [_best(dof, found) for dof, found in candidates.items()]
+
+
+def _chosen(named: Sequence[tuple[str, dict[str, Any]]], key: str, wanted: str,
+            path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Return the models with this method or log; a log also goes by its file's name alone."""
+    if not wanted:
+        return list(named)
+    there = list(dict.fromkeys(model[key] for _, model in named))
+    matching = [entry for entry in named if entry[1][key] == wanted]
+    if not matching and key == 'trained_on':
+        matching = [entry for entry in named if Path(entry[1][key]).name == wanted]
+    if not matching:
+        raise EstimatesError(f'{path}: has no model with --{key.replace("_", "-")} {wanted}'
+                             f'{_nearest(wanted, there)}; has {", ".join(map(_line, there))}')
+    return matching
+
+
+def _best(dof: str, found: Sequence[tuple[str, str, dict[str, Any]]]) -> Identified:
+    """Return the usable model that predicts best; one with a log unscored comes last."""
+    logs = {log for _, _, values in found for log in _scores(values)}
+    usable: list[tuple[int, float, Identified]] = []
+    refused = None
+    for place, source, values in found:
+        try:
+            parameters = _parameters(values, place)
+        except EstimatesError as error:
+            refused = refused or error
+            continue
+        scores = _scores(values).values()
+        mae = math.fsum(scores) / len(scores) if scores else math.nan
+        usable.append((len(logs) - len(scores), mae if scores else math.inf,
+                       Identified(dof, parameters, source, mae)))
+    if not usable:
+        assert refused is not None
+        raise refused
+    return min(usable, key=lambda entry: entry[:2])[2]
+
+
+def _scores(values: Mapping[str, Any]) -> dict[str, float]:
+    """Return the mae by log, without those that are null."""
+    scores = values.get('scores')
+    found = {}
+    for log, score in scores.items() if isinstance(scores, dict) else ():
+        mae = _number(score.get('mae')) if isinstance(score, dict) else math.nan
+        if math.isfinite(mae):
+            found[log] = mae
+    return found
+
+
+def _dofs(dofs: Any, place: str) -> dict[str, dict[str, Any]]:
+    if not isinstance(dofs, dict) or not dofs:
+        raise EstimatesError(f'{place}: got {_short(dofs)}, takes an object of one or more DOFs')
+    for dof, values in dofs.items():
+        if dof not in DOFS:
+            raise EstimatesError(f'{place}: got {_line(dof)!r}, takes {", ".join(DOFS)}'
+                                 f'{_nearest(dof, DOFS)}')
+        if not isinstance(values, dict):
+            raise EstimatesError(f'{place}.{dof}: got {_short(values)}, takes an object')
+    return dofs
+
+
+def _parameters(values: Mapping[str, Any], place: str) -> Four:
+    for name in PARAMETERS:
+        if name not in values:
+            raise EstimatesError(f'{place}.{name}: is missing')
+        if not math.isfinite(_number(values[name])):
+            raise EstimatesError(f'{place}.{name}: got {_short(values[name])}, takes a number')
+    alpha, beta, gamma, delta = (_number(values[name]) for name in PARAMETERS)
+    if not all(map(math.isfinite, physical((alpha, beta, gamma, delta)))):
+        raise EstimatesError(f'{place}.alpha: got {alpha!r}, takes a number above 0: '
+                             'the mass is 1 / alpha')
+    return alpha, beta, gamma, delta
+
+
+def _number(value: Any) -> float:
+    """Return a JSON number, NaN for anything else."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:  # an integer of over 300 digits
+        return math.nan
+
+
+def _nearest(wanted: str, there: Collection[str]) -> str:
+    near = difflib.get_close_matches(wanted, there, 1)
+    return f'; did you mean {near[0]!r}?' if near else ''
+
+
+def _short(value: Any) -> str:
+    text = _line(json.dumps(value))
+    return text if len(text) <= 40 else f'{text[:37]}...'
+
+
+def _line(value: Any) -> str:
+    """Return text from outside so that it can stand in a comment."""
+    return ''.join(c if c.isprintable() else '?' for c in ' '.join(str(value).split()))

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
+import re
 from typing import Any
 
 from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
-from rovid_ros.node.process import one_line
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+def one_line(error: Exception) -> str:
+    """Return the text of an error without line breaks and rcl's own source lines."""
+    text = ' '.join(str(error).split())
+    if text.startswith("['"):
+        text = f'unknown ROS arguments {text}'
+    text = re.sub(r'^failed to initialize rcl: |^Failed to parse ROS arguments: ', '', text)
+    return re.sub(r', at /\S+:\d+', '', text)
 
 
 class ManagedNode(LifecycleNode):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-import re
 import sys
 from typing import Any
 
@@ -20,6 +19,7 @@ from rclpy.logging import set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rovid_ros.commands.ending import AT_FAULT, DONE, printable, USAGE, UsageError
+from rovid_ros.node.lifecycle import one_line
 from rovid_ros.node.parameters import NODE_NAME, read_files
 from rovid_ros.node.stop import Stop
 from rovid_ros.node.transport.wait import Wait
@@ -82,15 +82,6 @@ def _parse(arguments: Sequence[str]) -> None:
     ).parse_known_args(rest)
     if unknown:
         raise UsageError(f'unknown arguments {unknown}; takes --ros-args --params-file FILE')
-
-
-def one_line(error: Exception) -> str:
-    """Return the text of an error without line breaks and rcl's own source lines."""
-    text = ' '.join(str(error).split())
-    if text.startswith("['"):
-        text = f'unknown ROS arguments {text}'
-    text = re.sub(r'^failed to initialize rcl: |^Failed to parse ROS arguments: ', '', text)
-    return re.sub(r', at /\S+:\d+', '', text)
 
 
 def _spin(node: Any, stop: Stop) -> None:

@@ -25,7 +25,7 @@ help:
 	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
 	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest'
 	@echo 'make lint   linters and types only'
-	@echo 'make bench  what it costs, beside other programs, into docs/performance.md'
+	@echo 'make bench  what it costs, beside other programs, into docs/measurements/'
 	@echo 'make browser  Debian Chromium, for the tests that open the report (needs root)'
 	@echo 'make clean  remove what the other targets made'
 	@echo 'All take PYTHON=..., the interpreter to use (3.10 or newer; now: $(PYTHON))'
@@ -45,7 +45,7 @@ endif
 
 bench: $(TEST_READY)
 	$(TEST)/bin/python -m pip install --quiet --disable-pip-version-check -r benchmarks/requirements.txt
-	$(TEST)/bin/python -m benchmarks.performance --output docs/performance.md
+	$(TEST)/bin/python -m benchmarks.speed.all_sections --output docs/measurements/performance.md
 
 browser:
 	@if command -v chromium || command -v chromium-browser || command -v google-chrome; then :; \

@@ -8,7 +8,7 @@ import socket
 from hypothesis import settings
 import pytest
 
-from benchmarks.processes import child_environment
+from test.support.processes import child_environment
 
 # New examples are for people to find; a build that others wait for repeats its own.
 settings.register_profile('repeatable', derandomize=True)

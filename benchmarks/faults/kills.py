@@ -1,0 +1,165 @@
+"""
+``kill -9`` at random moments: what is left on the disk, and what the next run makes of it.
+
+``python -m benchmarks.faults.kills [--count N] [--seed N]`` prints the table.
+A fault is a checkpoint
+that does not load, a log that does not open, a partial file in the place of a good one, a
+folder that fills up, or a result that is not that of a run without kills.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import random
+import signal
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+import time
+
+from rovid_ros.commands.replay_checkpoint import read_state
+from rovid_ros.commands.simulate import simulate_log
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+
+from benchmarks.faults.kill_tally import configured, environment, Tally
+
+MOST_FILES = 8
+"""A log, parameters, output and its part, JSON, state, and what one kill can leave of two."""
+
+
+class Replays:
+    """
+    Replays of one log that are killed and gone on from.
+
+    Parameters
+    ----------
+    folder : Path
+        An empty one.
+    duration : float
+        Of the log [s].
+
+    """
+
+    def __init__(self, folder: Path, duration: float = 60.0) -> None:
+        self.folder = folder
+        self.tally = Tally()
+        self._config = configured(folder / 'vehicle.yaml')
+        self._log = folder / 'log.mcap'
+        simulate_log(settings_from(load(self._config)), self._log, duration, seed=1)
+        self._output, self._json, self._state = (
+            folder / name for name in ('out.mcap', 'out.json', 'state.json'))
+        self._part = folder / 'out.part.mcap'
+        began = time.monotonic()
+        assert self._start(checkpoint=False).wait() == 0
+        self.duration = time.monotonic() - began
+        self._good = self._output.read_bytes(), self._json.read_bytes()
+        self._count = len(self.tally.opened(self._output, 1))
+        self.tally = Tally()
+
+    def kill(self, delay: float) -> None:
+        """Start or go on, kill it after so many seconds, and look at what is there."""
+        process = self._start()
+        try:
+            process.wait(delay)
+        except subprocess.TimeoutExpired:
+            process.kill()
+        code = process.wait()
+        if code == 0:
+            self._check_end()
+            return
+        self.tally.kills += 1
+        self.tally.check(code == -signal.SIGKILL, f'it had ended with {code}')
+        self._look()
+
+    def finish(self) -> None:
+        """Let the last one come to its end."""
+        self.tally.check(self._start().wait() == 0, 'the run after it failed')
+        self._check_end()
+
+    def _start(self, checkpoint: bool = True) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, '-m', 'rovid_ros.commands', 'replay', self._log, '--params-file',
+             self._config, '--output', self._output, '--json', self._json,
+             *(['--checkpoint', self._state] if checkpoint else [])],
+            env=environment(), stdout=subprocess.DEVNULL)
+
+    def _look(self) -> None:
+        tally, written = self.tally, 0
+        if self._state.exists():
+            try:
+                written = read_state(self._state)['output'][0]
+                tally.states += 1
+            except ValueError as error:
+                tally.check(False, f'{self._state.name}: {error}')
+        if self._part.exists():
+            tally.opened(self._part, written)
+        self._check_good()
+        names = sorted(path.name for path in self.folder.iterdir())
+        tally.leftovers = max(tally.leftovers, sum(name.startswith('.') for name in names))
+        tally.check(len(names) <= MOST_FILES, f'the folder holds {", ".join(names)}')
+
+    def _check_good(self) -> None:
+        """See that what was whole under its name still is: the old one or all of the new one."""
+        output, document = self._good
+        if self._output.read_bytes() != output:
+            times = Tally()
+            self.tally.check(len(times.opened(self._output, self._count)) == self._count
+                             and not times.faults, f'{self._output.name} is not whole')
+        self.tally.check(self._json.read_bytes() == document, f'{self._json.name} is another')
+
+    def _check_end(self) -> None:
+        self.tally.finished += 1
+        self._check_good()
+        self._state.unlink(missing_ok=True)
+
+
+def replay_kills(folder: Path, count: int, seed: int, duration: float = 60.0) -> Tally:
+    """
+    Kill replays at random moments.
+
+    Parameters
+    ----------
+    folder : Path
+        An empty one to work in.
+    count : int
+        How many kills.
+    seed : int
+        Of the moments.
+    duration : float
+        Of the log [s].
+
+    """
+    chance, replays = random.Random(seed), Replays(folder, duration)
+    while replays.tally.kills < count:
+        replays.kill(chance.uniform(0.3, 0.9) * replays.duration)
+    replays.finish()
+    return replays.tally
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('--count', type=int, default=50, help='kills of each kind (50)')
+    parser.add_argument('--seed', type=int, default=1, help='of the moments (1)')
+    args = parser.parse_args()
+    import rclpy  # noqa: F401 first, for the ROS wheels from PyPI start python again
+
+    from benchmarks.faults.live_kills import live_kills
+    print('| killed | kills | states that loaded | logs that opened | messages in them '
+          '| runs that came to their end | time lost at most [s] | temporary files at most '
+          '| faults |\n|---|---|---|---|---|---|---|---|---|')
+    faults: list[str] = []
+    for name, series in (('replaying', replay_kills), ('live over DDS', live_kills)):
+        with TemporaryDirectory(prefix='kills-') as folder:
+            tally = series(Path(folder), args.count, args.seed)
+        lost = f'{tally.lost:.1f}' if tally.lost else '-'
+        print(f'| {name} | {tally.kills} | {tally.states} | {tally.logs} | {tally.messages:,} | '
+              f'{tally.finished} | {lost} | {tally.leftovers} | {len(tally.faults)} |', flush=True)
+        faults += [f'{name}: {line}' for line in tally.faults]
+    sys.exit('\n'.join(faults) or 0)
+
+
+if __name__ == '__main__':
+    main()

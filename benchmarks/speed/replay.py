@@ -1,0 +1,101 @@
+"""
+Replay against reading alone.
+
+``python -m benchmarks.speed.replay [--ten] [--runs N]``
+
+Whole commands, one after the other in turn, so that what else the machine does hits all alike:
+``rovid replay`` to JSON, and rosbags' AnyReader of the same file, with and without decoding;
+the decoder of the package mcap-ros2-support too, where it is installed. With ``--ten`` replays of
+ten hours and of one. The logs are made once and kept in the folder for temporary files.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import importlib.util
+from pathlib import Path
+import subprocess
+import sys
+import tempfile
+
+from benchmarks.speed.commands import CLI, environment, measure, ROOT, table
+
+FOLDER = Path(tempfile.gettempdir()) / 'rovid-benchmarks'
+READ = """
+import sys
+from pathlib import Path
+from rosbags.highlevel import AnyReader
+with AnyReader([Path(sys.argv[1])]) as reader:
+    for connection, _, data in reader.messages():
+        {work}
+"""
+READ_MCAP = """
+import sys
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+with open(sys.argv[1], 'rb') as file:
+    for message in make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+        message.decoded_message
+"""
+BASE = 'AnyReader + deserialize'
+ASKED = 0.45
+
+
+def log(hours: int) -> tuple[Path, Path]:
+    """Return a log and its parameter file; make them if they are not there."""
+    FOLDER.mkdir(exist_ok=True)
+    path, parameters = FOLDER / f'{hours}h.mcap', FOLDER / 'aid.yaml'
+    if not (path.exists() and parameters.exists()):
+        print(f'making {path} ...', file=sys.stderr)
+        subprocess.run([sys.executable, '-m', 'benchmarks.speed.long_log', str(hours), path,
+                        parameters], check=True, cwd=ROOT, env=environment())
+    return path, parameters
+
+
+def replay(hours: int) -> list[str]:
+    """Return the command."""
+    path, parameters = log(hours)
+    return [*CLI, 'replay', str(path), '--params-file', str(parameters), '--json',
+            str(FOLDER / f'{hours}h.json')]
+
+
+def readers(hours: int) -> dict[str, list[str]]:
+    """Return the commands that only read."""
+    path = str(log(hours)[0])
+    programs = {'AnyReader raw': READ.format(work='pass'),
+                BASE: READ.format(work='reader.deserialize(data, connection.msgtype)')}
+    if importlib.util.find_spec('mcap_ros2'):
+        programs['mcap_ros2 decoded'] = READ_MCAP
+    return {name: [sys.executable, '-c', text, path] for name, text in programs.items()}
+
+
+def lines(runs: int) -> list[str]:
+    """Return the tables of one hour, and what they are of."""
+    found = measure({'rovid replay': replay(1), **readers(1)}, runs)
+    parts = subprocess.run(
+        [sys.executable, '-m', 'benchmarks.speed.replay_parts', *map(str, log(1))],
+        env=environment(), cwd=ROOT, stdout=subprocess.PIPE, check=True, text=True)
+    return [f'1 h, 360,000 messages, 3 DOFs, `aid`, to JSON; whole commands, {runs} runs in turn. '
+            f'Asked for: at most {ASKED:g} of {BASE}.', '', table(found, BASE),
+            '', parts.stdout.rstrip()]
+
+
+def long_lines(runs: int) -> list[str]:
+    """Return the table of ten hours against one, and what it is of."""
+    found = measure({f'rovid replay, {hours} h': replay(hours) for hours in (1, 10)}, runs)
+    return [f'As above, {runs} runs. Asked for: at most 10.5 times the time and 1.1 times the '
+            'memory.', '', table(found, 'rovid replay, 1 h')]
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--runs', type=int, default=5)
+    parser.add_argument('--ten', action='store_true', help='ten hours against one')
+    given = parser.parse_args(arguments)
+    print('\n'.join((long_lines if given.ten else lines)(given.runs)))
+
+
+if __name__ == '__main__':
+    main()

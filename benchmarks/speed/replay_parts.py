@@ -1,0 +1,99 @@
+"""
+What the parts of a replay take.
+
+``python -m benchmarks.speed.replay_parts LOG.mcap PARAMS.yaml``
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from pathlib import Path
+import sys
+from time import process_time
+from typing import Any
+
+from rovid_core.model.samples import Event
+from rovid_core.ordering.event_order import EventOrder
+from rovid_core.pipeline.steps import Pipe
+from rovid_core.settings.run import Settings
+from rovid_core.trials.score import ScoreLog
+from rovid_ros.commands.feeder import PipeFeeder
+from rovid_ros.commands.replay_run import ReplayRun
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.logs.log import Log
+
+DURATION = 120.0  # [s] of the log
+RUNS = 5
+
+
+def parts(path: Path, settings: Settings) -> dict[str, float]:
+    """Return the processor time of each part, and of those before it [s]."""
+    found: dict[str, float] = {}
+
+    def timed(name: str, work: Callable[[], Any]) -> Any:
+        began = process_time()
+        result = work()
+        found[name] = process_time() - began
+        return result
+
+    feeder = PipeFeeder(settings)
+    with Log([path]) as log:
+        topics = {name: name for name in feeder.converter.topics}
+        timed('read', lambda: sum(1 for _ in log.raw(topics, 0.0, DURATION)))
+        messages = timed('read, and unpack to events',
+                         lambda: list(log.messages(topics, 0.0, DURATION, feeder.take)))
+    events = [event for message in messages for event in message.data]
+    released = timed('put in order', lambda: _ordered(settings, events))
+    bare = _pipe(settings)
+    bare._tracks = []
+    timed('gates and commands', lambda: _fed(bare, released))
+    moving = _pipe(settings)
+    for dof in moving._dofs:
+        dof.step = lambda *_: None  # type: ignore[method-assign]
+    timed('gates, velocity and thrust', lambda: _fed(moving, released))
+    timed('gates, velocity, thrust and identifiers', lambda: _fed(_pipe(settings), released))
+    scored = Pipe(settings, _ignore, _ignore, ScoreLog(settings))
+    timed('the pipe with the score', lambda: _fed(scored, released))
+    run = ReplayRun(PipeFeeder(settings), settings, topics)
+
+    def replay() -> None:
+        for message in messages:
+            run.take(message)
+
+    timed('order and pipe as a replay runs them', replay)
+    return {name: seconds / len(messages) for name, seconds in found.items()}
+
+
+def _ordered(settings: Settings, events: Iterable[Event]) -> list[Event]:
+    keys = [(name, 0) for name in settings.used_inputs()]
+    order = EventOrder(keys, settings.max_wait, settings.time_jump, _ignore, _ignore)
+    return [one for event in events for one in order.push(event)[0]] + order.flush()
+
+
+def _pipe(settings: Settings) -> Pipe:
+    return Pipe(settings, _ignore, _ignore)
+
+
+def _fed(pipe: Pipe, events: Iterable[Event]) -> None:
+    for event in events:
+        for sample in event.samples:
+            pipe.handle(event.time, sample)
+
+
+def _ignore(*_: str) -> None:
+    """Take a refusal or a warning."""
+
+
+def main() -> None:
+    """Print the table."""
+    settings = settings_from(load(Path(sys.argv[2])))
+    runs = [parts(Path(sys.argv[1]), settings) for _ in range(RUNS)]
+    print(f'The parts, least of {RUNS} runs of {DURATION:.0f} s in one process:\n\n'
+          '| part | processor time per message [us] |\n|---|---|')
+    for name in runs[0]:
+        print(f'| {name} | {1e6 * min(run[name] for run in runs):.1f} |')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,153 @@
+"""``rovid compare`` on simulated trials: models, choice of terms, scores, files."""
+
+import json
+from pathlib import Path
+
+from mcap.reader import make_reader
+import pytest
+from rovid_core.identify.methods import METHODS as ONLINE
+from rovid_core.model.dofs import PARAMETERS
+from rovid_core.model.plant import lumped
+from rovid_core.trials.offline import METHODS
+from rovid_ros.commands.main import main
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.logs.writer import LogWriter
+from rovid_ros.results.identified import read_estimates
+import yaml
+
+CONFIG = Path(__file__).parents[2] / 'config' / 'jhurov.yaml'
+STILL = ',heave=0,yaw=0'
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with two trials of surge alone, and their comparison."""
+    folder = tmp_path_factory.mktemp('compare')
+    text = CONFIG.read_text().replace('dofs: [surge, heave, yaw]', 'dofs: [surge]')
+    (folder / 'rov.yaml').write_text(text)
+    assert main(['simulate', '--params-file', str(folder / 'rov.yaml'), '--duration', '120',
+                 '--output', str(folder / 't{}.mcap'),
+                 '--profile', f'surge=150@0.055+80@0.14{STILL}',
+                 '--profile', f'surge=120@0.08+60@0.04{STILL}']) == 0
+    assert main(['compare', str(folder / 't1.mcap'), '--validate', str(folder / 't2.mcap'),
+                 '--params-file', str(folder / 'rov.yaml'), '--json', str(folder / 'out.json'),
+                 '--report', str(folder / 'out.html')]) == 0
+    return folder
+
+
+def test_every_method_scores_every_log(folder: Path) -> None:
+    models = json.loads((folder / 'out.json').read_text())['models']
+    assert {m['method'] for m in models} == {*ONLINE, *METHODS}
+    true = settings_from(load(CONFIG)).simulation.dofs['surge']
+    truth = lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
+    for model in models:
+        assert model['trained_on'] == 't1.mcap'
+        surge = model['dofs']['surge']
+        assert surge['alpha'] == pytest.approx(truth[0], rel=0.1)
+        assert surge['mass'] == pytest.approx(1 / surge['alpha'])
+        assert set(surge['scores']) == {'t1.mcap', 't2.mcap'}
+        assert surge['scores']['t2.mcap']['fit'] > 0.9
+        assert (surge['std'] is not None) == (
+            model['method'] in ('output_error', 'rls', 'ekf'))
+    assert sum(m['selected_terms'] for m in models) == len(METHODS)
+
+
+def test_output_error_is_nearest_and_knows_how_near(folder: Path) -> None:
+    models = json.loads((folder / 'out.json').read_text())['models']
+    surge = next(m['dofs']['surge'] for m in models if m['method'] == 'output_error')
+    true = settings_from(load(CONFIG)).simulation.dofs['surge']
+    truth = lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
+    for name, value in zip(PARAMETERS, truth):
+        assert abs(surge[name] - value) < 5 * surge['std'][name]
+
+
+def test_the_report_and_export_take_it(folder: Path) -> None:
+    page = (folder / 'out.html').read_text()
+    assert 'Surge' in page
+    assert 't2.mcap' in page
+    assert read_estimates(folder / 'out.json', '', '')
+
+
+def test_a_term_that_is_not_there_is_left_out(
+        folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (folder / 'rov.yaml').read_text().replace('        bias: 2.9', '        bias: 0.0')
+    (folder / 'level.yaml').write_text(text)
+    assert main(['simulate', '--params-file', str(folder / 'level.yaml'), '--duration', '120',
+                 '--output', str(folder / 'level{}.mcap'), '--profile', f'surge=150@0.05{STILL}',
+                 '--profile', f'surge=100@0.08{STILL}']) == 0
+    capsys.readouterr()
+    assert main(['compare', str(folder / 'level1.mcap'), str(folder / 'level2.mcap'),
+                 '--params-file', str(folder / 'level.yaml'),
+                 '--json', str(folder / 'level.json')]) == 0
+    models = json.loads((folder / 'level.json').read_text())['models']
+    chosen = [m['dofs']['surge']['terms'] for m in models if m['selected_terms']]
+    assert all('delta' not in terms for terms in chosen)
+    assert 'predicts the velocity of' in capsys.readouterr().out
+
+
+def test_a_log_without_steps_of_a_dof(
+        folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Neither is its model the initial guess, nor are the others worth less for it."""
+    two = folder / 'two.yaml'
+    two.write_text(CONFIG.read_text().replace('dofs: [surge, heave, yaw]', 'dofs: [surge, heave]')
+                   .replace('        bias: 10.0', '        bias: 0.0'))
+    assert main(['simulate', '--params-file', str(two), '--duration', '60', '--output',
+                 str(folder / 'both.mcap')]) == 0
+    with LogWriter(folder / 'none.mcap') as writer, (folder / 'both.mcap').open('rb') as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            if not (channel.topic == '/depth/pressure' and message.log_time % 10**10 > 10**8):
+                writer.write_raw(channel.topic, schema.name, message.data, message.log_time)
+    capsys.readouterr()
+    assert main(['compare', str(folder / 'both.mcap'), str(folder / 'none.mcap'),
+                 '--params-file', str(two), '--json', str(folder / 'two.json'),
+                 '--report', str(folder / 'two.html')]) == 0
+    out = capsys.readouterr().out
+    assert 'effective mass 2,4' in out
+    assert 'to - ' not in out
+    chosen = []
+    for model in json.loads((folder / 'two.json').read_text())['models']:
+        heave = model['dofs'].get('heave')
+        if model['trained_on'] == 'none.mcap' and heave:
+            assert heave['mass'] is None, model['method']
+        elif model['selected_terms'] and heave:
+            chosen.append(heave['terms'])
+    assert chosen and all('delta' not in terms for terms in chosen)
+
+
+@pytest.mark.parametrize(('values', 'duration'), [
+    ({'simulation.position_rate': 0.5, 'max_gap': 5.0}, 120.0),  # slower than velocity.cutoff
+    ({}, 0.9)])  # too short for any method
+def test_few_fixes(values: dict[str, float], duration: float, folder: Path) -> None:
+    few = {'/**': {'ros__parameters': {**load(folder / 'rov.yaml'), **values}}}
+    (folder / 'few.yaml').write_text(yaml.safe_dump(few))
+    assert main(['simulate', '--params-file', str(folder / 'few.yaml'), '--duration',
+                 str(duration), '--output', str(folder / 'few.mcap')]) == 0
+    assert main(['compare', str(folder / 't1.mcap'), '--validate', str(folder / 'few.mcap'),
+                 '--params-file', str(folder / 'few.yaml'),
+                 '--report', str(folder / 'few.html')]) == 0
+    if duration > 60.0:
+        assert main(['compare', str(folder / 'few.mcap'),
+                     '--params-file', str(folder / 'few.yaml')]) == 0
+
+
+def test_mistakes_are_one_line(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (['nothing.mcap'], ['t1.mcap', '--validate', 'nothing.mcap'],
+                      ['t1.mcap', '--report', str(folder / 'no' / 'x.html')]):
+        logs = [str(folder / a) if a.endswith('.mcap') else a for a in arguments]
+        assert main(['compare', *logs, '--params-file', str(folder / 'rov.yaml')]) == 1
+        assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_part_of_each_log(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ['compare', str(folder / 't1.mcap'), '--params-file', str(folder / 'rov.yaml'),
+                 '--json', str(folder / 'part.json')]
+    assert main([*arguments, '--start', '20', '--duration', '60']) == 0
+    part, whole = (
+        next(m['dofs']['surge'] for m in json.loads((folder / name).read_text())['models']
+             if m['method'] == 'output_error') for name in ('part.json', 'out.json'))
+    assert part['std']['beta'] > 1.2 * whole['std']['beta']
+    capsys.readouterr()
+    assert main([*arguments, '--start', '500']) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1

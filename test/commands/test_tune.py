@@ -1,0 +1,127 @@
+"""``rovid tune``: from a log to a parameter file that the node takes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from rovid_ros.commands.main import main
+from rovid_ros.config.parameter_edit import edited
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+
+CONFIG = Path(__file__).parents[2] / 'config'
+SURGE = """\
+# mine
+/**:
+  ros__parameters:
+    dofs: [surge]  # one
+    position: {topic: /fix, type: geometry_msgs/msg/PointStamped, field: point}
+    attitude: {topic: /imu, type: sensor_msgs/msg/Imu, field: orientation}
+    thrusters:
+      topic: /thrust
+      type: sensor_msgs/msg/Joy
+      field: axes
+      gain: [100.0]
+      allocation: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    identifier: {method: aid}
+    surge.initial.mass: 200
+    simulation:
+      surge: {mass: 300.0, quadratic_drag: 300.0, linear_drag: 40.0, forces: [150.0, 80.0],
+              frequencies: [0.05, 0.13]}
+"""
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a log whose delay the parameter file does not have."""
+    path = tmp_path_factory.mktemp('tune')
+    (path / 'mine.yaml').write_text(SURGE)
+    (path / 'true.yaml').write_text(SURGE.replace(
+        '      gain:', '      delay: 0.2\n      gain:'))
+    assert main(['simulate', '--params-file', f'{path}/true.yaml', '--duration', '150',
+                 '--output', f'{path}/log.mcap']) == 0
+    return path
+
+
+def test_the_tuned_file_replays_better(
+        folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mine, tuned = folder / 'mine.yaml', folder / 'tuned.yaml'
+    assert main(['tune', f'{folder}/log.mcap', '--params-file', str(mine),
+                 '--output', str(tuned), '--json', f'{folder}/tune.json']) == 0
+    assert 'thrusters.delay' in capsys.readouterr().out
+    assert mine.read_text() == SURGE
+    text = tuned.read_text()
+    assert '# mine' in text and '# one' in text
+    settings = settings_from(load(tuned))
+    thrusters = settings.thrusters
+    assert thrusters.delay + thrusters.time_constant == pytest.approx(0.2, abs=0.03)
+    found = json.loads((folder / 'tune.json').read_text())
+    assert found['keys']['thrusters.delay']['after'] == thrusters.delay
+    assert found['dofs']['surge']['aid']['after'] < found['dofs']['surge']['aid']['before']
+    errors = []
+    for file in (mine, tuned):
+        assert main(['replay', f'{folder}/log.mcap', '--params-file', str(file),
+                     '--json', f'{folder}/out.json']) == 0
+        errors.append(json.loads((folder / 'out.json').read_text())['dofs']['surge']['mae'])
+    assert errors[1] < 0.9 * errors[0]
+
+
+@pytest.mark.parametrize(('more', 'code', 'says'), [
+    (['--duration', '20'], 1, 'takes 60 s'),
+    (['--output', '{}/mine.yaml'], 1, 'is read by this command'),
+    (['--start', 'now'], 2, '--start'),
+])
+def test_a_mistake_is_one_line_and_writes_nothing(
+        folder: Path, capsys: pytest.CaptureFixture[str], more: list[str], code: int,
+        says: str) -> None:
+    output = folder / 'nothing.yaml'
+    assert main(['tune', f'{folder}/log.mcap', '--params-file', f'{folder}/mine.yaml',
+                 '--output', str(output), *(part.format(folder) for part in more)]) == code
+    error = capsys.readouterr().err
+    assert says in error and error.count('\n') == 1
+    assert not output.exists()
+    assert (folder / 'mine.yaml').read_text() == SURGE
+
+
+def test_values_change_and_nothing_else(tmp_path: Path) -> None:
+    changes = {'thrusters.delay': 0.125, 'velocity.cutoff': 1.5, 'surge.typical.force': 90.0,
+               'yaw.typical.velocity': 0.25, 'attitude.yaw_offset': -1e-05}
+    path = CONFIG / 'jhurov.yaml'
+    (tmp_path / 'tuned.yaml').write_text(edited(path, changes))
+    assert load(tmp_path / 'tuned.yaml') == {**load(path), **changes}
+    before, after = path.read_text().splitlines(), edited(path, changes).splitlines()
+    assert len(before) == len(after)
+    assert sum(a != b for a, b in zip(before, after)) == len(changes)
+
+
+def test_a_missing_key_is_put_in(tmp_path: Path) -> None:
+    path = tmp_path / 'mine.yaml'
+    path.write_text(SURGE)
+    changes = {'thrusters.delay': 0.125, 'velocity.cutoff': 1.5, 'surge.typical.force': 90.0,
+               'surge.typical.velocity': 0.25, 'attitude.yaw_offset': 0.1,
+               'surge.initial.mass': 300.0}
+    (tmp_path / 'tuned.yaml').write_text(edited(path, changes))
+    assert load(tmp_path / 'tuned.yaml') == {**load(path), **changes}
+    settings_from(load(tmp_path / 'tuned.yaml'))
+
+
+def test_of_two_sections_the_one_that_counts(tmp_path: Path) -> None:
+    path = tmp_path / 'mine.yaml'
+    path.write_text(SURGE + 'other:\n  ros__parameters: {velocity: {cutoff: 9.0}}\n'
+                    'identifier_node:\n  ros__parameters: {velocity: {cutoff: 0.5}}\n')
+    (tmp_path / 'tuned.yaml').write_text(edited(path, {'velocity.cutoff': 1.5}))
+    assert load(tmp_path / 'tuned.yaml') == {**load(path), 'velocity.cutoff': 1.5}
+    assert 'cutoff: 9.0' in (tmp_path / 'tuned.yaml').read_text()
+
+
+@pytest.mark.parametrize('log', ['surge_sway_heave.mcap'])
+def test_the_tank(log: str, data: Path, tmp_path: Path,
+                  capsys: pytest.CaptureFixture[str]) -> None:
+    tuned = tmp_path / 'tuned.yaml'
+    assert main(['tune', str(data / 'bluerov2_tank' / log), '--output', str(tuned),
+                 '--params-file', str(CONFIG / 'bluerov2_tank.yaml'),
+                 '--duration', '70', '--method', 'aid']) == 0
+    assert 'yaw: left out' in capsys.readouterr().out
+    settings_from(load(tuned))

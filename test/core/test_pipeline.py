@@ -1,0 +1,534 @@
+"""The measurement chain, the pipe and the stream on simulated sensors."""
+
+from dataclasses import replace
+import math
+import random
+
+from hypothesis import given, settings as hypothesis_settings, strategies as st
+import numpy as np
+import pytest
+from rovid_core.model.dofs import DOFS
+from rovid_core.model.plant import lumped
+from rovid_core.model.samples import Event, Sample
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import (
+    DofSettings,
+    IdentifierSettings,
+    InputSettings,
+    Settings,
+    SettingsError,
+    SimulatedDof,
+    SimulationSettings,
+    ThrusterSettings,
+)
+from rovid_core.simulation.simulator import simulate
+from rovid_core.trials.score import ScoreLog
+from rovid_core.velocity.quaternions import (
+    between,
+    from_yaw,
+    normalised,
+    product,
+    rotate,
+    rotation_between,
+)
+
+from test.support.surge import run, surge_settings
+
+TRUTH = {
+    'surge': SimulatedDof(290.0, 290.0, 43.5, 2.9, (150.0, 80.0), (1 / 18, 1 / 7.3)),
+    'sway': SimulatedDof(500.0, 700.0, 80.0, 0.0, (150.0, 80.0), (1 / 15, 1 / 6.1)),
+    'heave': SimulatedDof(2000.0, 1500.0, 150.0, 10.0, (300.0, 150.0), (1 / 25, 1 / 11)),
+    'roll': SimulatedDof(40.0, 20.0, 15.0, 0.0, (12.0, 6.0), (1 / 6, 1 / 4)),
+    'pitch': SimulatedDof(80.0, 60.0, 30.0, 0.0, (24.0, 12.0), (1 / 7, 1 / 5)),
+    'yaw': SimulatedDof(60.0, 60.0, 10.0, 0.0, (20.0, 10.0), (1 / 16, 1 / 7)),
+}
+SIX = ThrusterSettings(
+    topics=('/thrusters',), gain=(10.0,) * 6,
+    allocation=tuple(tuple(float(i == j) for j in range(6)) for i in range(6)))
+
+
+def vehicle(dofs, **changes):
+    truth = {d: TRUTH[d] for d in dofs}
+    values = {
+        'dofs': tuple(dofs), 'thrusters': SIX,
+        'dof': {d: DofSettings(1.6 * t.mass, t.quadratic_drag / 1.6, t.linear_drag / 1.6)
+                for d, t in truth.items()},
+        'position': InputSettings('/position'), 'attitude': InputSettings('/attitude'),
+        'simulation': SimulationSettings(dofs=truth), **changes}
+    return Settings(**values)
+
+
+def identified(settings, duration=240.0, seed=1, measurements=None, **keywords):
+    stream = Stream(settings, **keywords)
+    estimates = run(stream, measurements or simulate(settings, duration, seed))
+    return stream, estimates
+
+
+def mass_ratios(estimate):
+    """Return identified over true mass per DOF."""
+    return {d.dof: 1.0 / d.parameters[0] / TRUTH[d.dof].mass for d in estimate.dofs}
+
+
+def test_six_dofs_from_fixes_depth_and_attitude_at_their_own_rates():
+    settings = vehicle(DOFS, depth=InputSettings('/depth'))
+    stream, estimates = identified(settings)
+    for dof, ratio in mass_ratios(estimates[-1]).items():
+        assert ratio == pytest.approx(1.0, abs=0.15), dof
+    steps = {d.dof: d.steps for d in estimates[-1].dofs}
+    assert steps['surge'] == steps['sway'] == pytest.approx(2400, abs=3)  # 10 Hz
+    assert steps['heave'] == pytest.approx(4800, abs=3)  # 20 Hz
+    assert steps['yaw'] == pytest.approx(4800, abs=3)
+    assert stream.rejected == {}
+    assert [w.split()[0] for w in stream.take_warnings()] == ['roll', 'pitch']
+    assert stream.take_warnings() == []
+
+
+def test_heading_that_turns_all_the_way_round_does_not_mix_the_axes():
+    turning = replace(TRUTH['yaw'], forces=(12.0, 5.0), frequencies=(0.001, 0.1))
+    settings = vehicle(('surge', 'sway', 'yaw'))
+    settings = replace(settings, simulation=replace(
+        settings.simulation, dofs={**settings.simulation.dofs, 'yaw': turning}))
+    _, estimates = identified(settings)
+    for dof in ('surge', 'sway'):
+        assert mass_ratios(estimates[-1])[dof] == pytest.approx(1.0, abs=0.1)
+
+
+def test_lever_arm_is_taken_off():
+    settings = vehicle(('surge', 'sway', 'yaw'), lever_arm=(0.5, 0.4, 0.0))
+    measured = list(simulate(settings, 120.0, 3))
+    truth = {t: v for t, n, v in simulate(
+        replace(settings, reference=InputSettings('/truth')), 120.0, 3) if n == 'reference'}
+    for arm, worse in (((0.5, 0.4, 0.0), False), ((0.0, 0.0, 0.0), True)):
+        _, estimates = identified(
+            replace(settings, lever_arm=arm, cutoff=0.0), measurements=measured)
+        times = np.array(sorted(truth))
+        surge = np.array([truth[t][0] for t in times])
+        got = [(e.time, e.dofs[0].velocity) for e in estimates if 0 in e.stepped]
+        error = np.array([v - np.interp(t, times, surge) for t, v in got])
+        averaged = np.convolve(error, np.ones(10) / 10, 'valid')  # noise of single fixes
+        assert (np.abs(averaged).max() > 0.06) == worse
+
+
+def test_a_lever_arm_without_an_attitude_is_left_out():
+    settings = vehicle(('heave',), depth=InputSettings('/depth'), attitude=InputSettings(),
+                       lever_arm=(0.3, 0.0, 0.2))
+    _, estimates = identified(settings, 60.0)
+    assert mass_ratios(estimates[-1])['heave'] == pytest.approx(1.0, abs=0.1)
+
+
+def test_velocity_and_gyro_sensors_are_used_where_there_are_some():
+    settings = vehicle(
+        ('surge', 'heave', 'yaw'), position=InputSettings(),
+        velocity=InputSettings('/dvl'), angular_velocity=InputSettings('/gyro'))
+    _, estimates = identified(settings)
+    for dof, ratio in mass_ratios(estimates[-1]).items():
+        assert ratio == pytest.approx(1.0, abs=0.1), dof
+
+
+def test_delay_and_lag_of_the_thrusters_are_undone():
+    right = replace(SIX, delay=0.25, time_constant=0.4)
+    settings = vehicle(('surge',), thrusters=right)
+    measured = list(simulate(settings, 240.0, 1))
+    errors = []
+    for thrusters in (right, SIX):
+        _, estimates = identified(replace(settings, thrusters=thrusters), measurements=measured)
+        errors.append(abs(mass_ratios(estimates[-1])['surge'] - 1))
+    assert errors[0] < 0.05 < errors[1]
+
+
+def test_linear_hold_gives_the_last_step_too():
+    settings = vehicle(('surge',), thrusters=replace(SIX, hold='linear'))
+    _, estimates = identified(settings, duration=60.0)
+    assert estimates[-1].dofs[0].steps == pytest.approx(598, abs=2)
+
+
+def events(settings, duration=30.0, seed=1):
+    return [Event(t, (Sample(n, v),)) for t, n, v in simulate(settings, duration, seed)]
+
+
+def bits(estimates):
+    """Return what can be compared: a NaN is not equal to itself."""
+    return [repr(e) for e in estimates]
+
+
+def feed(stream, sequence):
+    out = []
+    for event in sequence:
+        out += stream.receive(event)
+    return out + stream.finish()
+
+
+def test_shifted_stamps_change_nothing():
+    settings = surge_settings()
+    shift = 1_700_000_000_123_456_789
+    plain = feed(Stream(settings), events(settings))
+    later = feed(Stream(settings), [e._replace(time=e.time + shift) for e in events(settings)])
+    assert [d.dofs[0].parameters for d in plain] == [d.dofs[0].parameters for d in later]
+    assert later[-1].time == plain[-1].time + shift
+
+
+def test_any_delivery_within_max_wait_gives_the_same_bits():
+    settings = surge_settings()
+    expected = feed(Stream(settings), events(settings))
+    shuffle, latest = random.Random(1), {}
+
+    def arrival(e):
+        name = e.samples[0].input
+        latest[name] = max(latest.get(name, 0), e.time + shuffle.uniform(0, 0.099) * 1e9)
+        return latest[name]
+
+    stream = Stream(settings)
+    got = feed(stream, sorted(events(settings), key=arrival))
+    assert bits(got) == bits(expected)
+    assert stream.rejected == {}
+
+
+def test_what_is_refused_changes_nothing():
+    settings = surge_settings()
+    clean = events(settings)
+    expected = feed(Stream(settings), clean)
+    bad = []
+    for k, event in enumerate(clean):
+        bad.append(event)
+        if k % 50 == 49:
+            bad.append(event)  # duplicate
+            bad.append(clean[k - 40]._replace(samples=event.samples))  # backward
+    stream = Stream(settings)
+    assert bits(feed(stream, bad)) == bits(expected)
+    assert set(stream.rejected_by_reason()) == {'duplicate', 'backward'}
+    nan = Sample('position', (math.nan, 0.0, 0.0))
+    stream = Stream(settings)
+    with_nan = clean[:200] + [Event(clean[200].time - 1, (nan,))] + clean[200:]
+    assert bits(feed(stream, with_nan)) == bits(expected)
+    assert stream.rejected == {('position', 'non_finite'): 1}
+
+
+def test_one_wild_fix_costs_one_step():
+    settings = surge_settings()
+    clean = events(settings)
+    expected = feed(Stream(settings), clean)[-1].dofs[0]
+    k = [i for i, e in enumerate(clean) if e.samples[0].input == 'position'][150]
+    clean[k] = clean[k]._replace(samples=(Sample('position', (500.0, 0.0, 0.0)),))
+    stream = Stream(settings)
+    got = feed(stream, clean)[-1].dofs[0]
+    assert stream.rejected == {('position', 'too_fast'): 1}
+    assert got.steps == expected.steps - 1
+    assert got.parameters[:3] == pytest.approx(expected.parameters[:3], rel=0.1)
+    assert got.parameters[3] == pytest.approx(expected.parameters[3], abs=0.001)  # noise: 0.006
+
+
+def test_a_shift_of_the_fix_is_taken_up_once_it_is_no_echo():
+    settings = surge_settings()
+    clean = events(settings)
+    moved = [e._replace(samples=(Sample('position', tuple(x + 5.0 for x in e.samples[0].value)),))
+             if e.samples[0].input == 'position' and e.time > 15e9 else e for e in clean]
+    stream = Stream(settings)
+    got = feed(stream, moved)
+    assert stream.rejected == {('position', 'too_fast'): 5, ('position', 'shifted'): 1}
+    assert max(abs(e.dofs[0].velocity) for e in got) < 1.0
+
+
+@pytest.mark.parametrize('spoilt', ['position', 'depth'])
+def test_what_one_source_refuses_does_not_reach_the_others(spoilt):
+    settings = vehicle(('surge', 'heave'), depth=InputSettings('/depth'), max_speed=3.0)
+    tilted = (0.0, math.sin(0.15), 0.0, math.cos(0.15))
+    steady = [Event(e.time, (Sample('attitude', tilted),)) if e.samples[0].input == 'attitude'
+              else e for e in events(settings)]
+    highest = []
+    for wild in (False, True):
+        sequence = [Event(e.time, (Sample(spoilt, (8.0, 0.0, 0.0)[:len(e.samples[0].value)]),))
+                    if wild and e.samples[0].input == spoilt and k % 97 == 0 else e
+                    for k, e in enumerate(steady)]
+        stream = Stream(settings)
+        got = feed(stream, sequence)
+        assert bool(stream.rejected) == wild
+        highest.append(max(abs(d.velocity) for e in got for d in e.dofs if d.steps))
+    assert highest[1] < 1.3 * highest[0]
+
+
+def test_depth_without_heave_still_turns_the_surge():
+    settings = vehicle(('surge',), depth=InputSettings('/depth'))
+    climb = (0.0, math.sin(-0.15), 0.0, math.cos(-0.15))  # nose up by 0.3 rad
+    sequence = []
+    for k in range(1200):
+        t, x = k * 10_000_000, 0.5 * k * 0.01  # 0.5 m/s ahead
+        z = x * math.sin(0.3)
+        sequence.append(Event(t, (Sample('thrusters', (0.0,) * 6),)))
+        sequence.append(Event(t, (Sample('attitude', climb),)))
+        if k % 5 == 0:
+            sequence.append(Event(t, (Sample('depth', (z,)),)))
+        if k % 10 == 0:
+            sequence.append(Event(t, (Sample('position', (x * math.cos(0.3), 0.0, 77.0)),)))
+    for dead in (False, True):  # once the depth has died, z of the position counts
+        got = feed(Stream(settings), [e for e in sequence if not dead or e.time < 6e9
+                                      or e.samples[0].input != 'depth'])
+        expected = 0.5 * math.cos(0.3) ** 2 if dead else 0.5
+        assert got[-1].dofs[0].velocity == pytest.approx(expected, abs=1e-6)
+
+
+def test_memory_does_not_grow_without_fixes():
+    settings = vehicle(('surge', 'yaw'))
+    stream = Stream(settings)
+    for event in events(settings, 60.0):
+        if event.samples[0].input != 'position' or event.time < 5e9:
+            stream.receive(event)
+    assert len(stream._pipe._thrust._times) < 400
+
+
+def test_a_restored_state_shows_in_every_dof():
+    settings = vehicle(('surge', 'yaw'))
+    stream = Stream(settings)
+    state = stream.state()
+    state['dofs']['surge']['parameters'][0] = 1 / 500
+    stream.restore(state)
+    yaw_only = [e for e in events(settings, 3.0) if e.samples[0].input != 'position']
+    assert feed(stream, yaw_only)[-1].dofs[0].parameters[0] == 1 / 500
+
+
+def test_one_topic_per_thruster_moves_the_simulated_vehicle():
+    settings = vehicle(('surge',), thrusters=replace(
+        SIX, topics=tuple(f'/thruster/{i}' for i in range(6))))
+    positions = [v[0] for _, n, v in simulate(settings, 10.0, 1) if n == 'position']
+    assert max(positions) > 0.5
+
+
+def test_messages_further_apart_than_max_gap_are_told():
+    settings = replace(surge_settings(), max_gap=0.05)
+    stream = Stream(settings)
+    assert feed(stream, events(settings)) == []
+    assert 'max_gap' in ' '.join(stream.take_warnings())
+
+
+def test_after_a_gap_filter_and_v_hat_restart_from_the_measurement():
+    settings = surge_settings()
+    sequence = [e for e in events(settings, 60.0) if e.samples[0].input != 'position'
+                or not 20e9 < e.time < 25e9]
+    stream = Stream(settings)
+    estimates = feed(stream, sequence)
+    assert stream.rejected == {('position', 'gap'): 1}
+    jump = [b for a, b in zip(estimates, estimates[1:]) if b.time - a.time > 4e9]
+    assert len(jump) == 1
+    assert abs(jump[0].dofs[0].dv) < 0.1
+    assert estimates[-1].dofs[0].steps > 500
+
+
+def test_a_dead_thruster_topic_stops_the_steps():
+    settings = surge_settings()
+    sequence = [e for e in events(settings, 30.0) if e.samples[0].input != 'thrusters'
+                or e.time < 10e9]
+    stream = Stream(settings)
+    estimates = feed(stream, sequence)
+    assert 10e9 < estimates[-1].time <= 11e9  # timeout 1 s
+    assert stream.rejected[('position', 'stale_thrust')] > 100
+
+
+def test_no_step_before_the_first_command_or_attitude():
+    settings = surge_settings()
+    for missing, reason in (('thrusters', 'no_thrust'), ('attitude', 'no_attitude')):
+        stream = Stream(settings)
+        assert feed(stream, [e for e in events(settings) if e.samples[0].input != missing]) == []
+        assert stream.rejected[('position', reason)] > 100
+
+
+def test_reset_enable_and_a_jump_of_time():
+    settings = surge_settings()
+    sequence = events(settings, 20.0)
+    stream = Stream(settings)
+    initial = stream.state()['dofs']['surge']['parameters']
+    feed(stream, sequence)
+    stream.enable(False)
+    frozen = stream.estimate.dofs[0].parameters
+    later = [e._replace(time=e.time + 20_000_000_000) for e in sequence]
+    estimates = feed(stream, later)
+    assert {e.dofs[0].parameters for e in estimates[1:]} == {frozen}
+    assert estimates[-1].dofs[0].status == 'frozen'
+    stream.enable(True)
+    stream.reset()
+    assert stream.state()['dofs']['surge']['parameters'] == initial
+    again = feed(stream, sequence)  # back by 20 s: a jump
+    assert bits(again) == bits(feed(Stream(settings), sequence))
+    assert 'time jumped back' in stream.take_warnings()[0]
+
+
+def test_parameters_survive_a_jump_when_told_so():
+    settings = replace(surge_settings(), reset_on_time_jump=False)
+    stream = Stream(settings)
+    feed(stream, events(settings, 20.0))
+    before = stream.state()['dofs']['surge']['parameters']
+    for event in events(settings)[:3]:  # all inputs, back by 20 s
+        stream.receive(event)
+    assert 'time jumped back' in stream.take_warnings()[0]
+    assert stream.state()['dofs']['surge']['parameters'] == before
+
+
+def test_recorded_controls_replay_to_the_same_bits():
+    class Note(list):
+        def released(self, event):
+            self.append(event)
+
+        def controlled(self, name, value):
+            self.append((name, value))
+
+    settings = vehicle(('surge', 'heave', 'yaw'), depth=InputSettings('/depth'))
+    note, live = Note(), []
+    stream = Stream(settings, recorder=note)
+    sequence = events(settings, 40.0)
+    for k, event in enumerate(sequence):
+        live += stream.receive(event)
+        if k == 500:
+            stream.enable(False)
+        elif k == 900:
+            stream.enable(True)
+        elif k == 1200:
+            stream.reset()
+    live += feed(stream, sequence)  # starts with a jump back
+    again, other = [], Stream(settings)
+    for item in note:
+        again += other.receive(item) if isinstance(item, Event) else other.control(*item)
+    assert bits(again + other.finish()) == bits(live)
+
+
+def test_a_state_of_another_configuration_is_refused():
+    settings = surge_settings()
+    stream = Stream(settings)
+    state = stream.state()
+    for key, value in (('version', 2), ('method', 'ekf'), ('dofs', {'yaw': {}}), ('dofs', 3)):
+        with pytest.raises(ValueError):
+            stream.restore({**state, key: value})
+    broken = {**state, 'dofs': {'surge': {**state['dofs']['surge'], 'parameters': ['x'] * 4}}}
+    with pytest.raises(ValueError, match='surge'):
+        stream.restore(broken)
+    assert stream.state() == state
+
+
+def test_magnitudes_without_a_sign_are_told_and_a_sign_input_heals_them():
+    settings = vehicle(('surge',))
+    measured = list(simulate(settings, 200.0, 1))
+    folded = []
+    for time, name, value in measured:
+        if name == 'thrusters':
+            folded.append((time, name, tuple(map(abs, value))))
+            folded.append((time, 'sign', tuple(math.copysign(1.0, x) for x in value)))
+        else:
+            folded.append((time, name, value))
+    stream, _ = identified(settings, measurements=[m for m in folded if m[1] != 'sign'])
+    assert 'thrusters.sign' in stream.take_warnings()[0]
+    signed = replace(settings, sign=InputSettings('/sign'))
+    stream, estimates = identified(signed, measurements=folded)
+    assert stream.rejected == {}
+    assert mass_ratios(estimates[-1])['surge'] == pytest.approx(1.0, abs=0.1)
+    assert stream.take_warnings() == []
+
+
+def test_slow_sampling_clamps_the_cutoff_and_says_so():
+    settings = replace(surge_settings(), cutoff=6.0)
+    stream = Stream(settings)
+    feed(stream, events(settings))
+    assert 'velocity.cutoff' in stream.take_warnings()[0]
+
+
+def test_the_truth_scores_noise_against_the_pipe_and_nothing_against_a_reference():
+    noiseless = {'position_noise': 0.0, 'attitude_noise': 0.0}
+    for reference, limit in ((InputSettings(), 5e-4), (InputSettings('/truth'), 3e-4)):
+        settings = replace(vehicle(('surge',)), reference=reference)
+        settings = replace(settings, simulation=replace(settings.simulation, **noiseless))
+        log = ScoreLog(settings)
+        identified(settings, scorer=log)
+        truth = lumped(290.0, 290.0, 43.5, 2.9)
+        assert log.score('surge', truth).mae < limit
+        assert log.score('surge', truth).fit > 0.99
+        wrong = [truth[0] * 0.8, *truth[1:]]
+        assert log.score('surge', wrong).mae > 10 * limit
+
+
+def test_a_dof_that_nothing_pushes_says_so():
+    settings = vehicle(('surge', 'yaw'))
+    settings = replace(settings, simulation=replace(settings.simulation, dofs={
+        'surge': TRUTH['surge'], 'yaw': replace(TRUTH['yaw'], forces=(), frequencies=())}))
+    surge, yaw = feed(Stream(settings), events(settings))[-1].dofs
+    assert (surge.status, yaw.status, yaw.reasons) == ('converging', 'unexcited', ('no thrust',))
+
+
+def test_scales_far_from_the_data_are_told_with_what_to_set():
+    settings = surge_settings(DofSettings(20.0))
+    stream = Stream(settings)
+    feed(stream, events(settings, 120.0))
+    assert any('rest' in w and 'set surge.typical.force' in w for w in stream.take_warnings())
+    stream = Stream(surge_settings())
+    feed(stream, events(settings, 120.0))
+    assert stream.take_warnings() == []
+
+
+def test_w_is_published_where_the_truth_is_known():
+    settings = surge_settings()
+    assert math.isnan(feed(Stream(settings), events(settings))[-1].dofs[0].W)
+    known = replace(settings, simulation=replace(settings.simulation, publish_w=True))
+    values = [e.dofs[0].W for e in feed(Stream(known), events(known, 200.0))]
+    assert 0.0 < values[-1] < 0.1 * values[0]
+
+
+wild = st.floats(allow_nan=True, allow_infinity=True)
+samples = st.one_of(
+    st.tuples(st.just('position'), st.tuples(wild, wild, wild)),
+    st.tuples(st.just('attitude'), st.tuples(wild, wild, wild, wild)),
+    st.tuples(st.just('thrusters'), st.tuples(*[wild] * 6)),
+    st.tuples(st.just('depth'), st.tuples(wild)))
+
+
+@given(st.lists(st.tuples(st.sampled_from([0, 1, 10**6, 10**8, 10**10, -10**6, -10**10]),
+                          samples), max_size=60), st.floats(0.05, 1e4))
+@hypothesis_settings(max_examples=200, deadline=None)
+def test_no_stream_of_samples_breaks_the_pipe(moves, adaptation_time):
+    settings = vehicle(('surge', 'heave', 'yaw'), depth=InputSettings('/depth'),
+                       identifier=IdentifierSettings(adaptation_time=adaptation_time))
+    stream = Stream(settings)
+    feed(stream, events(settings, 1.0))
+    time, estimates = 10**9, []
+    for step, (name, value) in moves:
+        time += step
+        estimates += stream.receive(Event(time, (Sample(name, value),)))
+    estimates += feed(stream, [e._replace(time=e.time + time + 10**9)
+                               for e in events(settings, 1.0)])
+    for estimate in estimates:
+        for dof in estimate.dofs:
+            assert all(map(math.isfinite, dof.parameters))
+            assert dof.parameters[0] > 0.0
+            assert max(dof.parameters[1:3]) <= 0.0
+            assert math.isfinite(dof.excitation)
+
+
+def test_rotations_agree_with_matrices():
+    rng = np.random.default_rng(0)
+
+    def matrix(q):
+        x, y, z, w = q
+        k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        return np.eye(3) + 2 * w * k + 2 * k @ k
+
+    for _ in range(50):
+        p, q = (normalised(tuple(rng.normal(size=4))) for _ in range(2))
+        v = tuple(rng.normal(size=3))
+        assert rotate(p, v) == pytest.approx(matrix(p) @ v)
+        assert matrix(product(p, q)) == pytest.approx(matrix(p) @ matrix(q))
+        assert matrix(between(p, q, 1.0)) == pytest.approx(matrix(q))
+        minus = tuple(-x for x in q)
+        assert rotation_between(p, minus) == pytest.approx(rotation_between(p, q))
+    assert rotate(from_yaw(math.pi / 2), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0))
+    assert rotation_between(from_yaw(3.1), from_yaw(-3.1))[2] == pytest.approx(2 * math.pi - 6.2)
+
+
+@pytest.mark.parametrize(('changes', 'key'), [
+    ({'dofs': ()}, 'dofs'),
+    ({'dofs': ('surge', 'yow')}, 'dofs'),
+    ({'attitude': InputSettings()}, 'attitude.topic'),
+    ({'position': InputSettings()}, 'dofs'),
+    ({'identifier': IdentifierSettings(feedback_gain=-1.0)}, 'identifier.feedback_gain'),
+    ({'identifier': IdentifierSettings(feedback_gain=-1.0, adaptation_gains=(1.0,))},
+     'identifier.adaptation_gains'),
+    ({'dof': {'surge': DofSettings(-1.0)}}, 'surge.initial.mass'),
+    ({'dof': {'surge': DofSettings(1.0, terms=('beta',))}}, 'surge.terms'),
+])
+def test_settings_that_contradict_name_their_key(changes, key):
+    with pytest.raises(SettingsError) as caught:
+        replace(surge_settings(), **changes)
+    assert caught.value.key == key

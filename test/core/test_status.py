@@ -1,0 +1,128 @@
+"""Status and reasons of a degree of freedom, from event time alone."""
+
+from dataclasses import replace
+from math import pi, sin
+
+import pytest
+from rovid_core.identify.status import DofStatus, Judgement, STATUSES
+from rovid_core.model.dofs import Four
+from rovid_core.model.plant import advance
+from rovid_core.model.samples import Step
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import SimulatedDof
+from rovid_core.settings.scales import Scales
+from rovid_core.simulation.simulator import simulate
+
+from test.support.surge import run, surge_log, surge_settings, SURGE_TRUTH as TRUTH, TRAINING
+
+
+class Known:
+    """An identifier that has said its last word."""
+
+    note = ''
+
+    def __init__(self, model: float = 0.0, drag: float = 0.0, scale: float = 1.0) -> None:
+        """Take the relative standard deviation of all at once (0: unknown) and of drag."""
+        self.parameters: Four = tuple(scale * p for p in TRUTH)
+        self.excitation = 1.0
+        cov = [model * p * model * q for p in TRUTH for q in TRUTH]
+        cov[5] += (drag * TRUTH[1]) ** 2
+        self.covariance = tuple(cov) if model else ()
+
+
+def steps(duration, dt=0.1):
+    v = 0.0
+    for k in range(round(duration / dt)):
+        force = sum(f * sin(2 * pi * hz * (k + 0.5) * dt) for f, hz in TRAINING)
+        new = advance(TRUTH, v, force, dt)
+        yield Step(dt, (v, 0.5 * (v + new), new), (force,) * 3)
+        v = new
+
+
+def judge(status, identifier, duration=30.0, adapt=True):
+    for step in steps(duration):
+        found = status.after(identifier, step, '', adapt)
+    return found.status, found.reasons
+
+
+@pytest.fixture
+def status():
+    return DofStatus(Scales(150.0, 0.5, TRUTH, (True,) * 4), 3.0)
+
+
+def test_a_covariance_decides_and_says_what_is_open(status):
+    name, reasons = judge(status, Known(0.2))
+    assert name == 'converging'
+    assert reasons[0] == 'the mass is known to 20 %'
+    name, reasons = judge(status, Known(0.02))
+    assert name == 'converged'
+    assert not [r for r in reasons if 'known' in r]
+
+
+def test_between_the_two_limits_it_stays_what_it_was(status):
+    assert judge(status, Known(0.07))[0] == 'converging'
+    assert judge(status, Known(0.01))[0] == 'converged'
+    assert judge(status, Known(0.07))[0] == 'converged'
+    assert judge(status, Known(0.2))[0] == 'converging'
+
+
+def test_an_acceleration_that_is_not_known_is_not_converged(status):
+    name, reasons = judge(status, Known(0.001, 1.0))
+    assert (name, reasons[0][:26]) == ('converging', 'the acceleration is known ')
+
+
+def test_without_a_covariance_the_parameters_have_to_settle(status):
+    still = Known()
+    assert judge(status, still, 9.0)[0] == 'converging'  # three adaptation times
+    assert judge(status, still, 15.0)[0] == 'converged'
+    other = Known(scale=1.3)
+    name, reasons = judge(status, other, 12.0)
+    assert name == 'converging'
+    assert 'move by' in reasons[0]
+    assert judge(status, other, 30.0)[0] == 'converged'
+
+
+def test_refused_frozen_and_unexcited_come_first(status):
+    known = Known(0.01)
+    assert judge(status, known)[0] == 'converged'
+    step = next(steps(1.0))
+    assert status.after(known, step, 'unstable_step', True) == Judgement(
+        'invalid', ('unstable_step',))
+    assert judge(status, known, adapt=False) == ('frozen', ())
+    assert status.after(known, step, '', True).status == 'converging'  # judged anew
+    known.excitation = 0.0
+    assert status.after(known, step, '', True) == Judgement('unexcited', ('no thrust',))
+
+
+def test_the_surge_trial_converges_once_and_stays(status):
+    seen = [e.dofs[0].status for e in run(Stream(surge_settings()), surge_log(1))]
+    changes = [new for old, new in zip(['waiting', *seen], seen) if new != old]
+    assert changes == ['unexcited', 'converging', 'converged']
+    assert set(changes) < set(STATUSES)
+
+
+def test_a_reset_begins_anew_and_keeps_no_verdict():
+    stream = Stream(surge_settings())
+    run(stream, surge_log(1, 200.0))
+    assert stream.verdict('surge') == ''
+    stream.reset()
+    assert stream.verdict('surge') == 'no step yet'
+
+
+def rest(start, hours=1.0):
+    """Return a trial of nothing: 5 mm of noise on the fixes of a vehicle that lies still."""
+    settings = surge_settings()
+    settings = replace(settings, simulation=replace(
+        settings.simulation, dofs={'surge': SimulatedDof(290.0, 290.0, 43.5)}))
+    return [(start + t, n, v) for t, n, v in simulate(settings, 3600.0 * hours, 7)]
+
+
+def test_at_rest_nothing_drifts():
+    stream = Stream(surge_settings())
+    first = stream.identifier('surge').parameters
+    estimates = run(stream, rest(0, 0.1))
+    assert estimates[-1].dofs[0].status == 'unexcited'
+    alpha, beta, gamma, delta = estimates[-1].dofs[0].parameters
+    # one that takes noise for drag would have moved gamma by 0.02 1/s
+    assert (alpha, beta, gamma) == pytest.approx(first[:3], abs=1e-4)
+    assert abs(delta) < 0.003  # the bias is seen at rest, as well as the noise lets it

@@ -1,0 +1,193 @@
+"""Tuning: what it is made of does as the pipe does, and finds what was put in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
+from rovid_core.model.samples import Event, Sample, Step
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings
+from rovid_core.settings.scales import Scales
+from rovid_core.simulation.simulator import simulate
+from rovid_core.thrust.force_history import Thrust
+from rovid_core.trials.tuning.blocks import edges
+from rovid_core.trials.tuning.choice import choose, nearest
+from rovid_core.trials.tuning.commanded import Commanded
+from rovid_core.trials.tuning.gains import Candidate, GainSweep, Steps
+from rovid_core.trials.tuning.log import TuningLog
+from rovid_core.trials.tuning.tune import observed, tune, Tuned, TuningError
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+
+DELAY, LAG = 0.12, 0.3
+
+
+@pytest.fixture(scope='module')
+def surge() -> Settings:
+    """Return the paper's vehicle with its surge alone."""
+    values = load(Path(__file__).parents[2] / 'config' / 'jhurov.yaml')
+    return settings_from({**values, 'dofs': ['surge'], 'simulation.thruster_rate': 10.0,
+                          'simulation.attitude_rate': 10.0, 'depth.topic': '',
+                          'identifier.method': 'aid'})
+
+
+def read(settings: Settings, duration: float, **truth: float) -> TuningLog:
+    """Simulate with a delay and lag that the settings do not have, and read it."""
+    true = replace(settings, thrusters=replace(settings.thrusters, **truth), yaw_offset=0.0)
+    log = TuningLog(observed(settings))
+    stream = Stream(observed(settings), recorder=log, scorer=log)
+    half = 0.5 * settings.yaw_offset
+    for time, name, value in simulate(true, duration, seed=1):
+        if name == 'attitude':  # the wrong offset is added, as the converter does
+            x, y, z, w = value
+            s, c = math.sin(half), math.cos(half)
+            value = (c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z)
+        stream.receive(Event(time, (Sample(name, value),)))
+    stream.finish()
+    return log
+
+
+@pytest.fixture(scope='module')
+def delayed(surge: Settings) -> Tuned:
+    """Return what is found where delay, lag and 5 degrees of heading are missing."""
+    wrong = replace(surge, yaw_offset=math.radians(-5.0))
+    log = read(wrong, 180.0, delay=DELAY, time_constant=LAG)
+    return tune(log, wrong)
+
+
+def test_a_pause_belongs_to_no_fold() -> None:
+    stretches = [SimpleNamespace(start=start, ends=[start + 99]) for start in (1000, 100_000)]
+    assert edges(stretches).tolist() == [  # type: ignore[arg-type]
+        1000, 1025, 1050, 1075, 100_000, 100_025, 100_050, 100_075, 100_100]
+
+
+@pytest.mark.parametrize('linear', [False, True])
+@pytest.mark.parametrize('lag', [0.0, 0.3])
+def test_the_force_of_a_log_is_that_of_the_pipe(
+        surge: Settings, linear: bool, lag: float) -> None:
+    chain = replace(surge.thrusters, delay=0.12, time_constant=lag,
+                    hold='linear' if linear else 'previous')
+    thrust = Thrust(chain, ('surge',))
+    plain = Thrust(replace(chain, delay=0.0, time_constant=0.0), ('surge',))
+    times = np.cumsum(np.array([30, 70, 50, 400, 20, 50, 50])) * 1_000_000
+    commands = [0.3, -1.0, 0.5, 2.0, 2.0, 0.0, 1.0]
+    for time, u in zip(times.tolist(), commands):
+        thrust.command(time, (u, u, 0.0))
+        plain.command(time, (u, u, 0.0))
+    forces = np.array([[80.0 * u for u in commands]])
+    at = np.arange(int(times[0]) + 120_000_000, int(times[-1]), 7_000_000)
+    impulse = Commanded(times, forces, linear).impulse(0, at, 0.12, lag)
+    expected = np.array([thrust.impulse(t)[0] for t in at.tolist()])
+    np.testing.assert_allclose(impulse - impulse[0], expected - expected[0], atol=1e-9)
+
+
+@pytest.mark.parametrize('integrator', ['euler', 'heun', 'rk4'])
+def test_many_identifiers_do_as_one(surge: Settings, integrator: str) -> None:
+    rng = np.random.default_rng(1)
+    n = 300
+    dt = rng.uniform(0.05, 0.15, n)
+    dt[50] = 0.9  # is divided
+    v = np.cumsum(rng.normal(0.0, 0.03, (2, n + 1)), axis=1)
+    force = 100.0 * np.sin(0.1 * np.arange(n)) * np.ones((2, 1))
+    force[:, 100:160], v[:, 100:161] = 0.0, 0.001  # at rest
+    restarts = np.isin(np.arange(n), [0, 200])
+    trial = Steps(dt, np.arange(1, n + 1), restarts, v[:, :-1], v[:, 1:], force)
+    own = Scales.of(surge.dof['surge'])
+    candidates = [Candidate(3.0, 60.0, 0.3), Candidate(20.0, 150.0, 0.5)]
+    found = GainSweep(own, 2, candidates, integrator).run(trial, [150, n])
+    for row in range(2):
+        for j, c in enumerate(candidates):
+            scales = Scales(c.force, c.velocity, own.initial, own.active)
+            one = AdaptiveIdentifier(scales, Gains.from_time(c.adaptation_time, scales),
+                                     integrator)
+            for k in range(n):
+                a, b, f = v[row, k], v[row, k + 1], force[row, k]
+                if restarts[k]:
+                    one.restart(a)
+                one.step(Step(dt[k], (a, 0.5 * (a + b), b), (f, f, f)))
+                if k == 149:
+                    np.testing.assert_allclose(
+                        found[0, :, row, j], one.parameters, rtol=1e-9)
+            if not np.isnan(found[1, 0, row, j]):
+                np.testing.assert_allclose(found[1, :, row, j], one.parameters, rtol=1e-9)
+
+
+def test_finds_delay_and_lag(delayed: Tuned) -> None:
+    keys = {key: change for stage in delayed.stages for key, change in stage.keys.items()}
+    assert keys['thrusters.delay'].after == pytest.approx(DELAY, abs=0.03)
+    assert keys['thrusters.time_constant'].after == pytest.approx(LAG, abs=0.1)
+    assert keys['thrusters.delay'].low <= DELAY <= keys['thrusters.delay'].high
+
+
+def test_finds_the_heading(delayed: Tuned) -> None:
+    change = delayed.stages[0].keys['attitude.yaw_offset']
+    assert math.degrees(change.before) == pytest.approx(-5.0)
+    assert math.degrees(change.after) == pytest.approx(0.0, abs=0.5)
+
+
+def test_another_method_has_no_gains(surge: Settings) -> None:
+    settings = replace(surge, identifier=replace(surge.identifier, method='rls'))
+    tuned = tune(read(settings, 70.0, delay=0.3), settings)
+    assert tuned.changes()['thrusters.delay'] > 0.1
+    assert not any(key.startswith(('surge', 'identifier')) for key in tuned.changes())
+    assert 'the method is rls' in tuned.notes[0]
+
+
+def test_says_what_was_gained(delayed: Tuned) -> None:
+    score = delayed.scores['surge']
+    assert score.model[1] < 0.6 * score.model[0]
+    assert score.identifier is not None
+    assert score.identifier[1] < 0.6 * score.identifier[0]
+
+
+def test_what_is_right_stays(surge: Settings) -> None:
+    tuned = tune(read(surge, 120.0), surge)
+    assert not tuned.changes().keys() & {
+        'thrusters.delay', 'thrusters.time_constant', 'attitude.yaw_offset'}
+
+
+@pytest.mark.parametrize(('duration', 'commands', 'why'), [
+    (30.0, 1.0, 'takes 60 s'), (120.0, 0.0, 'no thrust that changes')])
+def test_a_log_that_tells_nothing(
+        surge: Settings, duration: float, commands: float, why: str) -> None:
+    truth = surge.simulation.dofs['surge']
+    still = replace(surge.simulation, dofs={
+        'surge': replace(truth, forces=tuple(commands * f for f in truth.forces))})
+    settings = replace(surge, simulation=still)
+    with pytest.raises(TuningError, match=why):
+        tune(read(settings, duration), settings)
+
+
+def test_a_motion_without_its_thrust_tells_nothing(surge: Settings) -> None:
+    log = read(surge, 70.0)
+    rng = np.random.default_rng(1)
+    log._commands[:] = type(log._commands)('d', rng.normal(0.0, 100.0, len(log._commands)))
+    with pytest.raises(TuningError, match='does not explain'):
+        tune(log, surge)
+
+
+def test_the_luckiest_of_many_gains_nothing() -> None:
+    rng = np.random.default_rng(2)
+    wins = [choose(1.0 + 0.1 * rng.standard_normal((1000, 8)), 0).is_better
+            for _ in range(100)]
+    assert sum(wins) < 10
+
+
+def test_a_clear_gain_is_taken() -> None:
+    scores = 1.0 + 0.02 * np.random.default_rng(3).standard_normal((50, 8))
+    scores[7] -= 0.2
+    choice = choose(scores, 0)
+    assert choice.index == 7
+    assert choice.is_better
+    assert choice.gain == pytest.approx(0.2, abs=0.05)
+
+
+def test_the_nearest_of_those_that_are_as_good() -> None:
+    scores = np.array([[2.0, 2.1], [1.0, 1.2], [1.1, 1.05], [math.inf, 1.0]])
+    assert nearest(scores, np.array([0.0, 2.0, 1.0, 0.5])) == 2

@@ -1,0 +1,110 @@
+"""Units, signs and frames that are not what the settings say, told from the data."""
+
+from dataclasses import replace
+import math
+from random import Random
+
+import pytest
+from rovid_core.inputs.units_and_signs import Interleaved
+from rovid_core.settings.run import InputSettings
+from rovid_core.velocity.quaternions import from_yaw
+
+from test.support.injected_faults import clean, run, spoilt, vehicle
+
+
+def times(factor):
+    return lambda t, v, random: tuple([factor * x for x in v])
+
+
+def degrees(t, v, random):
+    """Read the heading's degrees as radians."""
+    return from_yaw(math.degrees(2.0 * math.atan2(v[2], v[3])))
+
+
+SLIPS = {
+    'mm': ('position', times(1000.0), 'position.field takes metres'),
+    'cm': ('position', times(100.0), 'position.field takes metres'),
+    'pressure': ('depth', lambda t, v, random: (101325.0 - 9806.65 * v[0],), 'depth.scale'),
+    'depth downwards': ('depth', times(-1.0), 'depth.scale'),
+    'degrees': ('attitude', degrees, 'attitude.unit'),
+    'pulses': ('thrusters', lambda t, v, random: tuple([1500.0 + 40.0 * x for x in v]),
+               'set thrusters.offset'),
+    'thrust the other way': ('thrusters', lambda t, v, random: (-v[1], -v[0], v[2]),
+                             'surge accelerates against its thrust'),
+}
+
+
+@pytest.mark.parametrize('name', SLIPS)
+def test_a_slip_is_told_once_with_the_key(name):
+    input, fault, text = SLIPS[name]
+    warnings = run(vehicle(), spoilt(input, fault)).take_warnings()
+    assert sum(text in warning for warning in warnings) == 1, warnings
+    assert all('\n' not in warning for warning in warnings)
+
+
+@pytest.mark.parametrize('fastest', [5.0, 10.0])
+@pytest.mark.parametrize('dofs', [('surge',), ('yaw',)])
+def test_degrees_are_told_whatever_is_identified_and_may_move(dofs, fastest):
+    settings = replace(vehicle(), dofs=dofs, max_speed=fastest)
+    warnings = run(settings, spoilt('attitude', degrees)).take_warnings()
+    assert any('attitude.unit' in warning for warning in warnings), warnings
+
+
+def test_ned_read_as_enu_turns_heave_and_yaw():
+    half = math.sqrt(0.5)
+
+    def position(t, v, random):
+        return (v[1], v[0], -v[2])
+
+    def attitude(t, v, random):
+        x, y, z, w = v
+        return (half * (x + y), half * (x - y), half * (w - z), half * (w + z))
+
+    events = [e for e in clean() if e.samples[0].input != 'depth']
+    warnings = run(replace(vehicle(), depth=InputSettings()), spoilt(
+        'position', position, spoilt('attitude', attitude, events))).take_warnings()
+    assert sorted(w.split()[0] for w in warnings) == ['heave', 'yaw']
+    assert all('frames' in w for w in warnings)
+
+
+@pytest.mark.parametrize('method', ['aid', 'ekf', 'rls'])
+def test_a_sound_stream_is_not_accused(method):
+    assert run(vehicle(method), clean()).take_warnings() == []
+
+
+def test_pulses_with_an_offset_or_a_table_are_no_slip():
+    fault = SLIPS['pulses'][1]
+    thrusters = vehicle().thrusters
+    gain = tuple([k / 40.0 for k in thrusters.gain])
+    for settings in (replace(thrusters, offset=1500.0, gain=gain),
+                     replace(thrusters, model='table', table_command=(1100.0, 1900.0),
+                             table_force=(-400.0, 400.0), gain=gain)):
+        stream = run(replace(vehicle(), thrusters=settings), spoilt('thrusters', fault))
+        assert stream.take_warnings() == []
+
+
+def test_a_jump_of_the_fix_is_no_unit():
+    stream = run(vehicle(), spoilt('position', lambda t, v, random: tuple(
+        [x + 50.0 * (t // 20.0 % 2) for x in v])))
+    assert stream.take_warnings() == []
+
+
+@pytest.mark.parametrize('parts', [1, 2])
+def test_commands_of_two_programs_are_told_once(parts):
+    told = []
+    watch = Interleaved(told.append)
+    for k in range(400):
+        for part in range(parts):
+            own = 5.0 * math.sin(0.02 * k + part)
+            watch.command((own, -own) if k % 2 else (0.0, 0.0), part)
+    assert len(told) == 1
+    assert 'two programs' in told[0]
+
+
+def test_commands_of_one_program_are_not_taken_for_those_of_two():
+    told, random = [], Random(1)
+    watch = Interleaved(told.append)
+    for k in range(20_000):  # of noise, of steps, of none
+        noise = random.gauss(0.0, 1.0) if k < 15_000 else 0.0
+        watch.command((noise, 3.0 * (k // 5 % 2)), 0)
+    assert told == []

@@ -1,0 +1,103 @@
+"""A node that gets more than it can take leaves out whole fixes, counts them, and recovers."""
+
+from collections.abc import Iterator
+from threading import Thread
+import time
+from typing import Any
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport.backlog import Backlog, LONG, MOST
+
+from test.support.live_node import changed, Peer, simulated, TYPES
+
+
+def taken(backlog: Backlog, topic: str = '/fast', patience: int = 1 << 60) -> int:
+    return sum(not backlog.leaves_out(topic, 1000 * k, patience) for k in range(64))
+
+
+def test_a_pause_costs_nothing() -> None:
+    backlog, now = Backlog(), 0.0
+    for pause in (0.0, 0.02, 30.0, 0.02, 5.0, 5.0, 0.02):
+        now += pause
+        backlog.begin(pause)
+        assert taken(backlog) == 64
+        backlog.end(0.01, now)
+
+
+def test_a_pause_at_work_costs_nothing_either() -> None:
+    backlog, now = Backlog(), 0.0
+    backlog.end(0.01, now)
+    for waited, work in ((0.0, 0.01), (0.0, 2.0), (2.0, 0.1), (0.1, 0.01), (0.0, 0.01)):
+        now += max(waited, 0.02)
+        backlog.begin(waited)
+        assert taken(backlog) == 64
+        backlog.end(work, now)
+
+
+def test_what_is_too_much_is_thinned_by_its_measure_and_then_less() -> None:
+    backlog, now = Backlog(), 0.0
+    backlog.end(0.0, now)
+    for every in (1, 4, 16, 64, 64):  # three times what there is time for
+        backlog.begin(2.0 * LONG)
+        assert taken(backlog) == 64 // every
+        now += 1.0
+        backlog.end(3.0, now)
+    assert backlog.every == MOST
+    assert taken(backlog, '/slow', patience=3000) >= 20  # these are needed
+    backlog.begin(0.5 * LONG)  # neither late nor early: it just holds
+    assert backlog.every == MOST
+    for every in (32, 16, 8, 4, 2, 1, 1):
+        backlog.begin(0.0)
+        assert taken(backlog) == 64 // every
+
+
+@pytest.fixture
+def node() -> Iterator[IdentifierNode]:
+    rclpy.init(args=[])
+    node = IdentifierNode(changed({}))
+    yield node
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_overload_leaves_out_fixes_and_no_commands(
+        node: IdentifierNode, tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    peer, executor = Peer(), SingleThreadedExecutor()
+    executor.add_node(node)
+    peer.advertise(TYPES)
+    messages = simulated(tmp_path / 'log.mcap', 30.0)
+    position = [raw for raw in messages if raw.topic == '/position']
+    current = [raw for raw in messages if raw.topic == '/current']
+    sound = node.stream.receive
+
+    def slow(event: Any) -> Any:
+        if event.samples[0].input == 'position':
+            time.sleep(0.1)
+        return sound(event)
+
+    def send() -> None:
+        for k in range(250):  # in 5 s what takes the node 25
+            peer.publish([position[k], *current[2 * k:2 * k + 2]])
+            time.sleep(0.02)
+
+    monkeypatch.setattr(node.stream, 'receive', slow)
+    sender = Thread(target=send)
+    sender.start()
+    while sender.is_alive():
+        executor.spin_once(timeout_sec=0.05)
+    sender.join()
+    refused = dict(node.stream.rejected)
+    assert set(refused) == {('position', 'overload')}
+    assert 0 < refused['position', 'overload'] < 250
+
+    monkeypatch.setattr(node.stream, 'receive', sound)
+    for k in range(250, 300):
+        peer.publish([position[k], *current[2 * k:2 * k + 2]])
+        time.sleep(0.01)
+        executor.spin_once(timeout_sec=0.05)
+    assert node._in._backlog.every == 1
+    executor.shutdown()
+    peer.close()

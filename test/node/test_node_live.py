@@ -1,0 +1,415 @@
+"""The node as a process of its own, over real DDS."""
+
+from collections.abc import Callable, Iterator
+import json
+import math
+from pathlib import Path
+import random
+import signal
+
+import pytest
+
+rclpy = pytest.importorskip('rclpy')
+
+from rcl_interfaces.srv import (
+    DescribeParameters,
+    GetParameters,
+    ListParameters,
+    SetParameters,
+)
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rovid_ros.config.keys import KEYS
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.logs.log import Log
+from rovid_ros.node.transport.publishers import latched
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
+from rovid_ros.results.summary import summary
+from std_srvs.srv import SetBool, Trigger
+
+from test.support.live_drive import (
+    assert_same,
+    drive,
+    replayed_record,
+    ros_peer,
+    Start,
+    starting,
+    UNSTAMPED,
+    UNSTAMPED_TYPES,
+)
+from test.support.live_node import (
+    changed,
+    heard,
+    NodeProcess,
+    Peer,
+    Raw,
+    replayed,
+    simulated,
+    told,
+    TYPES,
+    VALUES,
+)
+
+
+@pytest.fixture(scope='module')
+def messages(tmp_path_factory: pytest.TempPathFactory) -> list[Raw]:
+    return simulated(tmp_path_factory.mktemp('log') / 'simulated.mcap')
+
+
+@pytest.fixture
+def peer() -> Iterator[Peer]:
+    with ros_peer() as peer:
+        yield peer
+
+
+@pytest.fixture
+def start(environment: dict[str, str], tmp_path: Path, repository: Path) -> Iterator[Start]:
+    with starting(environment, tmp_path, repository) as start:
+        yield start
+
+
+def shuffled(messages: list[Raw]) -> list[Raw]:
+    """Return another order of delivery: every topic late by up to 2 s, in order in itself."""
+    generator = random.Random(2)
+    latest = dict.fromkeys(TYPES, 0.0)
+    due = []
+    for raw in messages:
+        latest[raw.topic] = max(latest[raw.topic], raw.time + generator.random() * 2e9)
+        due.append((latest[raw.topic], raw))
+    return [raw for _, raw in sorted(due, key=lambda pair: pair[0])]
+
+
+@pytest.mark.parametrize('order', [list, shuffled])
+def test_live_gives_the_bits_of_a_replay(
+        order: Callable[[list[Raw]], list[Raw]], messages: list[Raw], peer: Peer,
+        start: Start) -> None:
+    settings = settings_from(VALUES)
+    expected = told(settings, replayed(settings, messages))
+    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    node = start()
+    peer.advertise(TYPES)
+    peer.publish(order(messages))
+    peer.settle(estimates, len(expected) - 50)  # some are held until the end
+    assert node.stop() == 0, node.output
+    peer.settle(estimates)
+    assert len(expected) > 300
+    assert_same(heard(estimates), expected)
+    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in estimates]
+    assert stamps == [estimate.time for estimate in replayed(settings, messages)]
+    # discovery may take so long that the inputs are missing at first
+    assert not [line for line in node.output.splitlines()
+                if 'WARN' in line and 'missing: ' not in line]
+    assert 'ERROR' not in node.output
+
+
+def test_all_outputs_of_a_step_agree(messages: list[Raw], peer: Peer, start: Start) -> None:
+    topics = {
+        '/rov/params': 'std_msgs/msg/Float64MultiArray',
+        '/rov/params_std': 'std_msgs/msg/Float64MultiArray',
+        '/rov/identifier_state': 'sensor_msgs/msg/JointState',
+        '/rov/velocity': 'geometry_msgs/msg/TwistStamped',
+        '/rov/estimate': DIAGNOSTIC_TYPE}
+    received = {topic: peer.listen(topic, name) for topic, name in topics.items()}
+    node = start()
+    peer.advertise(TYPES)
+    peer.publish(messages[:300])
+    peer.settle(received['/rov/estimate'], 100)
+    assert len({len(got) for got in received.values()}) == 1
+    values = {name: text for name, _, _, text in heard(received['/rov/estimate'][-1:])[0]}
+    params = received['/rov/params'][-1]
+    assert [dim.label for dim in params.layout.dim] == [
+        'surge,heave,yaw', 'alpha,beta,gamma,delta']
+    assert [float(values['heave'][name]) for name in ('alpha', 'beta', 'gamma', 'delta')] == list(
+        params.data[4:8])
+    state = received['/rov/identifier_state'][-1]
+    assert state.velocity[2] == float(values['yaw']['v_hat'])
+    assert state.effort[0] == float(values['surge']['force'])
+    twist = received['/rov/velocity'][-1].twist
+    assert twist.linear.x == float(values['surge']['velocity'])
+    assert twist.angular.z == float(values['yaw']['velocity'])
+
+    late = peer.listen('/rov/params', 'std_msgs/msg/Float64MultiArray', latched())
+    peer.until(lambda: late)  # at once, without another step
+    assert late == [params]
+    assert node.stop() == 0
+
+
+def test_names_and_qos(peer: Peer, start: Start) -> None:
+    diagnostics = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
+    start({'position.qos': 'sensor_data'}, '-r', '__ns:=/rov1', '-r', 'rov/velocity:=speed',
+          '-p', 'position.topic:=position')
+    peer.until(lambda: len(diagnostics) > 1)
+    names = [status.name for status in diagnostics[-1].status]
+    assert names == [f'/rov1/identifier_node: {name}' for name in (
+        'state', 'position', 'depth', 'attitude', 'thrusters', 'rejected', 'surge', 'heave',
+        'yaw')]
+    topics = dict(peer.node.get_topic_names_and_types())
+    assert {'/rov1/rov/params', '/rov1/rov/estimate', '/rov1/speed', '/rov1/position',
+            '/depth'} <= topics.keys()
+    services = dict(peer.node.get_service_names_and_types())
+    assert {'/rov1/identifier_node/reset', '/rov1/identifier_node/enable',
+            '/rov1/identifier_node/save'} <= services.keys()
+    (params,) = peer.node.get_publishers_info_by_topic('/rov1/rov/params')
+    assert params.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    assert params.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    (estimate,) = peer.node.get_publishers_info_by_topic('/rov1/rov/estimate')
+    assert estimate.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+    (position,) = peer.node.get_subscriptions_info_by_topic('/rov1/position')
+    assert position.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    (depth,) = peer.node.get_subscriptions_info_by_topic('/depth')
+    assert depth.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+
+
+def test_parameters_over_services(peer: Peer, start: Start) -> None:
+    """``ros2 param list, get, describe, set``."""
+    start()
+    listed = peer.call(ListParameters, '/identifier_node/list_parameters').result.names
+    assert {key.name for key in KEYS} <= set(listed)
+    values = peer.call(GetParameters, '/identifier_node/get_parameters',
+                       GetParameters.Request(names=listed)).values
+    assert len(values) == len(listed)
+    assert values[listed.index('position.topic')].string_value == '/position'
+    described = peer.call(DescribeParameters, '/identifier_node/describe_parameters',
+                          DescribeParameters.Request(names=['time_jump'])).descriptors[0]
+    assert described.read_only
+    assert described.description
+    (result,) = peer.call(SetParameters, '/identifier_node/set_parameters', SetParameters.Request(
+        parameters=[Parameter('time_jump', value=1.0).to_parameter_msg()])).results
+    assert not result.successful
+
+
+def test_diagnostics_come_each_second(peer: Peer, start: Start) -> None:
+    diagnostics = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
+    start()
+    peer.until(lambda: len(diagnostics) >= 4)
+    stamps = [m.header.stamp.sec + m.header.stamp.nanosec * 1e-9 for m in diagnostics]
+    assert stamps[3] - stamps[0] == pytest.approx(3.0, abs=0.5)
+
+
+@pytest.mark.parametrize('signals', [
+    (signal.SIGINT,), (signal.SIGINT, signal.SIGINT), (signal.SIGTERM,)])
+def test_a_clean_end(signals: tuple[int, ...], messages: list[Raw], peer: Peer, start: Start,
+                     tmp_path: Path) -> None:
+    record = tmp_path / 'record.mcap'
+    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    node = start({'record.path': str(record)})
+    peer.advertise(TYPES)
+    peer.publish(messages[:300])
+    peer.settle(estimates, 50)
+    before = len(estimates)
+    assert node.stop(*signals) == 0
+    peer.settle(estimates)
+    assert len(estimates) > before  # what was held has come out
+    assert 'Traceback' not in node.output
+    with Log([record]) as log:  # whole, with its index
+        assert not log.warnings
+        assert sum(info.count or 0 for info in log.topics.values()) == 300
+
+
+def test_the_record_replays_to_the_same_bits(peer: Peer, start: Start, tmp_path: Path) -> None:
+    """Also with commands that have no stamp and with services called in between."""
+    record = tmp_path / 'record.mcap'
+    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    node = start({**UNSTAMPED, 'record.path': str(record)})
+    peer.advertise(UNSTAMPED_TYPES)
+    drive(peer, 1.5)
+    assert peer.call(SetBool, '/identifier_node/enable', SetBool.Request(data=False)).success
+    drive(peer, 0.7)
+    assert peer.call(SetBool, '/identifier_node/enable', SetBool.Request(data=True)).success
+    assert peer.call(Trigger, '/identifier_node/reset').success
+    drive(peer, 1.0)
+    assert node.stop() == 0
+    peer.settle(estimates)
+    got = heard(estimates)
+    assert len(got) > 30
+    texts = {text for statuses in got for _, _, text, _ in statuses}
+    assert {'converging', 'frozen'} <= texts
+    assert_same(got, replayed_record(record, changed(UNSTAMPED)))
+    with Log([record.with_suffix('.output.mcap')]) as log:  # a reset is shown without a step
+        assert log.topics['/rov/params'].count == len(got) + 1
+
+
+def test_a_killed_node_leaves_a_record(messages: list[Raw], peer: Peer, start: Start,
+                                       tmp_path: Path) -> None:
+    record = tmp_path / 'record.mcap'
+    record.write_bytes(b'older')
+    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    node = start({'record.path': str(record)})
+    peer.advertise(TYPES)
+    peer.publish(messages[:300])
+    peer.settle(estimates, 50)
+    peer.spin(1.2)  # it is flushed each second
+    node.kill()
+    assert record.read_bytes() == b'older'
+    got = replayed_record(tmp_path / 'record-1.mcap', VALUES)
+    assert_same(heard(estimates), got[:len(estimates)])  # the replay has an end, the node not
+    assert len(estimates) > 50
+
+
+def test_save_and_go_on(messages: list[Raw], peer: Peer, start: Start, tmp_path: Path) -> None:
+    path = tmp_path / 'state' / 'checkpoint.json'
+    changes = {'checkpoint.path': str(path)}
+    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    node = start(changes)
+    peer.advertise(TYPES)
+    peer.publish(messages[:300])
+    peer.settle(estimates, 50)
+    answer = peer.call(Trigger, '/identifier_node/save')
+    assert answer.success, answer.message
+    first = json.loads(path.read_text())
+    assert node.stop() == 0
+    saved = json.loads(path.read_text())  # at the end, too
+    assert saved['settings'] == first['settings']
+    assert saved['state'] != first['state']
+
+    node = start(changes)
+    assert peer.call(Trigger, '/identifier_node/save').success
+    assert json.loads(path.read_text()) == saved
+    assert 'going on from' in node.output
+    assert node.stop() == 0
+
+    node = start({**changes, 'dofs': ['surge', 'yaw']})
+    peer.until(lambda: 'not restored' in node.output)
+    assert 'dofs' in node.output
+    assert json.loads(path.read_text()) == saved
+    assert node.stop() == 0
+    assert json.loads(path.read_text())['settings']['dofs'] == ['surge', 'yaw']
+    assert json.loads((path.parent / 'checkpoint-1.json').read_text()) == saved
+    assert 'checkpoint-1.json' in node.output
+
+
+def test_a_damaged_checkpoint_is_kept(peer: Peer, start: Start, tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    path.write_text('{"rovid')
+    (tmp_path / 'checkpoint-1.json').write_text('of before')
+    node = start({'checkpoint.path': str(path)})
+    for _ in range(2):
+        assert peer.call(Trigger, '/identifier_node/save').success
+    assert node.stop() == 0
+    assert json.loads(path.read_text())['settings']['dofs'] == ['surge', 'heave', 'yaw']
+    assert (tmp_path / 'checkpoint-1.json').read_text() == 'of before'
+    assert (tmp_path / 'checkpoint-2.json').read_text() == '{"rovid'
+    assert not (tmp_path / 'checkpoint-3.json').exists()
+
+
+def test_a_frozen_state_says_so(peer: Peer, start: Start, tmp_path: Path) -> None:
+    changes = {'checkpoint.path': str(tmp_path / 'checkpoint.json')}
+    node = start(changes)
+    assert peer.call(SetBool, '/identifier_node/enable', SetBool.Request(data=False)).success
+    assert node.stop() == 0
+    node = start(changes)
+    peer.until(lambda: 'going on from' in node.output)
+    assert 'checkpoint.json, frozen' in node.output
+
+
+def test_a_failed_save_is_not_the_end(peer: Peer, start: Start, tmp_path: Path) -> None:
+    folder = tmp_path / 'state'
+    node = start({'checkpoint.path': str(folder / 'checkpoint.json'), 'checkpoint.period': 1.0})
+    assert peer.call(Trigger, '/identifier_node/save').success
+    (folder / 'checkpoint.json').unlink()
+    folder.rmdir()
+    folder.write_text('in the way')
+    answer = peer.call(Trigger, '/identifier_node/save')
+    assert not answer.success
+    assert 'state' in answer.message
+    peer.until(lambda: node.output.count('[ERROR]') >= 2)  # the periodic save, too
+    assert peer.call(Trigger, '/identifier_node/reset').success
+    assert node.stop() == 0
+    assert 'Traceback' not in node.output
+
+
+def test_a_reset_shows_at_once(messages: list[Raw], peer: Peer, start: Start) -> None:
+    array = 'std_msgs/msg/Float64MultiArray'
+    params = peer.listen('/rov/params', array)
+    node = start()
+    peer.advertise(TYPES)
+    peer.publish(messages[:300])
+    peer.settle(params, 100)
+    initial = [dof[name] for dof in summary(settings_from(VALUES), None).values()
+               for name in ('alpha', 'beta', 'gamma', 'delta')]
+    assert list(params[-1].data) != initial
+    assert peer.call(Trigger, '/identifier_node/reset').success
+    late = peer.listen('/rov/params', array, latched())
+    late_std = peer.listen('/rov/params_std', array, latched())
+    peer.until(lambda: late and late_std)
+    assert list(late[-1].data) == initial
+    assert all(map(math.isnan, late_std[-1].data))
+    assert node.stop() == 0
+    assert '~/reset: back at the initial values' in node.output
+
+
+def test_save_without_a_path(peer: Peer, start: Start) -> None:
+    start()
+    answer = peer.call(Trigger, '/identifier_node/save')
+    assert not answer.success
+    assert 'checkpoint.path' in answer.message
+
+
+WRONG = {
+    'key': ({'thrusters.gian': [1.0]}, 'thrusters.gain'),
+    'type': ({'position.topic': 3}, 'position.topic'),
+    'message': ({'position.type': 'vehicle_msgs/msg/Fix'}, 'vehicle_msgs'),
+    'field': ({'position.field': 'pont'}, 'pont'),
+    'topic': ({'position.topic': 'a b'}, 'position.topic'),
+    'shape': ({'thrusters.gain': [1.0, 1.0]}, 'thrusters'),
+    'record': ({'record.path': '/dev/null/record.mcap'}, 'record.path: /dev/null/record.mcap'),
+    'folder': ({'record.path': '/proc/none/record.mcap'}, 'record.path: /proc/none/record.mcap'),
+    'directory': ({'record.path': '/proc'}, 'record.path: /proc is a directory'),
+    'checkpoint': ({'checkpoint.path': '/proc/none/c.json'}, 'checkpoint.path: /proc/none/c.json'),
+}
+
+
+@pytest.mark.parametrize('case', WRONG)
+def test_wrong_parameters_are_one_line(case: str, start: Start) -> None:
+    changes, expected = WRONG[case]
+    assert_refused(start(changes), expected)
+
+
+@pytest.mark.parametrize('text, expected', [
+    ('/**: {ros__parameters: {dofs: [surge}', 'wrong.yaml'),
+    ('/other: {ros__parameters: {dofs: [surge]}}', 'identifier_node'),
+    ('/**: {ros__parameters: {dofs: []}}', 'dofs'),
+])
+def test_a_wrong_file_is_one_line(text: str, expected: str, environment: dict[str, str],
+                                  tmp_path: Path, repository: Path) -> None:
+    file = tmp_path / 'wrong.yaml'
+    file.write_text(text)
+    arguments = ['--ros-args', '--params-file', str(file)]
+    assert_refused(NodeProcess(arguments, environment, tmp_path, repository), expected)
+
+
+@pytest.mark.parametrize('arguments, code, expected', [
+    ([], 1, '--params-file'),
+    (['--ros-args', '-p', 'dofs:=[surge, 1]'], 2, 'dofs:=[surge, 1]'),
+    (['--ros-args', '--params-file'], 2, '--params-file'),
+    (['--ros-args', '-r', 'foo'], 2, 'foo'),
+    (['--ros-args', '--foo'], 2, '--foo'),
+    (['--foo'], 2, '--foo'),
+    (['parameters.yaml'], 2, 'parameters.yaml'),
+])
+def test_a_wrong_command_line(arguments: list[str], code: int, expected: str,
+                              environment: dict[str, str], tmp_path: Path,
+                              repository: Path) -> None:
+    node = NodeProcess(arguments, environment, tmp_path, repository)
+    assert node.wait() == code
+    assert expected in node.output
+    assert len(node.output.splitlines()) == 1
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_the_imports(number: int, start: Start) -> None:
+    node = start()
+    process = Path('/proc', str(node.process.pid))
+    caught = 0
+    while not caught >> (signal.SIGTERM - 1) & 1:  # until the node minds it
+        assert node.process.poll() is None
+        caught = int((process / 'status').read_text().partition('SigCgt:')[2].split()[0], 16)
+    assert 'numpy' not in (process / 'maps').read_text()
+    assert node.stop(number) == 0, node.output
+    assert not node.output
+
+
+def assert_refused(node: NodeProcess, expected: str) -> None:
+    assert node.wait() == 1, node.output
+    assert len(node.output.splitlines()) == 1, node.output
+    assert expected in node.output

@@ -1,0 +1,166 @@
+"""The turns of a live node: inputs go straight to it, all else to an executor."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Thread
+import time
+from typing import Any
+
+import pytest
+
+from test.support.live_node import changed, Peer, Raw, replayed, simulated, TYPES
+
+rclpy = pytest.importorskip('rclpy')
+
+from rclpy.executors import SingleThreadedExecutor
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport import intake
+from rovid_ros.node.transport.publishers import latched
+from rovid_ros.node.transport.wait import Wait
+from std_srvs.srv import SetBool
+
+
+class Counting(SingleThreadedExecutor):
+    """An executor that counts how often it is asked for work."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.count = 0
+
+    def wait_for_ready_callbacks(self, *arguments: Any, **named: Any) -> Any:
+        self.count += 1
+        return super().wait_for_ready_callbacks(*arguments, **named)
+
+
+class Turning:
+    """A node that has its turns in a thread, and its peer."""
+
+    def __init__(self, changes: dict[str, Any]) -> None:
+        self.node = IdentifierNode(changed(changes))
+        self.peer = Peer()
+        self.executor = Counting()
+        self.executor.add_node(self.node)
+        self.turns = 0
+        self._ends = False
+        self._guard = self.node.create_guard_condition(lambda: None)
+        self._thread = Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        wait = Wait(self.node, self.executor)
+        while not self._ends:
+            wait.turn()
+            self.turns += 1
+
+    def end(self) -> None:
+        self._ends = True
+        self._guard.trigger()
+        self._thread.join()
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.peer.close()
+
+
+@contextmanager
+def turning(changes: dict[str, Any] | None = None) -> Iterator[Turning]:
+    rclpy.init(args=[])
+    run = Turning(changes or {})
+    try:
+        yield run
+    finally:
+        run.end()
+        run.close()
+        rclpy.shutdown()
+
+
+@pytest.fixture(scope='module')
+def messages(tmp_path_factory: pytest.TempPathFactory) -> list[Raw]:
+    return simulated(tmp_path_factory.mktemp('log') / 'simulated.mcap')
+
+
+def arrived(node: IdentifierNode) -> int:
+    return sum(node._report.arrivals.count(topic) for topic in TYPES)
+
+
+def test_inputs_do_not_go_through_the_executor(
+        messages: list[Raw], monkeypatch: pytest.MonkeyPatch) -> None:
+    decoded: list[type[Any]] = []
+    decode = intake.deserialize_message
+
+    def counted(cdr: bytes, cls: type[Any]) -> Any:
+        decoded.append(cls)
+        return decode(cdr, cls)
+
+    monkeypatch.setattr(intake, 'deserialize_message', counted)
+    with turning() as run:
+        run.peer.advertise(TYPES)
+        before, turns = run.executor.count, run.turns
+        for number in range(0, len(messages), 10):  # some at a time
+            some = messages[:number + 10]
+            run.peer.publish(some[number:])
+            run.peer.until(lambda: arrived(run.node) == len(some))  # noqa: B023
+        assert run.turns - turns > len(messages) / 20
+        assert run.executor.count - before < len(messages) / 12  # timers
+        run.end()
+        run.node.finish()
+        assert repr(run.node.stream.estimate) == repr(
+            replayed(settings_from(changed({})), messages)[-1])
+        # one of each, that its layout is learned from; the later ones are read without
+        assert sorted(cls.__name__ for cls in decoded) == sorted(
+            kind.rpartition('/')[2] for kind in TYPES.values())
+
+
+def test_services_are_answered(messages: list[Raw]) -> None:
+    with turning() as run:
+        run.peer.advertise(TYPES)
+        run.peer.publish(messages[:100])
+        for adapt in (False, True):
+            request = SetBool.Request(data=adapt)
+            answer = run.peer.call(SetBool, '/identifier_node/enable', request)
+            assert answer.success
+            assert run.node.stream.adapting is adapt
+
+
+def test_a_subscriber_that_does_not_fit_is_told() -> None:
+    with turning() as run:
+        run.peer.listen('/rov/velocity', 'geometry_msgs/msg/TwistStamped', latched())
+        run.peer.until(lambda: '/rov/velocity' in run.node._out.incompatible)
+
+
+def test_nothing_is_polled() -> None:
+    with turning({'autostart': False}) as run:  # no timer yet
+        counts = []
+        while len(counts) < 2 or (counts[-1] != counts[-2] and len(counts) < 10):
+            time.sleep(0.5)
+            counts.append(run.turns)
+        assert counts[-1] == counts[-2] < 20  # something may come of the start
+
+
+def test_subscriptions_come_and_go(messages: list[Raw]) -> None:
+    with turning({'autostart': False}) as run:
+        assert list(run.node.heard) == []
+        run.end()
+        assert run.node.trigger_configure().name == run.node.trigger_activate().name == 'SUCCESS'
+        assert {one.topic_name for one in run.node.heard} == set(TYPES)
+        run.node.trigger_deactivate()
+        assert list(run.node.heard) == []
+
+
+def test_a_lost_subscriber_costs_nothing(messages: list[Raw]) -> None:
+    """Latched topics that nobody hears are sent once a second, not with every step."""
+    with turning() as run:
+        run.end()
+        sent: list[str] = []
+        publish = run.node._out.publish
+        run.node._out.publish = lambda output: (  # type: ignore[method-assign]
+            sent.append(output.topic), publish(output))
+        run.peer.advertise(TYPES)
+        run.peer.publish(messages)
+        run.peer.until(lambda: run.node.take() or run.node.stream.inputs['position'].count > 50)
+        assert sent == []
+        run.node._out.catch_up(run.node._outputs)
+        run.node._out.catch_up(run.node._outputs)
+        assert sent == ['rov/params', 'rov/params_std']

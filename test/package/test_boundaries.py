@@ -1,0 +1,115 @@
+"""Who may import whom, and that everything but the node does without ROS."""
+
+import ast
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+# The core gets time and randomness as values, so that the same input gives the same bits.
+NOT_IN_CORE = {'calendar', 'datetime', 'random', 'secrets', 'sched', 'time', 'uuid'}
+SEEDED = 'simulator.py'  # the one file with a random generator, seeded by its caller
+OFFLINE = {'least_squares.py', 'output_error.py'}  # evaluate whole trials
+
+WITHOUT_ROS = """
+import importlib.abc
+import sys
+
+ROS = {'rclpy', 'launch', 'launch_ros', 'ament_index_python', 'builtin_interfaces',
+       'rcl_interfaces', 'rpyutils', 'std_srvs'}
+
+class NoRos(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        top = name.partition('.')[0]
+        if top in ROS or top.endswith('_msgs') or top.startswith('rosidl'):
+            raise ImportError(f'{name} is blocked by this test')
+
+sys.meta_path.insert(0, NoRos())
+"""
+
+
+def imports(path: Path) -> set[str]:
+    """Return the full name of every module that a file imports, inside functions too."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding='utf8'))):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f'{path}: a relative import'
+            names |= {f'{node.module}.{alias.name}' for alias in node.names}
+    return names
+
+
+def module_files(repository: Path, package: str) -> list[Path]:
+    paths = sorted((repository / package).rglob('*.py'))
+    assert len(paths) > 3
+    return paths
+
+
+def without_ros(code: str, repository: Path, environment: dict[str, str]) -> None:
+    """Run code in a process in which no ROS module can be imported."""
+    run = subprocess.run([sys.executable, '-c', WITHOUT_ROS + code], cwd=repository,
+                         env=environment, capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+def test_core_imports_only_numpy_and_the_standard_library(repository: Path) -> None:
+    allowed = (sys.stdlib_module_names | {'numpy', 'rovid_core'}) - NOT_IN_CORE
+    for path in module_files(repository, 'rovid_core'):
+        extra = {'random'} if path.name == SEEDED else set()
+        if path.name in OFFLINE:
+            extra = {'scipy'}
+        for name in imports(path):
+            assert name.partition('.')[0] in allowed | extra, f'{path} imports {name}'
+
+
+def test_the_online_path_does_without_scipy(
+        repository: Path, environment: dict[str, str]) -> None:
+    code = ('import sys, rovid_core.pipeline.stream, rovid_core.trials.score, '
+            'rovid_core.simulation.simulator; '
+            'assert not any(name.startswith("scipy") for name in sys.modules)')
+    subprocess.run([sys.executable, '-c', code], cwd=repository, env=environment, check=True)
+
+
+def test_core_draws_no_random_numbers(repository: Path) -> None:
+    for path in module_files(repository, 'rovid_core'):
+        random = [node for node in ast.walk(ast.parse(path.read_text(encoding='utf8')))
+                  if isinstance(node, ast.Attribute) and node.attr in ('random', 'default_rng')]
+        random += [name for name in imports(path) if name.startswith('numpy.random')]
+        assert not random or path.name == SEEDED, f'{path} uses numpy.random'
+
+
+def test_rclpy_only_in_the_node(repository: Path) -> None:
+    for path in module_files(repository, 'rovid_ros'):
+        if 'node' not in path.parts:
+            tree = ast.parse(path.read_text(encoding='utf8'))
+            top = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+            assert 'rclpy' not in ast.unparse(ast.Module(top, [])), f'{path} imports rclpy'
+
+
+def test_everything_but_the_node_imports_without_ros(
+        repository: Path, environment: dict[str, str]) -> None:
+    names = ['.'.join(path.relative_to(repository).with_suffix('').parts)
+             for package in ('rovid_core', 'rovid_ros')
+             for path in module_files(repository, package)
+             if 'node' not in path.parts and not path.name.startswith('__')]
+    without_ros(f'import importlib\nfor name in {names}: importlib.import_module(name)',
+                repository, environment)
+
+
+def test_the_block_blocks(repository: Path, environment: dict[str, str]) -> None:
+    pytest.importorskip('rclpy')
+    with pytest.raises(AssertionError, match='blocked by this test'):
+        without_ros('import rclpy', repository, environment)
+
+
+def test_simulate_and_replay_without_ros(
+        repository: Path, environment: dict[str, str], tmp_path: Path) -> None:
+    config, log = repository / 'config' / 'jhurov.yaml', tmp_path / 'log.mcap'
+    for arguments in (
+            ['simulate', '--params-file', config, '--output', log, '--duration', '20'],
+            ['replay', log, '--params-file', config, '--json', tmp_path / 'result.json']):
+        without_ros('from rovid_ros.commands.main import main\n'
+                    f'sys.exit(main({[*map(str, arguments)]}))', repository, environment)
+    assert (tmp_path / 'result.json').stat().st_size > 0

@@ -1,0 +1,201 @@
+"""The HTML report as a text: structure, escaping, and what is missing."""
+
+from html.parser import HTMLParser
+import json
+import math
+from pathlib import Path
+import re
+from typing import Any
+
+import pytest
+from rovid_ros.report.report import page, write_report
+
+from test.support.report_data import report_data
+
+HOSTILE = '</script><img src=x onerror=alert(1)>&"\'.mcap'
+VOID = {'meta', 'img', 'br', 'hr', 'input', 'link'}
+
+
+class Document(HTMLParser):
+    """What is in a page: every element with its attributes, and its text outside scripts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ''
+        self.scripts: list[str] = []
+        self.feed(text)
+        self.close()
+        assert not self.open, f'never closed: {self.open}'
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] == 'script':
+            self.scripts.append(data)
+        elif 'style' not in self.open:
+            self.text += data
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attributes for name, attributes in self.elements if name == tag]
+
+
+def numbers(document: Document) -> dict[str, Any]:
+    """Return what the plots are drawn from."""
+    found: dict[str, Any] = json.loads(document.scripts[0], parse_constant=pytest.fail)
+    return found
+
+
+def without(value: Any, key: str) -> Any:
+    """Return data in which every value of a key is None."""
+    if isinstance(value, dict):
+        return {k: None if k == key else without(v, key) for k, v in value.items()}
+    return [without(v, key) for v in value] if isinstance(value, list) else value
+
+
+def test_sections_in_order() -> None:
+    document = Document(page(report_data()))
+    sections = [attributes.get('id') for attributes in document.all('section')]
+    assert [name for name in sections if name] == [
+        'found', 'parameters', 'prediction', 'terms', 'plots-surge', 'plots-heave', 'plots-yaw',
+        'excitation', 'quality']
+    links = {attributes['href'] for attributes in document.all('a')}
+    assert links == {f'#{name}' for name in sections if name}
+    assert len(document.all('h1')) == 1
+    assert {attributes['lang'] for attributes in document.all('html')} == {'en'}
+
+
+def test_tables_say_everything_without_the_script() -> None:
+    text = Document(page(report_data())).text.replace('\u00a0', ' ')
+    for said in ('290 kg of effective mass', '290.0 kg', '284.2 to 295.8 kg', '± 2.00 %',
+                 'effective mass m', '0.003448 1/kg', '0.004000 m/s', '0.004000 rad/s',
+                 'fit 96.0 %', 'Table VII', 'Tables V and VI', '30.0 %', '35.20',
+                 'it does not gamma', '10.00 Hz', '3 late', 'thrust: never negative'):
+        assert said in text, said
+
+
+def test_best_of_each_method_is_the_one_with_the_lowest_error() -> None:
+    data = report_data(('a.mcap',), ('surge',))
+    models = data['dofs']['surge']['models']
+    for model, mae in zip(models, (0.5, 0.3, 0.7, 0.2, 0.9, 0.1)):
+        model['scores'] = {'a.mcap': {'mae': mae, 'fit': None}}
+    del models[3]['scores']['a.mcap']  # no score is worse than any
+    best = page(data).partition('Tables V and VI')[2].partition('</table>')[0]
+    assert re.findall(r'>(0\.\d000)&nbsp;|>(0\.\d000)\xa0', best) == [
+        ('', '0.3000'), ('', '0.7000'), ('', '0.1000')]
+
+
+def test_figures_and_their_curves() -> None:
+    document = Document(page(report_data()))
+    kinds = [attributes['data-kind'] for attributes in document.all('figure')]
+    assert {kind: kinds.count(kind) for kind in kinds} == {
+        'velocity': 3, 'estimates': 3, 'errors': 3, 'excitation': 6}
+    data = numbers(document)
+    assert set(data['figures']) == {f['id'] for f in document.all('figure')}
+    velocity, estimates, errors = (data['figures'][f'figure{i}']['panels'] for i in range(3))
+    assert [p['yAxis'] for p in velocity] == [
+        ['velocity', 'm/s'], ['simulated − measured', 'm/s'], ['thrust', 'N']]
+    assert [c['label'] for c in velocity[0]['curves']] == [
+        'measured', 'least squares', 'adaptive identifier', 'output error']
+    assert len({c['style'] for c in velocity[0]['curves']}) == 4
+    assert [p['curves'][-1].get('constant') for p in estimates[1:]] == [
+        0.003448, -1.0, -0.15, -0.01]
+    assert errors[-1]['y_log'] and errors[-1]['yAxis'] == ['W', 'm²/s²']
+    assert {p['group'] for panels in (velocity, estimates, errors) for p in panels} == {'0/0'}
+
+
+def test_names_of_logs_are_only_text() -> None:
+    document = Document(page(report_data((HOSTILE, 'b.mcap'))))
+    assert not document.all('img')
+    assert HOSTILE in document.text
+    assert len(document.scripts) == 2
+    assert any(f['data-log'] == HOSTILE for f in document.all('figure'))
+
+
+def test_hostile_words_everywhere_else() -> None:
+    data = report_data(('a.mcap',), ('surge',))
+    bad = '</script></style><img src=x>'
+    data['logs'][0] |= {'warnings': [bad], 'rejected': {bad: 1}}
+    data['logs'][0]['inputs'][0] |= {'input': bad, 'topic': bad}
+    surge = data['dofs']['surge']
+    surge['sentence'] = surge['models'][0]['note'] = bad
+    surge['excitation']['a.mcap']['verdict'] = bad
+    surge['units'] = dict.fromkeys(surge['units'], bad)
+    surge['series']['a.mcap']['simulated'][bad] = [0.0] * 200
+    document = Document(page(data))
+    assert not document.all('img')
+    assert len(document.scripts) == 2
+
+
+def test_nothing_is_fetched() -> None:
+    text = page(report_data())
+    for name in ('http-equiv', 'http://www.w3.org/2000/svg'):
+        text = text.replace(name, '', 1)
+    assert 'http' not in text
+    document = Document(page(report_data()))
+    assert not {'link', 'img', 'iframe', 'object'} & {name for name, _ in document.elements}
+    assert not [a for _, a in document.elements if 'src' in a or 'style' in a]
+    policy, = (a['content'] for a in document.all('meta') if 'http-equiv' in a)
+    assert policy is not None and policy.startswith("default-src 'none'; script-src 'sha256-")
+
+
+def test_numbers_are_rounded() -> None:
+    data = report_data(('a.mcap',), ('surge',), points=3)
+    data['dofs']['surge']['series']['a.mcap'] |= {
+        't': [0.0, 12345.678, 12345.778], 'velocity': [1 / 3, math.nan, math.inf]}
+    columns = numbers(Document(page(data)))['columns']
+    assert columns[:2] == [[0.0, 12345.68, 12345.78], [0.33333, None, None]]
+
+
+@pytest.mark.parametrize('key', [
+    'best', 'sentence', 'std', 'low', 'high', 'value', 'scores', 'mae', 'fit', 'W', 'reference',
+    'dv', 'v_hat', 'gamma', 'force', 'spectrum', 'force_histogram', 'relative_bound',
+    'condition', 'verdict', 'series', 'adaptation', 'excitation', 'models', 'inputs',
+    'rejected', 'warnings', 'duration_s', 'messages', 'rate_hz', 'longest_gap_s', 'physical',
+    'parameters', 'terms', 'note', 'units', 'lumped', 'simulated', 'count'])
+def test_anything_can_be_missing(key: str) -> None:
+    document = Document(page(without(report_data(), key)))
+    assert not re.search(r'\bnan\b|None|\binf\b', document.text)
+    assert numbers(document)
+
+
+@pytest.mark.parametrize(('logs', 'dofs'), [
+    (('a.mcap',), ('surge',)), ((), ('surge',)), (('a.mcap',), ())])
+def test_little(logs: tuple[str, ...], dofs: tuple[str, ...]) -> None:
+    data = report_data(logs or ('a.mcap',), dofs)
+    if not logs:
+        data['logs'] = []
+    document = Document(page(data))
+    assert 'Cross-validation' in document.text
+
+
+def test_left_out_terms_have_no_panel() -> None:
+    data = report_data(('a.mcap',), ('surge',))
+    data['dofs']['surge']['adaptation']['a.mcap']['gamma'] = [0.0] * 200
+    figures = numbers(Document(page(data)))['figures']
+    assert [p['yAxis'][0] for p in figures['figure1']['panels']] == [
+        'velocity', 'alpha α', 'beta β', 'delta δ']
+
+
+def test_same_data_gives_the_same_file(tmp_path: Path) -> None:
+    path = tmp_path / 'report.html'
+    write_report(path, report_data())
+    first = path.read_bytes()
+    write_report(path, report_data())
+    assert path.read_bytes() == first
+    assert [*tmp_path.iterdir()] == [path]
+
+
+def test_a_failure_leaves_the_old_file(tmp_path: Path) -> None:
+    path = tmp_path / 'report.html'
+    path.write_text('old')
+    with pytest.raises(KeyError):
+        write_report(path, {})
+    assert path.read_text() == 'old' and [*tmp_path.iterdir()] == [path]

@@ -1,0 +1,87 @@
+"""Some faults of the campaign: each is said, nothing breaks, and the model recovers."""
+
+from pathlib import Path
+import re
+
+import pytest
+
+from test.support.fault_cases import BY_NAME, Fault, FAULTS
+from test.support.fault_outcomes import Outcome
+from test.support.fault_runs import Bench, replayed, simulated, tank
+
+HARD = ['position silent 10 s', 'attitude silent 10 s', 'thrusters silent 10 s', 'outliers 5 %',
+        'fix jumps by 2 m', 'position nan', 'thrusters 1e300', 'quaternion of zeros',
+        'a name missing', 'position in bursts', 'position 1 h ahead', 'clocks back 1 h']
+HARMLESS = ['quaternion -q', 'out of order by 50 ms', 'everything in bursts']
+
+
+@pytest.fixture(scope='module')
+def bench() -> Bench:
+    return simulated(120.0, 30.0)
+
+
+def suffered(bench: Bench, fault: Fault) -> tuple[Outcome, list[str]]:
+    """Return what comes of a fault, and what is said that is not said without it."""
+    settings = bench.method('ekf')
+    span = fault.span(bench.recording)
+    outcome = replayed(fault.edit(bench.recording, span), settings)
+    refused, said = outcome.beyond(bench.usual(settings), span)
+    return outcome, [*refused, *said]
+
+
+def test_the_faults_are_many_and_each_has_its_name() -> None:
+    assert sum(map(len, FAULTS.values())) == len(BY_NAME) > 40
+
+
+@pytest.mark.parametrize('name', HARD)
+def test_a_fault_is_said_and_got_over(name: str, bench: Bench) -> None:
+    fault = BY_NAME[name]
+    outcome, said = suffered(bench, fault)
+    assert not outcome.failed
+    assert not outcome.not_finite
+    assert re.search(fault.says, '\n'.join(said))
+    usual = bench.usual(bench.method('ekf'))
+    assert bench.ratio(outcome, usual)[0] < 1.2
+    assert bench.off(outcome) < 0.02  # the ratio is mostly that of the noise
+
+
+@pytest.mark.parametrize('name', HARMLESS)
+def test_what_is_harmless_changes_nothing(name: str, bench: Bench) -> None:
+    outcome, said = suffered(bench, BY_NAME[name])
+    usual = bench.usual(bench.method('ekf'))
+    assert said == []
+    assert outcome.rejected == usual.rejected
+    if name != 'quaternion -q':  # the signs of some zeros differ
+        assert outcome.steps == usual.steps
+    for dof, model in usual.models.items():
+        assert outcome.models[dof] == pytest.approx(model, rel=1e-9)
+
+
+def test_a_fault_in_the_tank(data: Path) -> None:
+    bench = tank(data / 'bluerov2_tank')
+    for name in ('outliers 5 %', 'thrusters nan', 'messages cut short'):
+        outcome, said = suffered(bench, BY_NAME[name])
+        usual = bench.usual(bench.method('ekf'))
+        assert not outcome.failed
+        assert re.search(BY_NAME[name].says, '\n'.join(said))
+        assert bench.ratio(outcome, usual)[0] < 1.2
+
+
+@pytest.fixture(scope='module')
+def short() -> Bench:
+    pytest.importorskip('rclpy')
+    return simulated(30.0, 8.0)
+
+
+@pytest.mark.parametrize('name', ['position nan', 'everything twice', 'random bytes'])
+def test_live_gives_the_steps_of_a_replay(name: str, short: Bench) -> None:
+    from test.support.fault_live import live, WAIT
+    fault = BY_NAME[name]
+    messages = fault.edit(short.recording, fault.span(short.recording))
+    expected = replayed(messages, short.method('ekf', WAIT))
+    outcome = live(messages, short, expected)
+    assert not outcome.failed
+    assert not outcome.not_finite
+    assert len(outcome.steps) > 500
+    assert outcome.steps == expected.steps
+    assert re.search(fault.says, '\n'.join([*outcome.rejected, *outcome.warnings]))

@@ -1,0 +1,26 @@
+"""``kill -9`` leaves whole files, and the next run goes on from them."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks.faults.kills import replay_kills
+
+
+def test_killed_replays(tmp_path: Path) -> None:
+    tally = replay_kills(tmp_path, 5, seed=3, duration=40.0)
+    assert tally.faults == []
+    assert tally.kills == 5
+    assert tally.states > 0
+    assert tally.messages > 0
+    assert tally.finished > 0
+
+
+def test_killed_nodes(tmp_path: Path) -> None:
+    pytest.importorskip('rclpy')
+    from benchmarks.faults.live_kills import live_kills
+    tally = live_kills(tmp_path, 5, seed=2)
+    assert tally.faults == []
+    assert tally.kills == 5
+    assert tally.states > 0
+    assert tally.messages > 0

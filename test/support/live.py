@@ -1,0 +1,162 @@
+"""What talks to the node over DDS; for the live benchmarks and tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+import re
+import time
+from typing import Any
+
+from rcl_interfaces.srv import ListParameters
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.publishers import reliable
+import yaml
+
+from test.support.processes import PATIENCE
+
+Status = tuple[str, int, str, dict[str, str]]
+
+PARTICIPANT = 12
+"""[bytes] How much of the identifier of a publisher or subscription names its process."""
+
+UNKNOWN = '_NODE_NAMESPACE_UNKNOWN_/_NODE_NAME_UNKNOWN_'
+"""What rmw calls the node of an endpoint that was found before its node."""
+
+
+@dataclass(frozen=True)
+class Raw:
+    """A message as it is on the wire."""
+
+    topic: str
+    type: str
+    cdr: bytes
+    time: int
+
+
+def write_parameters(path: Path, values: dict[str, Any]) -> Path:
+    path.write_text(yaml.safe_dump({'/**': {'ros__parameters': values}}))
+    return path
+
+
+def heard(messages: Iterable[Any]) -> list[list[Status]]:
+    """Return the statuses of messages, of rclpy or out of a log."""
+    return [[(status.name, level(status.level), status.message,
+              {entry.key: entry.value for entry in status.values})
+             for status in message.status] for message in messages]
+
+
+def level(value: Any) -> int:
+    return value[0] if isinstance(value, bytes) else value
+
+
+def rejected_in(message: Any) -> dict[str, int]:
+    """Return the counts of refused samples and steps in a message of ``/diagnostics``."""
+    return {entry.key: int(entry.value) for status in message.status for entry in status.values
+            if re.fullmatch(r'[a-z_]+\.[a-z_]+', entry.key) and entry.value.isdigit()}
+
+
+class Peer:
+    """The rest of the vehicle: publishes sensors, listens to the node, calls services."""
+
+    def __init__(self) -> None:
+        self.node = rclpy.create_node('peer')
+        self.executor = SingleThreadedExecutor()
+        self.executor.add_node(self.node)
+        self._publishers: dict[str, Any] = {}
+
+    def listen(self, topic: str, type_name: str, qos: QoSProfile | None = None, *,
+               raw: bool = False) -> list[Any]:
+        """Subscribe; the list grows with what comes, as it was on the wire if ``raw``."""
+        messages: list[Any] = []
+        self.tap(topic, type_name, messages.append, qos, raw=raw)
+        return messages
+
+    def tap(self, topic: str, type_name: str, take: Callable[[Any], object],
+            qos: QoSProfile | None = None, *, raw: bool = True) -> None:
+        """Subscribe; ``take`` gets each message as it comes."""
+        self.node.create_subscription(
+            import_type(type_name), topic, take, qos or reliable(10_000), raw=raw)
+
+    def advertise(self, types: Mapping[str, str], qos: QoSProfile | None = None) -> None:
+        """Make the publishers and wait until each has found the node."""
+        for topic, type_name in types.items():
+            self._publishers[topic] = self.node.create_publisher(
+                import_type(type_name), topic, qos or reliable(10_000))
+        self.until(lambda: all(
+            p.get_subscription_count() for p in self._publishers.values()))
+        self.until(lambda: UNKNOWN not in self._others(types))
+        for name in self._others(types):
+            self._greet(name)
+
+    def publish(self, messages: Iterable[Raw]) -> None:
+        for raw in messages:
+            self.send(raw.topic, raw.cdr)
+
+    def send(self, topic: str, message: Any) -> None:
+        """Publish one message, an object or its bytes."""
+        self._publishers[topic].publish(message)
+
+    def call(self, service: type[Any], name: str, request: Any = None) -> Any:
+        client = self.node.create_client(service, name)
+        self._greet(name.rpartition('/')[0])
+        self.until(client.service_is_ready)
+        future = client.call_async(request or service.Request())
+        self.until(future.done)
+        self.node.destroy_client(client)
+        return future.result()
+
+    def _greet(self, name: str) -> None:
+        """
+        Wait until a node has found all that this one has.
+
+        A node may find a client seconds after the client found the node, and until then it throws
+        its answers away. What a process has is told in the order in which it was made: who
+        answers a client has found all that is older. The question can be asked again.
+        """
+        client = self.node.create_client(ListParameters, f'{name}/list_parameters')
+        self.until(client.service_is_ready)
+        answers: list[Any] = []
+        end = time.monotonic() + PATIENCE
+        while not any(answer.done() for answer in answers):
+            assert time.monotonic() < end, f'{name} is silent'
+            answers.append(client.call_async(ListParameters.Request()))
+            self.spin(0.1)
+        self.node.destroy_client(client)
+
+    def _others(self, topics: Iterable[str]) -> set[str]:
+        """Return the nodes of other processes that hear topics of this one."""
+        graph = self.node
+        hearers = [one for topic in topics for one in graph.get_subscriptions_info_by_topic(topic)]
+        own = next(one for one in graph.get_publishers_info_by_topic(next(iter(topics)))
+                   if one.node_name == graph.get_name())
+        return {f'{one.node_namespace.rstrip("/")}/{one.node_name}' for one in hearers
+                if one.endpoint_gid[:PARTICIPANT] != own.endpoint_gid[:PARTICIPANT]}
+
+    def until(self, condition: Callable[[], Any], timeout: float = PATIENCE) -> None:
+        """Spin until the condition holds."""
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, 'waited in vain'
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def spin(self, duration: float) -> None:
+        end = time.monotonic() + duration
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def settle(self, messages: list[Any], least: int = 0) -> None:
+        """Spin until there are ``least`` messages and nothing more comes."""
+        self.until(lambda: len(messages) >= least)
+        count = -1
+        while count != len(messages):
+            count = len(messages)
+            self.spin(0.3)
+
+    def close(self) -> None:
+        self.executor.shutdown()
+        self.node.destroy_node()

@@ -5,10 +5,17 @@ from math import inf, isfinite, isnan, nan
 
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.covariance import diagonal, row, SIZE
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
-from rovid_core.identify.ekf.force_impulses import Impulses
-from rovid_core.identify.ekf.linearised import ALPHA, DELAY, Linearised, VELOCITY
+from rovid_core.identify.ekf.linearised_filter import (
+    ALPHA,
+    DELAY,
+    diagonal,
+    ForceImpulse,
+    LinearisedFilter,
+    row,
+    SIZE,
+    VELOCITY,
+)
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.dofs import PARAMETERS
@@ -250,12 +257,12 @@ def test_fixes_in_bursts_after_a_freeze():
 
 def test_the_force_ends_where_the_step_begins():
     """As at 20 Hz, with the delay at its lower bound because commands are stamped late."""
-    filter = Linearised((0.0, 0.0, 0.5, -0.5, -0.2, 0.01, -0.05),
-                        diagonal((1e-4, 1.0, 1.0, 1.0, 1.0, 0.2, 0.02)))
-    impulses = Impulses()
-    impulses.add([0.05, 0.05], [1.0, 0.5])
-    assert impulses.end - 0.05 == 0.05
-    filter.predict(impulses, 0.05, 0.1, 0.0)
+    filter = LinearisedFilter((0.0, 0.0, 0.5, -0.5, -0.2, 0.01, -0.05),
+                              diagonal((1e-4, 1.0, 1.0, 1.0, 1.0, 0.2, 0.02)))
+    impulse = ForceImpulse()
+    impulse.add([0.05, 0.05], [1.0, 0.5])
+    assert impulse.end - 0.05 == 0.05
+    filter.predict(impulse, 0.05, 0.1, 0.0)
     check_covariance(filter.covariance)
     assert filter.nominal[VELOCITY] == pytest.approx(0.5 * 0.05 * 0.5, rel=0.1)
 
@@ -263,14 +270,14 @@ def test_the_force_ends_where_the_step_begins():
 def test_the_covariance_stays_symmetric_and_positive_over_very_many_updates():
     random = np.random.default_rng(0)
     nominal = (0.0, 0.0, 0.5, -0.5, -0.2, 0.01, 0.05)
-    filter = Linearised(nominal, diagonal((1e-4, 1.0, 1.0, 1.0, 1.0, 0.2, 0.02)))
-    impulses, time, h = Impulses(), 0.0, 0.1
-    impulses.add([h, h], [0.0, 0.0])
+    filter = LinearisedFilter(nominal, diagonal((1e-4, 1.0, 1.0, 1.0, 1.0, 0.2, 0.02)))
+    impulse, time, h = ForceImpulse(), 0.0, 0.1
+    impulse.add([h, h], [0.0, 0.0])
     box = [(ALPHA, 1e-3, 1e3), (ALPHA + 1, -1e3, 0.0), (ALPHA + 2, -1e3, 0.0), (DELAY, -0.05, 0.6)]
     for k in range(100_000):
         # from no noise to much, long rests, and a change of regime now and then
-        impulses.add([h], [0.0 if k % 3000 > 2000 else float(np.sin(0.05 * k))])
-        filter.predict(impulses, time, time + h, 1e-2 if k % 7000 > 6000 else 0.0)
+        impulse.add([h], [0.0 if k % 3000 > 2000 else float(np.sin(0.05 * k))])
+        filter.predict(impulse, time, time + h, 1e-2 if k % 7000 > 6000 else 0.0)
         time += h
         noise = (1e-9, 1e-5, 1.0)[k // 500 % 3]
         error, variance = filter.innovation(0, float(random.normal()) * noise**0.5, noise)

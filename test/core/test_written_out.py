@@ -5,17 +5,17 @@ import numpy as np
 import pytest
 from rovid_core.identify.aid.integrators import coupled_rates, INTEGRATORS
 from rovid_core.identify.aid.written_out import UNROLLED
-from rovid_core.identify.ekf.covariance import (
+from rovid_core.identify.ekf.linearised_filter import (
     diagonal,
+    ForceImpulse,
     packed,
     row,
     SIZE,
-    still,
     Transition,
     updated,
     widened,
+    with_motion,
 )
-from rovid_core.identify.ekf.force_impulses import Impulses
 from rovid_core.identify.excitation import NO_SUMS, summed
 from rovid_core.model.samples import Step
 
@@ -95,7 +95,7 @@ def test_a_covariance_after_a_measurement_is_less_by_r_r(data):
     kept = p.copy()
     kept[:2], kept[:, :2] = 0.0, 0.0
     kept[0, 0], kept[1, 1] = 3.0, 4.0
-    assert (matrix(still(q, (3.0, 4.0))) == kept).all()
+    assert (matrix(with_motion(q, (3.0, 4.0))) == kept).all()
 
 
 def test_only_a_symmetric_matrix_is_a_covariance():
@@ -113,7 +113,7 @@ def parabola(times, values, i, time):
 
 
 def test_an_impulse_is_the_mean_of_the_parabolas_on_either_side():
-    random, impulses = np.random.default_rng(0), Impulses()
+    random, impulses = np.random.default_rng(0), ForceImpulse()
     spans, forces = random.uniform(0.02, 0.1, 400), random.normal(size=400)
     for span, force in zip(spans.tolist(), forces.tolist()):
         impulses.add((span,), (force,))
@@ -128,7 +128,7 @@ def test_an_impulse_is_the_mean_of_the_parabolas_on_either_side():
     time = 0.5 * (times[399] + times[400])
     assert impulses.at(time) == pytest.approx(parabola(times, values, 399, time), abs=1e-9)
     assert impulses.at(times[400] + 2.0) == pytest.approx(values[400] + 2.0 * forces[399])
-    same = Impulses()
+    same = ForceImpulse()
     same.restore(impulses.state())
     begin = impulses.state()[0][0]
     for time in np.linspace(begin - 0.1, times[400] + 0.1, 1000).tolist():

@@ -7,9 +7,9 @@ from math import fsum, sqrt
 from statistics import median
 from typing import Any
 
-from rovid_core.identify.ekf.follower import Follower
 from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, CORRELATED, HUBER, Innovations
-from rovid_core.identify.ekf.linearised import ALPHA, Bounds, DivergenceError
+from rovid_core.identify.ekf.linearised_filter import ALPHA, Bounds, DivergenceError
+from rovid_core.identify.ekf.step_filter import StepFilter
 from rovid_core.model.samples import Step
 
 DURATION = 20.0
@@ -23,11 +23,11 @@ KNOWN = 0.2
 
 PASSES = 3
 
-MOST = 1e18
+LARGEST_NUMBER = 1e18
 """Far more than any force, velocity or time of a step."""
 
 
-class Start:
+class BatchStart:
     """
     What was measured since the filter began.
 
@@ -44,8 +44,8 @@ class Start:
         if isinstance(piece, Step):
             self.duration += piece.dt
 
-    def again(self, new: Callable[[Sequence[float]], Follower], bounds: Bounds,
-              estimate: Sequence[float], noise: float) -> tuple[Follower, Innovations]:
+    def solve(self, new: Callable[[Sequence[float]], StepFilter], bounds: Bounds,
+              estimate: Sequence[float], noise: float) -> tuple[StepFilter, Innovations]:
         """
         Return a filter that went through all this, and what its innovations say.
 
@@ -74,43 +74,43 @@ class Start:
             pass
         return self._passes(new, bounds, estimate, noise, True)
 
-    def _passes(self, new: Callable[[Sequence[float]], Follower], bounds: Bounds,
+    def _passes(self, new: Callable[[Sequence[float]], StepFilter], bounds: Bounds,
                 estimate: Sequence[float], noise: float, model_error: bool
-                ) -> tuple[Follower, Innovations]:
+                ) -> tuple[StepFilter, Innovations]:
         for _ in range(PASSES):
-            follower, innovations = new(estimate), Innovations(noise, model_error)
-            sizes = self._pass(follower, innovations)
-            follower.filter.relinearise(bounds)
-            estimate = follower.filter.nominal[ALPHA:]
+            step_filter, innovations = new(estimate), Innovations(noise, model_error)
+            sizes = self._pass(step_filter, innovations)
+            step_filter.filter.relinearise(bounds)
+            estimate = step_filter.filter.nominal[ALPHA:]
             noise = innovations.noise = max(noise * _level(sizes), 1e-9)
-        return follower, innovations
+        return step_filter, innovations
 
-    def _pass(self, follower: Follower, innovations: Innovations) -> list[float]:
+    def _pass(self, step_filter: StepFilter, innovations: Innovations) -> list[float]:
         noise, began = innovations.noise, -1
         sizes: list[float] = []
         for k, (piece, outlier) in enumerate(self._pieces):
             if not isinstance(piece, Step):
-                self._note_beginning(began, follower)
-                follower.restart(piece, noise)
-                follower.filter.remember_beginning()
+                self._note_beginning(began, step_filter)
+                step_filter.restart(piece, noise)
+                step_filter.filter.estimate_initial_velocity()
                 began = k
                 continue
-            measured = follower.move(piece, innovations.model_noise(piece), noise)
+            measured = step_filter.move(piece, innovations.model_noise(piece), noise)
             if measured is None or outlier:
                 continue
             i, value = measured
-            error, variance = follower.filter.innovation(i, value, noise * noise)
+            error, variance = step_filter.filter.innovation(i, value, noise * noise)
             normalised = error / sqrt(variance)
-            innovations.watch(normalised, piece.dt)
-            follower.filter.update(i, error, variance * max(1.0, abs(normalised) / HUBER))
+            innovations.add_to_correlation(normalised, piece.dt)
+            step_filter.filter.update(i, error, variance * max(1.0, abs(normalised) / HUBER))
             sizes.append(abs(normalised))
-        self._note_beginning(began, follower)
+        self._note_beginning(began, step_filter)
         return sizes
 
-    def _note_beginning(self, k: int, follower: Follower) -> None:
+    def _note_beginning(self, k: int, step_filter: StepFilter) -> None:
         """Let the next pass begin at the velocity that this one found."""
         if k >= 0:
-            self._pieces[k] = (follower.begun, False)
+            self._pieces[k] = (step_filter.initial_velocity, False)
 
     def state(self) -> list[list[Any]]:
         """Return all that is needed to go on from here."""
@@ -152,6 +152,6 @@ def _sizes(values: Sequence[Any]) -> list[int]:
 
 def _finite(value: Any) -> float:
     number = float(value)
-    if not abs(number) < MOST:
+    if not abs(number) < LARGEST_NUMBER:
         raise ValueError(f'{number} in a step')
     return number

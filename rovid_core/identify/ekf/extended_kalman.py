@@ -11,17 +11,29 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 import math
-from typing import Any
+from typing import Any, cast, NamedTuple
 
-from rovid_core.identify.ekf.batch_start import DURATION, KNOWN, LONGEST, Start
-from rovid_core.identify.ekf.change_detection import SOON, SURPRISE, Upsets
-from rovid_core.identify.ekf.follower import Follower
-from rovid_core.identify.ekf.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.linearised import ALPHA, DELAY, VELOCITY
-from rovid_core.identify.ekf.normalised import Normalised
+from rovid_core.identify.ekf.batch_start import BatchStart, DURATION, KNOWN, LONGEST
+from rovid_core.identify.ekf.innovations import (
+    ChangeDetection,
+    HUBER,
+    Innovations,
+    LARGEST_MEAN,
+    SOON,
+)
+from rovid_core.identify.ekf.linearised_filter import (
+    ALPHA,
+    DELAY,
+    DIAGONAL,
+    INDICES,
+    Packed,
+    VELOCITY,
+)
+from rovid_core.identify.ekf.step_filter import StepFilter
 from rovid_core.identify.excitation import LEAST_EXCITATION, LEAST_MOTION
 from rovid_core.identify.method import Identifier
-from rovid_core.model.dofs import PARAMETERS
+from rovid_core.identify.uncertainty import Uncertainty
+from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
 from rovid_core.settings.scales import Scales
 
@@ -39,6 +51,99 @@ WALK = 5e-6
 
 FORGET = 5.0
 """[s] over which the thrust's mean square is taken."""
+
+DELAYS = (-0.05, 0.6)
+"""Range of the delay [s]; far below 0 the force would have to be known ahead."""
+
+DELAY_STD = 0.05
+"""[s] of the guess that there is none."""
+
+
+class NormalisedModel:
+    """
+    What :class:`LinearisedFilter` begins with, and its state in SI units.
+
+    alpha to delta become accelerations in typical velocities per second.
+
+    Parameters
+    ----------
+    scales : Scales
+        Of the degree of freedom.
+
+    Attributes
+    ----------
+    initial : list of 5 floats
+        Parameters and delay [s].
+    prior : tuple of 7 floats
+        Variances of the state before any measurement; 0 for the motion.
+    box : list
+        Bounds of the state: index, lowest, highest value.
+    bounds : tuple
+        The lowest and the highest lumped parameters.
+
+    """
+
+    def __init__(self, scales: Scales) -> None:
+        v, f = scales.velocity, scales.force
+        self._unit = (v / f, 1.0 / v, 1.0, v)
+        self._active = scales.active
+        self.initial = [*self.of(scales.initial), 0.0]
+        self.bounds = low, high = scales.bounds()
+        self.box = [
+            (ALPHA + k, low[k] / self._unit[k], high[k] / self._unit[k])
+            for k in range(4) if scales.active[k]] + [(DELAY, *DELAYS)]
+        # a drag of 2 alpha balances twice the typical force at the typical speed
+        alpha, beta, gamma, delta = map(abs, self.initial[:4])
+        std = (2.0 * alpha, 2.0 * max(alpha, beta), 2.0 * max(alpha, gamma), max(alpha, delta))
+        self.prior = (0.0, 0.0, *[s * s if on else 0.0 for s, on in zip(std, self._active)],
+                      DELAY_STD**2)
+
+    def of(self, parameters: Sequence[float]) -> list[float]:
+        """Return lumped parameters in these units."""
+        return [p / u for p, u in zip(parameters, self._unit)]
+
+    def parameters(self, state: Sequence[float]) -> Four:
+        """Return the lumped parameters of a state."""
+        _, _, p, q, r, s, _ = state
+        i, j, k, m = self._unit
+        (a, b, c, d), (e, f, g, h) = self.bounds
+        p, q, r, s = p * i, q * j, r * k, s * m
+        if a <= p <= e and b <= q <= f and c <= r <= g and d <= s <= h:
+            return p, q, r, s
+        # unscaling may lead out of the bounds by a last bit
+        return (min(max(p, a), e), min(max(q, b), f), min(max(r, c), g), min(max(s, d), h))
+
+    def uncertainty(self, covariance: Packed, inflation: float) -> Uncertainty:
+        """Return that of the lumped parameters; variances are ``inflation`` times as large."""
+        return FilterUncertainty(covariance, inflation, self._unit, self._active)
+
+
+class FilterUncertainty(NamedTuple):
+    """What a filter's covariance says of the lumped parameters."""
+
+    of_state: Packed
+    inflation: float
+    unit: Four
+    active: tuple[bool, bool, bool, bool]
+
+    @property
+    def covariance(self) -> tuple[float, ...]:
+        """Return that of the lumped parameters, 16 floats by rows."""
+        return tuple([self.of_state[k] * (u * v * self.inflation)
+                      for of, u in zip(INDICES[ALPHA:DELAY], self.unit)
+                      for k, v in zip(of[ALPHA:DELAY], self.unit)])
+
+    @property
+    def std(self) -> Four:
+        """Return the standard deviations, NaN for left-out terms."""
+        return cast(Four, tuple([
+            math.sqrt(x) if on else math.nan
+            for x, on in zip(self.covariance[::5], self.active)]))
+
+    @property
+    def delay_std(self) -> float:
+        """Return the standard deviation of the delay [s]."""
+        return math.sqrt(self.of_state[DIAGONAL[DELAY]])
 
 
 class ExtendedKalman(Identifier):
@@ -59,25 +164,25 @@ class ExtendedKalman(Identifier):
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
-        self._normalised = Normalised(scales)
+        self._normalised = NormalisedModel(scales)
         self.bounds = self._normalised.bounds
-        self._most = (LARGEST * scales.force, LARGEST * scales.velocity)
+        self._largest = (LARGEST * scales.force, LARGEST * scales.velocity)
         self.reset()
 
     def reset(self) -> None:
         """Go back to the initial values."""
-        self._follower = self._new(self._normalised.initial)
+        self._filter = self._new(self._normalised.initial)
         self._innovations = Innovations(FIRST_NOISE)
-        self._start: Start | None = Start()
-        self._upsets = Upsets()
+        self._start: BatchStart | None = BatchStart()
+        self._changes = ChangeDetection()
         self.v_hat = math.nan
         self.excitation = 0.0
         self._publish()
 
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
-        self._follower.restart(velocity, self._innovations.noise)
-        self._upsets.restart()
+        self._filter.restart(velocity, self._innovations.noise)
+        self._changes.restart()
         self.v_hat = velocity
         if self._start is not None:
             self._start.add(velocity)
@@ -95,21 +200,21 @@ class ExtendedKalman(Identifier):
 
         """
         if not self._in_range(step):
-            self._follower.moving = False  # the path goes on from the next step
+            self._filter.moving = False  # the path goes on from the next step
             return 'out_of_range'
-        if not self._follower.moving:
+        if not self._filter.moving:
             self.restart(step.velocity[0])
         start = self._start
         adapt = adapt and not self._at_rest(step)
         try:
-            measured = self._follower.move(
+            measured = self._filter.move(
                 step, self._innovations.model_noise(step), self._innovations.noise)
-            outlier = measured is not None and self._take(step, *measured, adapt)
+            outlier = measured is not None and self._update(step, *measured, adapt)
         except ArithmeticError:  # a number out of range on the way is no better than a divergence
             self._begin_again()
             return 'diverged'
-        self._upsets.time += step.dt
-        self.v_hat = self._follower.velocity(step)
+        self._changes.time += step.dt
+        self.v_hat = self._filter.velocity(step)
         if self._start is start is not None:  # or it begins after this step
             self._go_on_with_start(step, outlier, adapt)
         if adapt:
@@ -119,7 +224,7 @@ class ExtendedKalman(Identifier):
     @property
     def note(self) -> str:
         """Return what the filter has to say of the vehicle and its model, '' if nothing."""
-        since = self._upsets.since_change
+        since = self._changes.since_change
         if math.isfinite(since):
             return f'the vehicle changed {since:.0f} s ago: its parameters are found anew'
         if self._innovations.model_error and self._start is None:
@@ -129,10 +234,10 @@ class ExtendedKalman(Identifier):
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {
-            'parameters': list(self.parameters), 'follower': self._follower.state(),
+            'parameters': list(self.parameters), 'follower': self._filter.state(),
             'innovations': self._innovations.state(),
             'start': None if self._start is None else self._start.state(),
-            'upsets': self._upsets.state(),
+            'upsets': self._changes.state(),
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
             'excitation': self.excitation}
 
@@ -146,13 +251,13 @@ class ExtendedKalman(Identifier):
             if not bottom <= p <= top:
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
         new = ExtendedKalman(self._scales)
-        new._follower.restore(state['follower'])
+        new._filter.restore(state['follower'])
         new._innovations.restore(state['innovations'])
         if state['start'] is None:
             new._start = None
         elif new._start is not None:
             new._start.restore(state['start'])
-        new._upsets.restore(state['upsets'])
+        new._changes.restore(state['upsets'])
         new.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
         new.excitation = float(state['excitation'])
         if not math.isfinite(new.excitation):
@@ -160,15 +265,15 @@ class ExtendedKalman(Identifier):
         new._publish()
         self.__dict__ = new.__dict__
 
-    def _new(self, nominal: Sequence[float]) -> Follower:
+    def _new(self, nominal: Sequence[float]) -> StepFilter:
         """Return a filter at the initial values that is linearised at others."""
-        follower = Follower(
+        step_filter = StepFilter(
             nominal, self._normalised.prior, self._scales.force, self._scales.velocity)
-        follower.filter.deviate(self._normalised.initial)
-        return follower
+        step_filter.filter.deviate(self._normalised.initial)
+        return step_filter
 
     def _in_range(self, step: Step) -> bool:
-        f, v = self._most
+        f, v = self._largest
         one, other = step.forces
         return (abs(step.force[1]) <= f and abs(one) <= f and abs(other) <= f
                 and abs(step.mean) <= v and abs(step.velocity[0]) <= v)
@@ -179,21 +284,21 @@ class ExtendedKalman(Identifier):
         self.excitation -= math.expm1(-step.dt / FORGET) * (square - self.excitation)
         if square > LEAST_EXCITATION or self.excitation > LEAST_EXCITATION:
             return False
-        filter = self._follower.filter
+        filter = self._filter.filter
         speed = filter.nominal[VELOCITY]
         return speed * speed < LEAST_MOTION + 9.0 * filter.variance(VELOCITY)
 
-    def _take(self, step: Step, i: int, value: float, adapt: bool) -> bool:
-        """Take a measurement; return whether it is an outlier."""
-        filter, innovations, upsets = self._follower.filter, self._innovations, self._upsets
+    def _update(self, step: Step, i: int, value: float, adapt: bool) -> bool:
+        """Update with a measurement; return whether it is an outlier."""
+        filter, innovations, changes = self._filter.filter, self._innovations, self._changes
         error, variance = filter.innovation(i, value, innovations.noise**2)
         normalised = error / math.sqrt(variance)
-        upsets.was_right = upsets.was_right or not innovations.model_error
+        changes.was_right = changes.was_right or not innovations.model_error
         if adapt:
-            innovations.take(normalised, step.dt)
-        if upsets.outlier(normalised):
+            innovations.add_innovation(normalised, step.dt)
+        if changes.outlier(normalised):
             beginning = self._start is not None and self._start.duration < SOON
-            if upsets.lost(beginning):
+            if changes.lost(beginning):
                 self._find_again(error, adapt)
             return True
         if adapt:
@@ -202,8 +307,8 @@ class ExtendedKalman(Identifier):
         size = abs(normalised) / HUBER
         filter.update(i, error, variance * size if size > 1.0 else variance, adapt)
         filter.relinearise(self._normalised.box)
-        if adapt and (upsets.still_wrong or upsets.was_right and innovations.model_error
-                      and innovations.surprise > SURPRISE):
+        if adapt and (changes.still_wrong or changes.was_right and innovations.model_error
+                      and innovations.mean_deviation > LARGEST_MEAN):
             self._note_change()
         return False
 
@@ -211,52 +316,52 @@ class ExtendedKalman(Identifier):
         """Take position and velocity anew; twice in a short time, the vehicle has changed."""
         if self._start is not None:
             # it began with an outlier
-            self._follower, self._start = self._new(self._normalised.initial), Start()
-            self._follower.filter.relinearise(self._normalised.box)
+            self._filter, self._start = self._new(self._normalised.initial), BatchStart()
+            self._filter.filter.relinearise(self._normalised.box)
             self.restart(0.0)
             return
-        self._follower.filter.widen((error * error, error * error))
-        if self._upsets.lost_again() and adapt:
+        self._filter.filter.widen((error * error, error * error))
+        if self._changes.lost_again() and adapt:
             self._note_change()
 
     def _note_change(self) -> None:
-        self._follower.filter.loosen_parameters(CHANGE)
+        self._filter.filter.loosen_parameters(CHANGE)
         self._innovations.model_error = True
-        self._upsets.changed()
+        self._changes.changed()
 
     def _go_on_with_start(self, step: Step, outlier: bool, adapt: bool) -> None:
         """Keep the first seconds, and go through them again once they say something."""
         assert self._start is not None
         if not adapt:
             if self._start.duration:
-                self._start = Start()
+                self._start = BatchStart()
                 self._start.add(self.v_hat)
             return
         self._start.add(step, outlier)
         if self._start.duration < DURATION:
             return
-        filter = self._follower.filter
+        filter = self._filter.filter
         alpha = filter.nominal[ALPHA]
         if filter.variance(ALPHA) < (KNOWN * alpha) ** 2:
             with suppress(ArithmeticError):
-                self._follower, self._innovations = self._start.again(
+                self._filter, self._innovations = self._start.solve(
                     self._new, self._normalised.box, filter.nominal[ALPHA:],
                     self._innovations.noise)
             self._start = None
         elif self._start.duration > LONGEST:
-            self._start = Start()
+            self._start = BatchStart()
             self._start.add(self.v_hat)
 
     def _begin_again(self) -> None:
         """Keep the last good parameters, and nothing else."""
         good = [*self._normalised.of(self.parameters), 0.0]
-        self._follower = Follower(
+        self._filter = StepFilter(
             good, self._normalised.prior, self._scales.force, self._scales.velocity)
         self._innovations = Innovations(FIRST_NOISE)
-        self._start, self._upsets, self.v_hat = Start(), Upsets(), math.nan
+        self._start, self._changes, self.v_hat = BatchStart(), ChangeDetection(), math.nan
 
     def _publish(self) -> None:
-        filter, normalised = self._follower.filter, self._normalised
+        filter, normalised = self._filter.filter, self._normalised
         self.parameters = normalised.parameters(filter.nominal)
         self.delay = filter.nominal[DELAY]
         self.uncertainty = normalised.uncertainty(

@@ -1,4 +1,4 @@
-"""What the innovations of a filter say of the noise and of the model."""
+"""What the innovations of a filter say: noise level, model error, outliers, a change."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Innovations:
         return max(1.0, 1.0 + 2.0 * self.correlation * self._memory)
 
     @property
-    def surprise(self) -> float:
+    def mean_deviation(self) -> float:
         """Return how far the mean of the last innovations is from 0, in its own std."""
         return abs(self._mean) / self._spread if self._spread > 0.0 else 0.0
 
@@ -87,12 +87,12 @@ class Innovations:
         power = 4 if step.interval else 2
         return float(BANDWIDTH**power * self.noise * self.noise * step.dt)
 
-    def take(self, normalised: float, dt: float) -> None:
+    def add_innovation(self, normalised: float, dt: float) -> None:
         """Learn from an innovation in standard deviations, ``dt`` [s] after the last."""
         r = min(abs(normalised), CLIP)
         share = 1.0 / min(self._count + FEW, MANY)
         self.noise *= math.sqrt(1.0 + share * (r * r / CLIPPED - 1.0))
-        self.watch(normalised, dt)
+        self.add_to_correlation(normalised, dt)
         if self._count < WINDOW:
             return
         self._quiet = self._quiet + 1 if self.correlation < WHITE else 0
@@ -101,7 +101,7 @@ class Innovations:
         elif self._quiet > PATIENCE:
             self.model_error = False
 
-    def watch(self, normalised: float, dt: float) -> None:
+    def add_to_correlation(self, normalised: float, dt: float) -> None:
         """Take an innovation for the correlation alone."""
         self._count += 1
         r = max(-HUBER, min(HUBER, normalised))
@@ -128,3 +128,104 @@ class Innovations:
         self.noise, self.model_error, self._count = noise, bool(error), int(count)
         self._mean, self._product, self._square = mean, product, square
         self._spread, self._memory, self._quiet = spread, memory, int(quiet)
+
+
+OUTLIER = 5.0
+"""Standard deviations beyond which a measurement does not count."""
+
+LOST = 4
+"""Outliers in a row after which position and velocity are taken anew."""
+
+SOON, SOON_LOST = 1.0, 2
+"""
+How many do in the first second [s].
+
+The path may begin with one, and the velocity is so uncertain that it would soon explain it.
+"""
+
+LARGEST_MEAN = 6.0
+"""Mean innovation, in its std, that tells a change of the vehicle from a small error."""
+
+AGAIN = 10.0
+"""[s] within which the filter has to be lost twice for that."""
+
+FOLLOWING = 60.0
+"""[s] after a change in which it is said."""
+
+
+RETRY = 30.0
+"""
+[s] after a change in which the model has to become right, or its parameters are let go again.
+
+What was no change but a fault of an input leaves a model that is sure and wrong.
+"""
+
+
+class ChangeDetection:
+    """
+    Outliers in a row, the last loss and the last change.
+
+    Attributes
+    ----------
+    time : float
+        Since the filter began [s].
+    was_right : bool
+        Whether the model has been since the last change.
+
+    """
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self.was_right = False
+        self._missed = 0
+        self._lost_at, self._changed_at = -AGAIN, -FOLLOWING
+
+    @property
+    def since_change(self) -> float:
+        """Return the time since the vehicle changed [s], infinite after ``FOLLOWING``."""
+        since = self.time - self._changed_at
+        return since if since < FOLLOWING else math.inf
+
+    @property
+    def still_wrong(self) -> bool:
+        """Tell whether the model has been wrong for ``RETRY`` since a change."""
+        return not self.was_right and 0.0 <= self._changed_at <= self.time - RETRY
+
+    def outlier(self, normalised: float) -> bool:
+        """Tell whether an innovation in standard deviations is that of an outlier."""
+        found = abs(normalised) > OUTLIER
+        self._missed = self._missed + 1 if found else 0
+        return found
+
+    def lost(self, beginning: bool) -> bool:
+        """Tell whether there were so many in a row that the filter has lost the vehicle."""
+        if self._missed < (SOON_LOST if beginning else LOST):
+            return False
+        self._missed = 0
+        return True
+
+    def lost_again(self) -> bool:
+        """Note a loss; tell whether it was so soon after one that the vehicle has changed."""
+        again = self.was_right and self.time - self._lost_at < AGAIN
+        self._lost_at = self.time
+        return again
+
+    def changed(self) -> None:
+        """Note that the vehicle has changed."""
+        self._changed_at, self.was_right = self.time, False
+
+    def restart(self) -> None:
+        """Forget the outliers in a row."""
+        self._missed = 0
+
+    def state(self) -> list[float]:
+        """Return all that is needed to go on from here."""
+        return [self.time, self.was_right, self._missed, self._lost_at, self._changed_at]
+
+    def restore(self, state: Sequence[float]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        time, right, missed, lost, changed = map(float, state)
+        if not all(map(math.isfinite, (time, missed, lost, changed))):
+            raise ValueError('changes out of range')
+        self.time, self.was_right, self._missed = time, bool(right), int(missed)
+        self._lost_at, self._changed_at = lost, changed

@@ -1,4 +1,4 @@
-"""A filter along the steps of the pipe: what is measured when, and with which force."""
+"""A filter moved along the steps of the pipe: what is measured when, and with which force."""
 
 from __future__ import annotations
 
@@ -6,17 +6,24 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import Any
 
-from rovid_core.identify.ekf.covariance import diagonal, INDICES, packed, SIZE
-from rovid_core.identify.ekf.force_impulses import Impulses
-from rovid_core.identify.ekf.linearised import Linearised, POSITION, VELOCITY
+from rovid_core.identify.ekf.linearised_filter import (
+    diagonal,
+    ForceImpulse,
+    INDICES,
+    LinearisedFilter,
+    packed,
+    POSITION,
+    SIZE,
+    VELOCITY,
+)
 from rovid_core.model.samples import Step
 
-MOST_PIECES = 50
+LARGEST_SUBSTEPS = 50
 
 
-class Follower:
+class StepFilter:
     """
-    A :class:`Linearised` filter that goes from measurement to measurement.
+    A :class:`LinearisedFilter` that goes from measurement to measurement.
 
     With fixes the measurement is the path along the body axis, which is summed up from the
     mean velocities, from 0 at the first fix; with a velocity sensor it is the velocity. The
@@ -36,15 +43,15 @@ class Follower:
 
     def __init__(self, nominal: Sequence[float], variances: Sequence[float], force: float,
                  velocity: float) -> None:
-        self.filter = Linearised((0.0, 0.0, *nominal), diagonal(variances))
+        self.filter = LinearisedFilter((0.0, 0.0, *nominal), diagonal(variances))
         self._force, self._velocity = force, velocity
         self.moving = False
         self._begin()
 
     def _begin(self) -> None:
-        self._impulses = Impulses()
+        self._impulse = ForceImpulse()
         self._path = 0.0
-        self._fix = -1.0  # [s] time of the last measurement, by the impulses' clock
+        self._fix = -1.0  # [s] time of the last measurement, by the impulse' clock
         self._ahead = 0.0  # [s] from there to the end of the last step
 
     def restart(self, velocity: float, noise: float) -> None:
@@ -56,9 +63,9 @@ class Follower:
         self.moving = True
 
     @property
-    def begun(self) -> float:
-        """Return the velocity at ``filter.remember_beginning`` [m/s or rad/s]."""
-        return self._velocity * self.filter.begun
+    def initial_velocity(self) -> float:
+        """Return the velocity at ``filter.estimate_initial_velocity`` [m/s or rad/s]."""
+        return self._velocity * self.filter.initial_velocity
 
     def move(self, step: Step, noise: float, turned: float) -> tuple[int, float] | None:
         """
@@ -84,12 +91,12 @@ class Follower:
             If the state means nothing any more.
 
         """
-        impulses, first = self._impulses, self._fix < 0.0
+        impulse, first = self._impulse, self._fix < 0.0
         spans = step.parts if step.interval else (step.dt,)
-        at = impulses.end + spans[0]
+        at = impulse.end + spans[0]
         one, other = step.forces
-        impulses.add(spans, (one / self._force, other / self._force))
-        end = impulses.end
+        impulse.add(spans, (one / self._force, other / self._force))
+        end = impulse.end
         start = end - step.dt if first else self._fix
         if at > start:
             self._predict(start, at, noise)
@@ -109,12 +116,12 @@ class Follower:
         _, v, _, beta, gamma, _, _ = self.filter.nominal
         turn = (end - start) * (2.0 * abs(beta * v) + abs(gamma))
         if turn < 1.0:
-            self.filter.predict(self._impulses, start, end, noise)
+            self.filter.predict(self._impulse, start, end, noise)
             return
-        pieces = min(int(turn), MOST_PIECES - 1) + 1
+        pieces = min(int(turn), LARGEST_SUBSTEPS - 1) + 1
         for k in range(pieces):
             self.filter.predict(
-                self._impulses, start + (end - start) * k / pieces,
+                self._impulse, start + (end - start) * k / pieces,
                 start + (end - start) * (k + 1) / pieces, noise)
 
     def velocity(self, step: Step) -> float:
@@ -129,7 +136,7 @@ class Follower:
         return {
             'nominal': list(self.filter.nominal),
             'covariance': [self.filter.covariance[k] for of in INDICES for k in of],
-            'impulses': self._impulses.state(), 'moving': self.moving,
+            'impulses': self._impulse.state(), 'moving': self.moving,
             'path': self._path, 'fix': self._fix, 'ahead': self._ahead}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -144,7 +151,7 @@ class Follower:
         if not all(map(math.isfinite, (path, fix, ahead))):
             raise ValueError('the path is not finite')
         covariance = packed([entries[k:k + SIZE] for k in range(0, SIZE * SIZE, SIZE)])
-        self.filter = Linearised(nominal, covariance)
-        self._impulses.restore(state['impulses'])
+        self.filter = LinearisedFilter(nominal, covariance)
+        self._impulse.restore(state['impulses'])
         self.moving = bool(state['moving'])
         self._path, self._fix, self._ahead = path, fix, ahead

@@ -6,14 +6,13 @@ from collections.abc import Callable, Sequence
 from heapq import heappop, heappush
 
 from rovid_core.model.samples import Event
-from rovid_core.ordering.clock_ahead import Leap, NEVER
-from rovid_core.ordering.clock_behind import Key, TELLING, TimeJump
+from rovid_core.ordering.clock_jumps import BEFORE_ALL, ClockJumps, Key, WARN_AFTER
 from rovid_core.settings.run import INPUTS
 
-AHEAD = 1_000_000_000
+FAR = 1_000_000_000
 """[ns] A stamp this far ahead of all others is not believed before a second input agrees."""
 
-MOST_HELD = 65536
+MAX_HELD = 65536
 """Events that are held while they wait for the slowest input; beyond, new ones are dropped."""
 
 RANK = {name: rank for rank, name in enumerate(INPUTS)}
@@ -30,7 +29,7 @@ class EventOrder:
     the same released sequence. Ties go in the order of ``settings.INPUTS``; within one
     input, in order of arrival.
 
-    What comes of a stamp far ahead is told by ``Leap``, and of one far back by ``TimeJump``.
+    ``ClockJumps`` decides about stamps far ahead and far behind.
 
     Parameters
     ----------
@@ -42,10 +41,10 @@ class EventOrder:
     time_jump : float
         [s] A stamp back by more than this is a jump of time; by less, it is dropped.
     reject : callable
-        Told input and reason of every event that is dropped: ``late``, ``duplicate``,
+        Called with input and reason of every event that is dropped: ``late``, ``duplicate``,
         ``backward``, ``future``, ``overload``, ``discarded``.
     warn : callable
-        Told, in one line, of inputs whose stamps do not fit those of the others.
+        Called with one line about inputs whose stamps do not fit those of the others.
 
     """
 
@@ -53,37 +52,35 @@ class EventOrder:
                  reject: Callable[[str, str], None], warn: Callable[[str], None]) -> None:
         self._inputs = frozenset(inputs)
         self._max_wait = round(max_wait * 1e9)
-        self._far = max(AHEAD, self._max_wait)  # a stamp may lag by max_wait
+        self._far = max(FAR, self._max_wait)  # a stamp may lag by max_wait
         self._time_jump = round(time_jump * 1e9)
         self._reject = reject
         self._warn = warn
-        self._jump = TimeJump(self._far, self._drop, warn)
-        self._leap = Leap(len(self._inputs) > 1, self._far, self._time_jump, self._drop, warn)
+        self._jumps = ClockJumps(
+            self._inputs, self._far, self._time_jump, self._drop, warn)
         self.restart()
 
     def restart(self) -> None:
         """Forget all times and held events, as at the start."""
         self._last: dict[Key, int] = {}  # newest accepted event time of each input
         self._slowest: Key | None = None  # when all have been heard: the input that is
-        self._reached = NEVER  # furthest behind, and how far it has come
-        self._newest: int | None = None  # newest accepted event time of all
-        self._past = NEVER  # what is before it is late, even if ``max_wait`` has grown
+        self._reached = BEFORE_ALL  # furthest behind, and how far it has come
+        self._newest = BEFORE_ALL  # newest accepted event time of all
+        self._past = BEFORE_ALL  # what is before it is late, even if ``max_wait`` has grown
         self._held: list[tuple[int, int, int, Event]] = []
-        self._jump.restart()
-        self._leap.restart()
+        self._jumps.restart()
         self._arrivals = 0
         self._late: dict[Key, int] = {}
 
     def change(self, max_wait: float) -> None:
-        """Take another ``max_wait`` [s]; what has been released stays the past."""
-        if self._newest is not None:
-            self._past = max(self._past, self._newest - self._max_wait)
+        """Use another ``max_wait`` [s]; what has been released stays the past."""
+        self._past = max(self._past, self._newest - self._max_wait)
         self._max_wait = round(max_wait * 1e9)
-        self._jump.far = self._leap.far = self._far = max(AHEAD, self._max_wait)
+        self._jumps.far = self._far = max(FAR, self._max_wait)
 
     def push(self, event: Event) -> tuple[list[Event], bool]:
         """
-        Take one event.
+        Add one event, and release what need not wait any more.
 
         Returns
         -------
@@ -97,75 +94,66 @@ class EventOrder:
         key = _key(event)
         last = self._last.get(key)
         if last is None or event.time >= last - self._time_jump:
-            self._take(key, event)
+            self._add(key, event)
             return self._release(), False
         if key not in self._inputs:  # decides nothing
             self._drop(event, 'backward')
             return [], False
-        self._jump.put(key, event)
-        if not self._jump.has_happened(key, self._last.keys() & self._inputs):
+        if not self._jumps.has_jumped_back(key, event, self._last.keys() & self._inputs):
             return [], False
-        confirmed = self._jump.take()
-        self._discard()
+        confirmed = self._jumps.release_behind()
+        for discarded in [*(item[3] for item in self._held), *self._jumps.release_ahead()]:
+            self._drop(discarded, 'discarded')
+        self.restart()
         for doubted in confirmed:
-            self._take(_key(doubted), doubted)
+            self._add(_key(doubted), doubted)
         return self._release(), True
 
     def flush(self) -> list[Event]:
         """Release everything that is held, in order; nothing more is coming."""
-        for event in self._leap.take():
-            self._hold_new(_key(event), event)
+        for event in self._jumps.release_ahead():
+            self._hold(_key(event), event)
         return [heappop(self._held)[3] for _ in range(len(self._held))]
 
-    def _take(self, key: Key, event: Event) -> None:
-        if key in self._inputs:
-            self._jump.go_on(key, event.time, self._newest is not None
-                             and event.time >= self._newest - self._far)
-        self._leap.note(key, event.time)
-        if (self._newest is None or event.time > self._newest + self._far
-                or self._leap.follows(key, event.time)):
-            self._leap.put(key, event, self._others(key))
+    def _add(self, key: Key, event: Event) -> None:
+        """Hold an event that is not far behind, and those whose time it confirms."""
+        jumps, newest = self._jumps, self._newest
+        if jumps.is_ahead(key, event, newest):
+            jumps.keep_ahead(key, event, self._others(key))
+        elif (event.time < max(self._past, newest - self._max_wait)
+                and event.time > self._last.get(key, BEFORE_ALL)):
+            self._drop(event, 'late')
+            self._note_late(key, newest - event.time)
         else:
-            self._accept(key, event)
-        for believed in self._leap.believed(event.time, self._others):
-            for doubted in believed:
-                self._hold_new(_key(doubted), doubted)
+            self._hold(key, event)
+        if jumps.any_ahead:
+            for confirmed in jumps.confirmed_ahead(event.time, self._others):
+                for doubted in confirmed:
+                    self._hold(_key(doubted), doubted)
 
     def _others(self, key: Key) -> int:
-        return max([t for k, t in self._last.items() if k != key], default=NEVER)
+        """Return the newest event time of the inputs other than this one [ns]."""
+        return max([t for k, t in self._last.items() if k != key], default=BEFORE_ALL)
 
-    def _accept(self, key: Key, event: Event) -> None:
-        assert self._newest is not None
-        self._leap.go_on(key)
-        past = max(self._past, self._newest - self._max_wait)
-        if event.time < past and self._is_new(key, event):
-            self._drop(event, 'late')
-            self._note_late(key, self._newest - event.time)
-        else:
-            self._hold_new(key, event)
-
-    def _is_new(self, key: Key, event: Event) -> bool:
-        return key not in self._last or event.time > self._last[key]
-
-    def _hold_new(self, key: Key, event: Event) -> None:
-        last = self._last.get(key, NEVER)
+    def _hold(self, key: Key, event: Event) -> None:
+        last = self._last.get(key, BEFORE_ALL)
         if event.time <= last:
             self._drop(event, 'duplicate' if event.time == last else 'backward')
             return
-        if len(self._held) >= MOST_HELD:
+        if len(self._held) >= MAX_HELD:
             self._drop(event, 'overload')
             return
         for sample in event.samples:
             self._last[(sample.input, sample.part)] = event.time
         if len(event.samples) > 1:  # some of these inputs may have been further
             self._slowest = None
-        if key in self._inputs and (self._newest is None or event.time > self._newest):
+        if key in self._inputs and event.time > self._newest:
             self._newest = event.time
         self._arrivals += 1
         heappush(self._held, (event.time, RANK[key[0]], self._arrivals, event))
 
     def _release(self) -> list[Event]:
-        if self._newest is None:
+        if self._newest == BEFORE_ALL:
             return []
         # strictly later, so that ties do not depend on the order of delivery
         until = self._newest - self._max_wait - (1 if self._max_wait else 0)
@@ -184,18 +172,13 @@ class EventOrder:
 
     def _note_late(self, key: Key, lag: int) -> None:
         count = self._late[key] = self._late.get(key, 0) + 1
-        if count == TELLING and lag > self._far:
+        if count == WARN_AFTER and lag > self._far:
             self._warn(f'the stamps of {key[0]} are {lag / 1e9:.1f} s behind those of the other '
                        'inputs; they are refused as late until its clock is right')
-        elif count == TELLING:
+        elif count == WARN_AFTER:
             self._warn(f'messages of {key[0]} come up to {lag / 1e9:.2f} s after newer ones of '
                        'other inputs and are refused as late: raise max_wait, or give the '
                        'latency of the inputs')
-
-    def _discard(self) -> None:
-        for event in [*(item[3] for item in self._held), *self._leap.take()]:
-            self._drop(event, 'discarded')
-        self.restart()
 
     def _drop(self, event: Event, reason: str) -> None:
         for sample in event.samples:

@@ -22,6 +22,7 @@ from test.support.injected_faults import (
     vehicle,
     worse,
 )
+from test.support.memory import lengths
 
 ALL = ('position', 'depth', 'attitude', 'thrusters')
 UNHEARD = {'no_attitude', 'stale_thrust', 'no_thrust', 'gap'}
@@ -173,10 +174,7 @@ def test_memory_is_bounded_however_close_the_stamps_are():
     for k in range(80_000):  # a nanosecond apart, and no attitude comes that they could wait for
         stream.receive(Event(now + k, (Sample('position', (0.1, 0.0, 0.0)),)))
         stream.receive(Event(now + k, (Sample('thrusters', (1.0, 1.0, 0.0)),)))
-    order, pipe = stream._order, stream._pipe
-    assert len(order._held) <= 65_536
-    assert len(pipe._thrust._times) <= 66_000
-    assert max(len(track.source._waiting) for track in pipe._tracks) <= 65_536
+    assert max(lengths(stream)) <= 66_000
 
 
 def test_memory_does_not_grow_under_an_hour_of_faults():
@@ -195,11 +193,7 @@ def test_memory_does_not_grow_under_an_hour_of_faults():
                 event = event._replace(samples=(sample._replace(value=tuple(
                     [x * random.choice((math.nan, 1e6, -1.0)) for x in sample.value])),))
             stream.receive(event)
-        order, pipe = stream._order, stream._pipe
-        largest.append(sum(map(len, (
-            order._held, pipe._thrust._times, pipe._world.attitude._times, pipe._world._depths,
-            *order._leap._ahead.values(), *order._jump._behind.values(),
-            *(track.source._waiting for track in pipe._tracks)))))
+        largest.append(sum(lengths(stream)))
     assert max(largest) < 4000
     assert len(stream.rejected) < 60
 

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import lz4.frame
 import pytest
 from rovid_core.model.samples import Event, Sample
-from rovid_core.ordering.event_order import EventOrder, MOST_HELD
+from rovid_core.ordering.event_order import EventOrder, MAX_HELD
 from rovid_ros.commands.ending import LONGEST_LINE, printable
 from rovid_ros.config.parameter_file import load, ParameterFileError
 from rovid_ros.logs import order, paths
@@ -331,7 +331,7 @@ def test_events_are_not_held_without_end() -> None:
     for time in range(2):  # both are there
         for name in ('thrusters', 'position'):
             order.push(Event(time, (Sample(name, (0.0,)),)))
-    for time in range(2, MOST_HELD + flood):  # a nanosecond each, and the other stays silent
+    for time in range(2, MAX_HELD + flood):  # a nanosecond each, and the other stays silent
         order.push(Event(time, (Sample('position', (0.0,)),)))
-    assert len(order.flush()) == MOST_HELD
+    assert len(order.flush()) == MAX_HELD
     assert set(counts) == {('position', 'overload')} and counts['position', 'overload'] > 900

@@ -109,8 +109,8 @@ def test_in_parts_a_model_that_runs_away_scores_as_badly_as_can_be(small: None) 
 def test_what_is_many_is_not_in_memory(small: None) -> None:
     on_disk, in_memory = (max(lengths(filled((1000,), reference=True, spill=spill)))
                           for spill in (True, False))
-    assert on_disk < 2 * 64
-    assert in_memory >= 2000
+    assert on_disk < 4 * 64  # rows of several columns
+    assert in_memory > 2000
 
 
 def test_a_velocity_that_never_changes_has_no_fit(small: None) -> None:

@@ -9,7 +9,7 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from rovid_core.identify.rls.recursive_least_squares import CORNER
+from rovid_core.identify.rls import CORNER
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
 from rovid_core.settings.scales import Scales

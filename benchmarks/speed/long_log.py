@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from rovid_core.settings.run import Settings
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_ros.commands.simulate import EPOCH
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from

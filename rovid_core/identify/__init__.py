@@ -1,1 +1,86 @@
-"""What identifies a degree of freedom, and how far its result can be trusted."""
+"""The identification methods by name, and how the identifier of one DOF is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
+from rovid_core.identify.aid.self_tuning import SelfTuningIdentifier
+from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
+from rovid_core.identify.method import Identifier
+from rovid_core.identify.rls import RecursiveLeastSquares
+from rovid_core.model.dofs import Four
+from rovid_core.settings.run import DofSettings, IdentifierSettings, SettingsError
+from rovid_core.settings.scales import Scales
+
+
+def _aid(scales: Scales, settings: IdentifierSettings, raw_gains: Four | None) -> Identifier:
+    if raw_gains is None:
+        return SelfTuningIdentifier(scales, settings.adaptation_time, settings.integrator)
+    return AdaptiveIdentifier(
+        scales, Gains(settings.feedback_gain, raw_gains), settings.integrator)
+
+
+def _rls(scales: Scales, settings: IdentifierSettings, _: Four | None) -> Identifier:
+    return RecursiveLeastSquares(scales, settings.adaptation_time)
+
+
+def _ekf(scales: Scales, settings: IdentifierSettings, _: Four | None) -> Identifier:
+    return ExtendedKalman(scales)
+
+
+METHODS: dict[str, Callable[[Scales, IdentifierSettings, Four | None], Identifier]] = {
+    'aid': _aid,
+    'rls': _rls,
+    'ekf': _ekf,
+}
+"""The function that makes the identifier of a DOF, in the order in which they are offered."""
+
+
+def make_identifier(settings: IdentifierSettings, dof: DofSettings,
+                    raw_gains: Four | None = None) -> Identifier:
+    """
+    Return the configured identifier for one DOF.
+
+    Parameters
+    ----------
+    settings : IdentifierSettings
+        Method, integrator and gains.
+    dof : DofSettings
+        Initial values, scales and terms.
+    raw_gains : tuple of 4 floats, optional
+        The diagonal of Gamma for this DOF where the settings give raw gains (``aid``).
+
+    Raises
+    ------
+    SettingsError
+        If there is no such method.
+
+    """
+    if settings.method not in METHODS:
+        raise SettingsError(
+            'identifier.method', f'got {settings.method!r}, takes {", ".join(METHODS)}')
+    return METHODS[settings.method](Scales.of(dof), settings, raw_gains)
+
+
+def retuned_identifier(identifier: Identifier, settings: IdentifierSettings, dof: DofSettings,
+                       raw_gains: Four | None = None) -> Identifier:
+    """
+    Return an identifier with other gains that continues with the state of a given one.
+
+    Parameters
+    ----------
+    identifier : Identifier
+        Made with the same method, DOF and integrator. It must not be used afterwards.
+    settings, dof, raw_gains
+        As in :func:`make_identifier`.
+
+    """
+    keeps_gains = isinstance(identifier, SelfTuningIdentifier) and raw_gains is None
+    if keeps_gains or not isinstance(identifier, AdaptiveIdentifier):
+        identifier.retune(settings.adaptation_time)
+        return identifier
+    made, found = make_identifier(settings, dof, raw_gains), identifier.state()
+    # one kind publishes a mean and the other theta_hat: the published values must not jump
+    made.restore({**made.state(), **found, 'theta_hat': found['parameters']})
+    return made

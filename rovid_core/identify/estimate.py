@@ -1,36 +1,32 @@
-"""
-The frozen values that go through the pipe: samples and events in, estimates out.
-
-There are many of them, and a tuple is made several times faster than a frozen dataclass.
-"""
+"""The frozen results of the pipeline: the estimate of one DOF, and of all of them."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
-from rovid_core.identify.intervals import Interval, intervals
+from rovid_core.identify.intervals import Interval, intervals, NO_UNCERTAINTY, Uncertainty
 from rovid_core.identify.status import Judgement, WAITING
-from rovid_core.identify.uncertainty import NOTHING, Uncertainty
 from rovid_core.model.dofs import Four
 
 
 class DofEstimate(NamedTuple):
     """
-    What is known of one degree of freedom after a step.
+    The estimate of one degree of freedom after a step.
 
-    Units are those of the DOF: N, m/s and kg, or N m, rad/s and kg m^2. What few read
-    (covariance, standard deviations, reasons, intervals) is computed when it is read.
+    Units are those of the DOF: N, m/s and kg, or N m, rad/s and kg m^2. What is seldom read
+    (covariance, standard deviations, reasons, intervals) is computed when it is read. It is a
+    tuple because one is made at every step, several times faster than a frozen dataclass.
     """
 
     dof: str
     parameters: Four  # alpha, beta, gamma, delta
-    uncertainty: Uncertainty = NOTHING
+    uncertainty: Uncertainty = NO_UNCERTAINTY
     judgement: Judgement = WAITING
-    time: int = 0  # [ns] to which velocity and v_hat belong
+    time: int = 0  # [ns] of velocity and v_hat
     steps: int = 0
     velocity: float = math.nan  # measured, filtered
-    v_hat: float = math.nan  # the identifier's state
+    v_hat: float = math.nan  # the velocity in the identifier's state
     force: float = math.nan  # mean over the step, filtered like the velocity
     excitation: float = 0.0  # mean square of the thrust, in typical forces
     W: float = math.nan  # Lyapunov function, where the truth is known
@@ -43,7 +39,7 @@ class DofEstimate(NamedTuple):
 
     @property
     def covariance(self) -> tuple[float, ...]:
-        """Return that of the parameters, 16 by rows; () without."""
+        """Return the covariance of the parameters: 16 floats, row-major, or ()."""
         return self.uncertainty.covariance
 
     @property
@@ -68,7 +64,7 @@ class DofEstimate(NamedTuple):
 
     @property
     def intervals(self) -> dict[str, Interval]:
-        """Return the 95 % intervals of the parameters in both forms; none without covariance."""
+        """Return the 95 % intervals of the parameters in both forms; empty if unknown."""
         return intervals(self.parameters, self.covariance)
 
 
@@ -79,8 +75,8 @@ class Estimate(NamedTuple):
     Attributes
     ----------
     time : int
-        Time [ns] to which the newest velocity belongs: the middle of the interval between
-        two position fixes, or the stamp of a measured velocity.
+        Time [ns] of the newest velocity: the middle of the interval between two position
+        fixes, or the stamp of a measured velocity.
     dofs : tuple of DofEstimate
         In the order of ``Settings.dofs``.
     stepped : tuple of int

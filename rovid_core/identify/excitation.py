@@ -1,4 +1,4 @@
-"""What the data say about each parameter, whatever the method: the regressors' Gram matrix."""
+"""The excitation of one DOF, whatever the method: the Gram matrix of the regressors."""
 
 from __future__ import annotations
 
@@ -12,28 +12,31 @@ from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
 from rovid_core.settings.scales import Scales
 
-LEAST_EXCITATION = 1e-3
+MIN_EXCITATION = 1e-3
 """Mean square of the thrust, in typical forces, below which nothing can be learned."""
 
-LEAST_MOTION = 1e-2
+MIN_MOTION = 1e-2
 """Mean square of the velocity, in typical ones, below which it is mostly noise."""
 
-LEAST_INFORMATION = 1e-2
+MIN_INFORMATION = 1e-2
 """
-What has to be left of a regressor's mean square, in typical ones.
+Least part of a regressor's mean square, in typical ones, that the others must not explain.
 
-At 5 mm of noise in 10 Hz fixes, thrust of 0.02 to 0.1 Hz reaches it for both drags of a
-300 kg vehicle, while 0.25 Hz, a square wave of one size and a fifth of the thrust do not.
+With 5 mm of noise on fixes at 10 Hz, thrust of 0.02 to 0.1 Hz reaches it for both drags of a
+300 kg vehicle; a sinusoid of 0.25 Hz, a square wave of one amplitude, or a fifth of the thrust
+do not.
 """
 
 FLOOR = 1e-12
-"""Share of a mean square below which what is left of it is rounding."""
+"""Share of a mean square below which the unexplained part is rounding error."""
 
 Sums = tuple[float, ...]
+"""Upper triangle of the sum of phi phi' dt, row by row; its last entry is the time [s]."""
+
 NO_SUMS: Sums = (0.0,) * 10
 
-LOT = 64
-"""Steps that are added up at once, at most."""
+BATCH = 64
+"""Steps that are collected before their products are added, which halves the cost."""
 
 ALPHA, BETA, GAMMA, DELTA = range(4)
 
@@ -46,7 +49,7 @@ class Gram:
     Attributes
     ----------
     sums : tuple of 10 floats
-        Upper triangle by rows, times the time [s], which is its last entry.
+        Upper triangle, row by row, times the time [s], which is its last entry.
     active : tuple of int
         The terms that are identified.
     scale : tuple of 4 floats
@@ -60,15 +63,15 @@ class Gram:
 
     @cached_property
     def matrix(self) -> tuple[Four, Four, Four, Four]:
-        """Return the Gram matrix of all four terms; 0 before any data."""
+        """Return the Gram matrix of all four terms; zero before any data."""
         time = self.sums[9] or 1.0
         a, ab, ac, ad, b, bc, bd, c, cd, d = [x / time for x in self.sums]
         return ((a, ab, ac, ad), (ab, b, bc, bd), (ac, bc, c, cd), (ad, bd, cd, d))
 
     @property
     def information(self) -> dict[str, float]:
-        """Return what the others cannot explain of each mean square, 1 / (G^-1)_ii."""
-        return {PARAMETERS[i]: self._left(i, self.active) for i in self.active}
+        """Return the part of each mean square that the others cannot explain, 1 / (G^-1)_ii."""
+        return {PARAMETERS[i]: self._unexplained(i, self.active) for i in self.active}
 
     @property
     def shares(self) -> dict[str, float]:
@@ -104,22 +107,22 @@ class Gram:
 
     @property
     def shows_mass(self) -> bool:
-        """Tell whether alpha can be told from the rest."""
-        return self._left(ALPHA, self.active) >= LEAST_INFORMATION
+        """Tell whether alpha can be separated from the other parameters."""
+        return self._unexplained(ALPHA, self.active) >= MIN_INFORMATION
 
     @cached_property
     def reasons(self) -> tuple[str, ...]:
-        """Return in words what cannot be told, and what would help; empty if all can."""
+        """Return in words what the data do not show and what would help; empty if nothing."""
         if self.sums[9] <= 0.0:
             return ('no step yet',)
-        if self.matrix[ALPHA][ALPHA] < LEAST_EXCITATION:
+        if self.matrix[ALPHA][ALPHA] < MIN_EXCITATION:
             return ('no thrust',)
-        weak = {i for i in self.active if self._left(i, self.active) < LEAST_INFORMATION}
+        weak = {i for i in self.active if self._unexplained(i, self.active) < MIN_INFORMATION}
         found = []
         if ALPHA in weak:
             found.append(
                 'thrust only balances drag and bias: the mass cannot be told; change the '
-                'thrust faster' if self.matrix[ALPHA][ALPHA] >= LEAST_INFORMATION
+                'thrust faster' if self.matrix[ALPHA][ALPHA] >= MIN_INFORMATION
                 else 'thrust is too small to tell the mass')
         if DELTA in weak:
             found.append('the speed hardly changes: the bias cannot be told from drag; drive '
@@ -129,18 +132,18 @@ class Gram:
         return tuple(found)
 
     def _why_no_drag(self) -> str:
-        if self.matrix[GAMMA][GAMMA] < LEAST_MOTION:
+        if self.matrix[GAMMA][GAMMA] < MIN_MOTION:
             return 'the speed is always near zero: drag cannot be seen'
-        alone = [self._left(drag, [i for i in self.active if i != other])
+        alone = [self._unexplained(drag, [i for i in self.active if i != other])
                  for drag, other in ((BETA, GAMMA), (GAMMA, BETA))
                  if {drag, other} <= set(self.active)]
-        if max(alone, default=0.0) < LEAST_INFORMATION:
+        if max(alone, default=0.0) < MIN_INFORMATION:
             return 'drag can hardly be seen: run with larger thrust and slowly (0.02 to 0.05 Hz)'
         return ('linear and quadratic drag cannot be told apart yet: run at several speeds, with '
                 'larger thrust and slowly (0.02 to 0.05 Hz)')
 
-    def _left(self, i: int, terms: Sequence[int]) -> float:
-        """Return what the other terms leave of mean square ``i``, by Gaussian elimination."""
+    def _unexplained(self, i: int, terms: Sequence[int]) -> float:
+        """Return the part of mean square ``i`` that the other terms leave, by elimination."""
         a, ab, ac, ad, b, bc, bd, c, cd, d = self.sums
         rows = [[a, ab, ac, ad], [ab, b, bc, bd], [ac, bc, c, cd], [ad, bd, cd, d]]
         squares = (a, b, c, d)
@@ -151,7 +154,7 @@ class Gram:
             row = rows[k]
             pivot = row[k]
             if pivot <= FLOOR * squares[k]:
-                continue  # those before it have explained it all
+                continue  # the terms before it explain it completely
             for r in rest:
                 own, factor = rows[r], row[r] / pivot
                 for s in rest:
@@ -159,19 +162,19 @@ class Gram:
         return max(rows[i][i], 0.0) / (d or 1.0)
 
 
-def summed(sums: Sums, steps: Sequence[Step], force_scale: float = 1.0,
-           velocity_scale: float = 1.0) -> Sums:
+def add_products(sums: Sums, steps: Sequence[Step], force_scale: float = 1.0,
+                 velocity_scale: float = 1.0) -> Sums:
     """
-    Return sums of phi phi' dt with those of some steps added, in their order.
+    Return the sums of phi phi' dt with those of some steps added, in their order.
 
     Parameters
     ----------
     sums : tuple of 10 floats
-        The upper triangle by rows; the last, of 1, is the time [s].
+        Sums so far.
     steps : sequence of Step
         Many at once cost half as much as one by one.
     force_scale, velocity_scale : float
-        What force and velocity are multiplied by.
+        Factors of force and velocity.
 
     """
     a, ab, ac, ad, b, bc, bd, c, cd, d = sums
@@ -196,14 +199,14 @@ def summed(sums: Sums, steps: Sequence[Step], force_scale: float = 1.0,
 
 class Excitation:
     """
-    Keep the Gram matrix of one DOF: of late, and of everything since the start.
+    The Gram matrix of one DOF: with a fading memory, and of everything since the start.
 
     Parameters
     ----------
     scales : Scales
         Typical sizes and terms.
     memory : float
-        Time [s] after which data count 1/e in the recent one.
+        Time [s] after which data count 1/e in the fading one.
 
     """
 
@@ -212,32 +215,32 @@ class Excitation:
         self._force, _, self._velocity, _ = self._scale
         self._active = tuple([i for i, on in enumerate(scales.active) if on])
         self.memory = memory
-        self._recent: Sums = NO_SUMS
+        self._fading: Sums = NO_SUMS
         self._older: Sums = NO_SUMS
         self._sums: Sums = NO_SUMS  # not yet in the two others
-        self._new: list[Step] = []  # not yet in any
+        self._new: list[Step] = []  # not yet in any sum
 
-    def step(self, step: Step) -> None:
-        """Take a step; this is all that is done at each of them."""
+    def add_step(self, step: Step) -> None:
+        """Add a step; its products are computed later, with those of others."""
         self._new.append(step)
-        if len(self._new) == LOT:
-            self._summed()
+        if len(self._new) == BATCH:
+            self._add_new()
 
-    def recent(self) -> Gram:
-        """Return the matrix of late, with all up to now."""
-        sums = self._summed()
+    def update_fading(self) -> Gram:
+        """Let the memory fade up to now and return its matrix."""
+        sums = self._add_new()
         kept = math.exp(-sums[9] / self.memory)
-        self._recent = _added(self._recent, sums, kept)
+        self._fading = _added(self._fading, sums, kept)
         self._older = _added(self._older, sums)
         self._sums = NO_SUMS
-        return Gram(self._recent, self._active, self._scale)
+        return Gram(self._fading, self._active, self._scale)
 
-    def whole(self) -> Gram:
+    def since_start(self) -> Gram:
         """Return the matrix of everything since the start."""
-        return Gram(_added(self._older, self._summed()), self._active, self._scale)
+        return Gram(_added(self._older, self._add_new()), self._active, self._scale)
 
-    def _summed(self) -> Sums:
-        self._sums = summed(self._sums, self._new, self._force, self._velocity)
+    def _add_new(self) -> Sums:
+        self._sums = add_products(self._sums, self._new, self._force, self._velocity)
         self._new.clear()
         return self._sums
 

@@ -1,16 +1,50 @@
 """
-95 % intervals of the parameters, in both forms, from the covariance of the lumped ones.
+How well the parameters are known: covariance, standard deviations and 95 % intervals.
 
 The physical parameters are ratios to alpha, and a ratio to an uncertain number is far from
-Gaussian: the bounds are Fieller's (E. C. Fieller, J. R. Stat. Soc. B 16(2), 1954).
+Gaussian: their bounds are Fieller's (E. C. Fieller, J. R. Stat. Soc. B 16(2), 1954).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 import math
+from typing import NamedTuple, Protocol
 
-from rovid_core.model.dofs import PARAMETERS, PHYSICAL
+from rovid_core.model.dofs import Four, NAN4, PARAMETERS, PHYSICAL
+
+
+class Uncertainty(Protocol):
+    """
+    The uncertainty of a method's estimate at one step, computed when it is read.
+
+    ``covariance`` is that of the lumped parameters: 16 floats, row-major, 0 for left-out terms,
+    and () for a method without a covariance. ``std`` are the standard deviations, NaN where
+    there are none. ``delay_std`` is the standard deviation of the delay [s].
+    """
+
+    @property
+    def covariance(self) -> tuple[float, ...]:
+        """Return the covariance of the parameters."""
+
+    @property
+    def std(self) -> Four:
+        """Return the standard deviations of the parameters."""
+
+    @property
+    def delay_std(self) -> float:
+        """Return the standard deviation of the delay [s]."""
+
+
+class KnownUncertainty(NamedTuple):
+    """An uncertainty of given values; by default that of a method without any."""
+
+    covariance: tuple[float, ...] = ()
+    std: Four = NAN4
+    delay_std: float = math.nan
+
+
+NO_UNCERTAINTY = KnownUncertainty()
 
 Interval = tuple[float, float]
 
@@ -31,16 +65,16 @@ def intervals(parameters: Sequence[float], covariance: Sequence[float],
     parameters : sequence of 4 floats
         alpha, beta, gamma, delta.
     covariance : sequence of 16 floats
-        Theirs, row-major, 0 for left-out terms; empty where there is none.
+        Covariance of the parameters, row-major, 0 for left-out terms; empty if there is none.
     z : float
         Half width in standard deviations.
 
     Returns
     -------
     dict of str to (low, high)
-        An end that the data leave open is infinite. A left-out term has no interval. Masses
-        and drags are cut to what is physical (at least 0), except where all of the interval
-        is not: such data contradict the model, and it should be seen.
+        An end that the data leave open is infinite. A left-out term has no interval. Intervals
+        of masses and drags are cut to physical values (at least 0), unless the whole interval
+        is negative: such data contradict the model, and the user should see it.
 
     """
     if len(covariance) != 16 or not all(map(math.isfinite, (*parameters, *covariance))):
@@ -52,7 +86,7 @@ def intervals(parameters: Sequence[float], covariance: Sequence[float],
         if variance > 0.0:
             half = z * math.sqrt(variance)
             found[name] = (parameters[i] - half, parameters[i] + half)
-            # a mass is -(-1) / alpha
+            # the mass is 1 / alpha, that is -(-1) / alpha
             top = (parameters[i], variance, covariance[i]) if i else (-1.0, 0.0, 0.0)
             pieces = _fieller(*top, alpha, alpha_variance, z)
             found[PHYSICAL[i]] = _cut(pieces, UNBOUNDED if i == 3 else POSITIVE)
@@ -62,7 +96,7 @@ def intervals(parameters: Sequence[float], covariance: Sequence[float],
 def _fieller(theta: float, theta_variance: float, covariance: float, alpha: float,
              alpha_variance: float, z: float) -> list[Interval]:
     """
-    Return where r = -theta / alpha can be: one or two intervals.
+    Return the one or two intervals in which r = -theta / alpha can lie.
 
     They hold every r with (theta + r alpha)^2 <= z^2 var(theta + r alpha), which is
     a r^2 + 2 b r + c <= 0.
@@ -70,11 +104,11 @@ def _fieller(theta: float, theta_variance: float, covariance: float, alpha: floa
     a = alpha * alpha - z * z * alpha_variance
     b = theta * alpha - z * z * covariance
     c = theta * theta - z * z * theta_variance
-    # for a > 0 the estimate itself solves it, below 0 it is rounding
+    # with a > 0 the estimate is inside, so a discriminant below 0 is rounding
     discriminant = b * b - a * c
     if a <= 0.0 and (discriminant <= 0.0 or b == 0.0 == a):
         return [UNBOUNDED]
-    q = -(b + math.copysign(math.sqrt(max(discriminant, 0.0)), b))  # does not cancel
+    q = -(b + math.copysign(math.sqrt(max(discriminant, 0.0)), b))  # no cancellation
     first = q / a if a else math.copysign(math.inf, q)
     second = c / q if q else 0.0
     low, high = min(first, second), max(first, second)
@@ -82,7 +116,7 @@ def _fieller(theta: float, theta_variance: float, covariance: float, alpha: floa
 
 
 def _cut(pieces: Sequence[Interval], physical: Interval) -> Interval:
-    """Return the least interval around the physical part, or around all if there is none."""
+    """Return the hull of the physical part of some intervals, or of all if there is none."""
     inside = [(max(low, physical[0]), min(high, physical[1])) for low, high in pieces]
     inside = [(low, high) for low, high in inside if low < high] or list(pieces)
     return (min(low for low, _ in inside), max(high for _, high in inside))

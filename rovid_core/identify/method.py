@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import math
 from typing import Any, Protocol
 
-from rovid_core.identify.uncertainty import NOTHING, Uncertainty
+from rovid_core.identify.intervals import NO_UNCERTAINTY, Uncertainty
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
 
@@ -17,24 +17,24 @@ class Identifier(Protocol):
 
     Obligations of a new method (the contract tests check them):
 
-    1. ``step`` moves the estimate by one step and returns '' or, with the estimate left
-       as it was, the reason why the step was refused.
-    2. Whatever it is given, ``parameters`` stays finite and inside ``bounds``.
+    1. ``step`` moves the estimate by one step and returns ''. If it refuses the step, it leaves
+       the estimate as it was and returns the reason.
+    2. Whatever the input, ``parameters`` stays finite and inside ``bounds``.
     3. Left-out terms stay exactly 0.
-    4. With ``adapt`` False the parameters stay; the state goes on.
-    5. ``restart`` sets the state to a measurement (the first one, or after a gap) and
-       keeps the parameters; ``reset`` goes back to how it was made.
-    6. ``state`` is made of numbers, strings, lists and dicts; ``restore`` of it in a new
-       identifier continues with the same bits.
+    4. With ``adapt`` False the parameters stay as they are; the state moves on.
+    5. ``restart`` sets the state to a measurement (the first one, or the first after a gap)
+       and keeps the parameters; ``reset`` returns to the initial state.
+    6. ``state`` consists of numbers, strings, lists and dicts. A new identifier that is given
+       this state by ``restore`` continues with the same bits.
     7. Reading an attribute changes nothing.
 
-    ``uncertainty`` is how well the parameters are known, a value of its own that does not
-    change when the method goes on. ``delay`` is that of the thrust [s], NaN where it is not
-    estimated. ``note`` is what the method has noticed of vehicle and model, '' if nothing.
+    ``uncertainty`` is an immutable value that says how well the parameters are known.
+    ``delay`` is the delay of the thrust [s], NaN if the method does not estimate it. ``note``
+    says what the method has noticed about vehicle and model, '' if nothing.
     """
 
     parameters: Four
-    uncertainty: Uncertainty = NOTHING
+    uncertainty: Uncertainty = NO_UNCERTAINTY
     delay: float = math.nan
     v_hat: float
     excitation: float
@@ -46,7 +46,7 @@ class Identifier(Protocol):
 
     @property
     def covariance(self) -> tuple[float, ...]:
-        """Return that of the parameters."""
+        """Return the covariance of the parameters."""
         return self.uncertainty.covariance
 
     @property
@@ -60,28 +60,28 @@ class Identifier(Protocol):
         return ''
 
     def step(self, step: Step, adapt: bool = True) -> str:
-        """Take one step; return '' or why it was refused."""
+        """Process one step; return '' or the reason why it was refused."""
 
     def restart(self, velocity: float) -> None:
-        """Take up from a measured velocity, keeping the parameters."""
+        """Set the state to a measured velocity [m/s or rad/s] and keep the parameters."""
 
     def reset(self) -> None:
-        """Go back to the initial values."""
+        """Return to the initial values."""
 
     def retune(self, adaptation_time: float) -> None:
-        """Take another adaptation time [s] and keep what was found; some have none."""
+        """Change the adaptation time [s], if the method has one, and keep the estimate."""
         return None
 
     def energy(self, dv: float, parameters: Four, truth: Four) -> float:
-        """Return W of eq. 9 for a velocity error and parameters, NaN for a method without."""
+        """Return W of eq. 9 for a velocity error and parameters; NaN if there is none."""
         return math.nan
 
     def lyapunov(self, velocity: float, truth: Four) -> float:
-        """Return W as it is now, against the true parameters, NaN for a method without."""
+        """Return the present W against the true parameters; NaN if there is none."""
         return math.nan
 
     def state(self) -> dict[str, Any]:
-        """Return all that is needed to go on from here."""
+        """Return all that is needed to continue from here."""
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from ``state``; raises ValueError if it does not fit."""
+        """Continue from ``state``; raise ValueError if it does not fit."""

@@ -1,4 +1,4 @@
-"""How far the estimate of a degree of freedom can be trusted, and why not further."""
+"""The status of a degree of freedom: what decides ``converged``, and the reasons if it is not."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from rovid_core.identify.excitation import Excitation, Gram, LEAST_EXCITATION
+from rovid_core.identify.excitation import Excitation, Gram, MIN_EXCITATION
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
@@ -15,10 +15,10 @@ from rovid_core.settings.scales import Scales
 STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invalid')
 
 CONVERGED = 0.05
-"""Share of the typical acceleration, and of alpha, to which a converged model is known."""
+"""Relative uncertainty of acceleration and alpha below which a model has converged."""
 
-LOST = 2.0 * CONVERGED
-"""At which it is no longer converged: further up, so that noise does not switch it."""
+NO_LONGER_CONVERGED = 2.0 * CONVERGED
+"""Relative uncertainty above which a converged model is converging again (hysteresis)."""
 
 PERIOD = 1.0
 """Event time [s] from one judgement to the next."""
@@ -27,27 +27,27 @@ PERIOD = 1.0
 @dataclass(frozen=True)
 class Judgement:
     """
-    A status, and what it comes from.
+    A status and its reasons.
 
     Attributes
     ----------
     status : str
         One of ``STATUSES``.
-    said : tuple of str
-        Reasons that the method gives.
+    method_reasons : tuple of str
+        Reasons from the method and its convergence.
     gram : Gram or None
-        What the data are; what they do not show are reasons too.
+        Excitation of the data; what they do not show is a reason too.
 
     """
 
     status: str
-    said: tuple[str, ...] = ()
+    method_reasons: tuple[str, ...] = ()
     gram: Gram | None = None
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Return why the status is no better, in words."""
-        return self.said if self.gram is None else (*self.said, *self.gram.reasons)
+        return self.method_reasons + (() if self.gram is None else self.gram.reasons)
 
 
 WAITING = Judgement('waiting')
@@ -58,14 +58,15 @@ CONVERGING = Judgement('converging')
 
 class DofStatus:
     """
-    Judge one degree of freedom after every step, by event time alone.
+    Judge one degree of freedom after every step; time is the event time of the steps.
 
-    It is ``invalid`` when the last step was refused, ``frozen`` while nothing is adapted,
-    ``unexcited`` while there is no thrust. It has ``converged`` when both the standard
-    deviation of alpha and that of the model's acceleration over the recent data are below
-    ``CONVERGED`` of alpha and of that acceleration. For a method without a covariance it
-    has when the mean of the parameters moves the acceleration by less than that over three
-    adaptation times, and the data show the mass at all. Until then it is ``converging``.
+    The status is ``invalid`` when the last step was refused, ``frozen`` while nothing is
+    adapted, and ``unexcited`` while there is no thrust. It is ``converged`` when the standard
+    deviation of alpha, and that of the model's acceleration over the latest data, are below
+    ``CONVERGED`` times alpha and that acceleration. A method without a covariance has converged
+    when the mean of its parameters changes the acceleration by less than this from one window of
+    three adaptation times to the next, and the data show the mass. Otherwise the status is
+    ``converging``.
 
     Parameters
     ----------
@@ -78,65 +79,68 @@ class DofStatus:
 
     def __init__(self, scales: Scales, adaptation_time: float) -> None:
         self._scales = scales
-        self._memory = min(max(60.0, 10.0 * adaptation_time), 1e9)
-        self._drift = _Drift(max(3.0 * adaptation_time, 3.0 * PERIOD))
+        self._drift = _Drift()
+        self._set_times(adaptation_time)
         self.reset()
 
     def retune(self, adaptation_time: float) -> None:
-        """Take another adaptation time [s] of the method."""
-        self._memory = min(max(60.0, 10.0 * adaptation_time), 1e9)
+        """Change the adaptation time [s] of the method."""
+        self._set_times(adaptation_time)
         self._excitation.memory = self._memory
-        self._drift.window = max(3.0 * adaptation_time, 3.0 * PERIOD)
 
     def reset(self) -> None:
         """Forget the data."""
         self._excitation = Excitation(self._scales, self._memory)
         self._drift.reset()
-        self._since = 0.0
-        self._judged = CONVERGING
+        self._time = 0.0
+        self._judgement = CONVERGING
 
-    def after(self, identifier: Identifier, step: Step, refused: str, adapt: bool) -> Judgement:
-        """Return the status after a step; ``refused`` is why it was, or ''."""
+    def update(self, identifier: Identifier, step: Step, refused: str, adapt: bool) -> Judgement:
+        """Return the status after a step; ``refused`` is the reason if it was refused, or ''."""
         if refused:
             return Judgement('invalid', (refused,))
-        self._excitation.step(step)
-        self._since += step.dt
-        excited = identifier.excitation >= LEAST_EXCITATION
-        if self._since >= PERIOD:
-            gram = self._excitation.recent()
+        self._excitation.add_step(step)
+        self._time += step.dt
+        excited = identifier.excitation >= MIN_EXCITATION
+        if self._time >= PERIOD:
+            gram = self._excitation.update_fading()
             if not adapt:
                 self._drift.reset()
-                self._judged = Judgement('converging', (), gram)
+                self._judgement = Judgement('converging', (), gram)
             elif excited:
-                self._judged = self._judge(gram, identifier)
-            self._since = 0.0
+                self._judgement = self._judge(gram, identifier)
+            self._time = 0.0
         if not adapt:
             return FROZEN
-        return self._judged if excited else UNEXCITED
+        return self._judgement if excited else UNEXCITED
 
     def verdict(self) -> str:
-        """Return what all data since the start leave open, '' if nothing."""
-        return '; '.join(self._excitation.whole().reasons)
+        """Return what all data since the start do not show, '' if they show everything."""
+        return '; '.join(self._excitation.since_start().reasons)
+
+    def _set_times(self, adaptation_time: float) -> None:
+        self._memory = min(max(60.0, 10.0 * adaptation_time), 1e9)
+        self._drift.window = max(3.0 * adaptation_time, 3.0 * PERIOD)
 
     def _judge(self, gram: Gram, identifier: Identifier) -> Judgement:
-        limit = LOST if self._judged.status == 'converged' else CONVERGED
+        limit = NO_LONGER_CONVERGED if self._judgement.status == 'converged' else CONVERGED
         parameters, covariance = identifier.parameters, identifier.covariance
         if covariance:
-            open_ = _uncertain(gram, parameters, covariance, limit)
+            reason = _uncertain(gram, parameters, covariance, limit)
         else:
-            open_ = self._drift.open(gram, parameters, self._since, limit)
-        # where a covariance says that all is known, the regressors may look as they like
-        shapes = None if covariance and not open_ else gram
-        said = [text for text in (identifier.note, open_) if text]
-        return Judgement('converging' if open_ else 'converged', tuple(said), shapes)
+            reason = self._drift.update(gram, parameters, self._time, limit)
+        # a covariance that says that all is known outweighs the shape of the regressors
+        excitation = None if covariance and not reason else gram
+        texts = tuple([text for text in (identifier.note, reason) if text])
+        return Judgement('converging' if reason else 'converged', texts, excitation)
 
 
 def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit: float) -> str:
-    """Return what a covariance leaves open, '' when the model is known."""
+    """Return what is too uncertain by the covariance, '' if nothing."""
     typical = gram.acceleration(parameters)
     share = gram.uncertainty(covariance) / typical if typical > 0.0 else math.inf
     alpha = math.sqrt(max(covariance[0], 0.0)) / parameters[0]
-    # not (x < limit): a NaN is not known either
+    # not (x < limit) is also true for NaN
     if not alpha < limit:
         return f'the mass is known to {_percent(alpha)}'
     if not share < limit:
@@ -145,19 +149,21 @@ def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit:
 
 
 class _Drift:
-    """How far the mean of the parameters moves from one window of time to the next."""
+    """The change of the parameters' mean from one window of time to the next."""
 
-    def __init__(self, window: float) -> None:
-        self.window = window
+    window: float  # [s]
+
+    def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
+        """Forget the means."""
         self._sum: Four = (0.0,) * 4
         self._time = 0.0
         self._means: tuple[Four, ...] = ()  # the last two
 
-    def open(self, gram: Gram, parameters: Four, span: float, limit: float) -> str:
-        """Take the parameters that stood for ``span`` [s]; return what is still open, or ''."""
+    def update(self, gram: Gram, parameters: Four, span: float, limit: float) -> str:
+        """Add the parameters of the last ``span`` [s]; return why they have not settled, or ''."""
         (a, b, c, d), (p, q, r, s) = self._sum, parameters
         self._sum = (a + span * p, b + span * q, c + span * r, d + span * s)
         self._time += span

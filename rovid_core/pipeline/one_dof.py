@@ -6,8 +6,8 @@ from collections.abc import Callable
 import math
 from typing import cast
 
+from rovid_core.identify import make_identifier, retuned_identifier
 from rovid_core.identify.estimate import DofEstimate
-from rovid_core.identify.methods import make, retuned
 from rovid_core.identify.status import DofStatus, Judgement
 from rovid_core.inputs.units_and_signs import Sign, TypicalSizes
 from rovid_core.model.dofs import Four
@@ -46,7 +46,7 @@ class Identification:
         self._name = name = settings.dofs[i]
         dof, method = settings.dof[name], settings.identifier
         self._i = i
-        self.identifier = make(method, dof, _raw_gains(method, i))
+        self.identifier = make_identifier(method, dof, _raw_gains(method, i))
         # raw gains have their own adaptation time
         self._status = DofStatus(Scales.of(dof), getattr(
             self.identifier, 'adaptation_time', method.adaptation_time))
@@ -61,7 +61,7 @@ class Identification:
     def change(self, settings: Settings) -> None:
         """Take other gains from the next step on; what was found stays."""
         method = settings.identifier
-        self.identifier = retuned(
+        self.identifier = retuned_identifier(
             self.identifier, method, settings.dof[self._name], _raw_gains(method, self._i))
         self._status.retune(getattr(self.identifier, 'adaptation_time', method.adaptation_time))
 
@@ -95,7 +95,7 @@ class Identification:
         # by position: it is made at every step, and names would cost as much as the step
         self.estimate = DofEstimate._make((
             self._name, identifier.parameters, identifier.uncertainty,
-            self._status.after(identifier, step, refused, adapt), time, self._steps, velocity,
+            self._status.update(identifier, step, refused, adapt), time, self._steps, velocity,
             v_hat, step.force[1], identifier.excitation, w, identifier.delay))
 
 

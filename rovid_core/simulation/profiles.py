@@ -1,4 +1,4 @@
-"""Thrust as a function of time: the waveforms that a vehicle is driven with."""
+"""Thrust profiles: sums of sinusoids, multisines and steps as functions of time."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from functools import cached_property
 import math
 from typing import Protocol
 
-MOST_LINES = 100
+MAX_LINES = 100
 
 
 class ProfileError(ValueError):
-    """A waveform that cannot be; the text says what has to be."""
+    """A waveform with impossible values; the text says what they have to be."""
 
 
 class Waveform(Protocol):
@@ -22,12 +22,12 @@ class Waveform(Protocol):
         """Return the thrust [N or N m] at ``t`` [s] from the trial's start."""
 
     @property
-    def highest(self) -> float:
+    def max_frequency(self) -> float:
         """Return the highest frequency [Hz] that commands have to follow."""
 
 
 Profile = Mapping[str, tuple[Waveform, ...]]
-"""DOF -> waveforms that add up; a DOF with none, or that is not there, gets no thrust."""
+"""DOF -> waveforms whose sum is its thrust; a DOF without waveforms gets no thrust."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Sinusoid:
         return self.amplitude * math.sin(2.0 * math.pi * self.frequency * t)
 
     @property
-    def highest(self) -> float:
+    def max_frequency(self) -> float:
         """Return the frequency [Hz]."""
         return self.frequency
 
@@ -59,16 +59,16 @@ class Multisine:
     """
     Equal sinusoids from ``low`` to ``high``, with Schroeder's phases.
 
-    The phases keep the thrust even: its crest factor (peak over rms) is 1.7 to 2, that of as
-    many sinusoids in phase sqrt(2 lines). Schroeder, IEEE Trans. Inf. Theory 16(1), 1970, for
+    The phases keep the peak low: the crest factor (peak over rms) is 1.7 to 2, while sinusoids
+    in phase have sqrt(2 lines). Schroeder, IEEE Trans. Inf. Theory 16(1), 1970, for
     a flat spectrum.
 
     Attributes
     ----------
     amplitude : float
-        [N or N m], that of the sum: it comes close to it and never goes beyond.
+        Of the sum [N or N m], which comes close to it and never exceeds it.
     low, high : float
-        The first and the last frequency [Hz], both included.
+        First and last frequency [Hz], both included.
     lines : int
         Number of frequencies, evenly spaced.
 
@@ -85,8 +85,8 @@ class Multisine:
             raise ProfileError('the amplitude has to be finite')
         if not 0.0 < self.low < self.high < math.inf:
             raise ProfileError('the band has to begin above 0 Hz and end higher')
-        if not 2 <= self.lines <= MOST_LINES:
-            raise ProfileError(f'there have to be 2 to {MOST_LINES} lines')
+        if not 2 <= self.lines <= MAX_LINES:
+            raise ProfileError(f'there have to be 2 to {MAX_LINES} lines')
 
     @property
     def frequencies(self) -> tuple[float, ...]:
@@ -102,8 +102,8 @@ class Multisine:
     @cached_property
     def line_amplitude(self) -> float:
         """Return the amplitude of each sinusoid [N or N m]."""
-        # Lines that are no multiples of their spacing drift through all phases in common: the
-        # most that can be reached is the envelope's peak. It repeats after 1 / spacing.
+        # Lines that are no multiples of their spacing drift through all common phases, so the
+        # sum reaches the peak of its envelope, which repeats after 1 / spacing.
         peak, points = 0.0, 16 * self.lines
         for i in range(points):
             angles = [2.0 * math.pi * k * i / points + p for k, p in enumerate(self.phases)]
@@ -120,7 +120,7 @@ class Multisine:
         return self.line_amplitude * math.fsum([math.cos(w * t + p) for w, p in self._lines])
 
     @property
-    def highest(self) -> float:
+    def max_frequency(self) -> float:
         """Return the last frequency [Hz]."""
         return self.high
 
@@ -141,10 +141,10 @@ class Steps:
 
     def at(self, t: float) -> float:
         """Return the thrust at ``t`` [s]."""
-        # times are rounded: a command a billionth before the step is meant for it
+        # times are rounded: a command 1e-9 before a level begins belongs to it
         return self.levels[math.floor(t / self.hold + 1e-9) % len(self.levels)]
 
     @property
-    def highest(self) -> float:
+    def max_frequency(self) -> float:
         """Return the frequency [Hz] of steps up and down."""
         return 0.5 / self.hold

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
-from rovid_core.identify.aid.full_gain import CoupledIdentifier, inverse
+from rovid_core.identify.aid.self_tuning import FullGainIdentifier, inverse_gram
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
 from rovid_core.settings.scales import Scales
@@ -69,8 +69,8 @@ def repeated_passes(records: Sequence[Record], scales: Scales, adaptation_time: 
     a = FEEDBACK / adaptation_time
     refused = 0
     for slower in PASSES:
-        identifier = CoupledIdentifier(
-            scales, a, a / (slower * adaptation_time) * inverse(
+        identifier = FullGainIdentifier(
+            scales, a, a / (slower * adaptation_time) * inverse_gram(
                 phi.T @ phi / len(phi), scales, LEAST_SQUARES, LEAST_SHARE),
             integrator, PIECES[integrator])
         identifier.theta_hat = parameters

@@ -15,7 +15,7 @@ from rovid_core.model.plant import lumped
 from rovid_core.settings.run import Settings
 from rovid_core.settings.scales import Scales
 from rovid_core.simulation.profiles import Profile, Steps, Waveform
-from rovid_core.simulation.thruster_commands import ThrusterCommands
+from rovid_core.simulation.vehicle import ThrusterCommands
 from rovid_core.trials.planning import fleet
 from rovid_core.trials.planning.fleet import Array
 from rovid_core.trials.planning.plan import Plan, plan as find_plan, STEP
@@ -158,7 +158,7 @@ def _within_thrusters(settings: Settings, limits: Mapping[str, Limits]) -> dict[
         most = min(high, -low)
         if not most > 0.0:
             raise CommandError('thrusters: can only push one way, so nothing can be planned')
-        share += np.abs(commands.thrusters(0.0)) / most
+        share += np.abs(commands.thruster_forces(0.0)) / most
     less = max(1.0, float(share.max()))
     return {dof: replace(own, force=own.force / less) for dof, own in limits.items()}
 

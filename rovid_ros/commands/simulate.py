@@ -15,8 +15,8 @@ from rovid_core.model.dofs import ANGULAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import lumped
 from rovid_core.settings.run import Settings, SimulatedDof
 from rovid_core.simulation.profiles import Profile
-from rovid_core.simulation.simulator import Measurement, profile_of, simulate
-from rovid_core.simulation.thruster_commands import shortfall
+from rovid_core.simulation.sensors import Measurement, simulate
+from rovid_core.simulation.vehicle import profile_of, shortfall
 from rovid_ros.commands.interrupt import Interrupt, Interrupted
 from rovid_ros.commands.profile_text import profile_text
 from rovid_ros.commands.progress import Progress
@@ -86,7 +86,7 @@ def profile_warnings(settings: Settings, duration: float, profile: Profile) -> l
     rate = settings.simulation.thruster_rate
     profile = profile_of(settings.simulation.dofs, profile)
     for dof, waveforms in profile.items():
-        highest = max([w.highest for w in waveforms], default=0.0)
+        highest = max([w.max_frequency for w in waveforms], default=0.0)
         if highest > 0.5 * rate:
             lines.append(f'{dof} is to follow {highest:g} Hz, more than half of the {rate:g} Hz '
                          'of simulation.thruster_rate')

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from rovid_core.identify import make_identifier, METHODS
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier
 from rovid_core.identify.estimate import Estimate
-from rovid_core.identify.methods import make, METHODS
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import IdentifierSettings, Settings
@@ -41,7 +41,8 @@ class OnlineMethods(ScoreLog):
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
         self.identifiers = {dof: {
-            method: make(replace(IdentifierSettings(), method=method), settings.dof[dof])
+            method: make_identifier(
+                replace(IdentifierSettings(), method=method), settings.dof[dof])
             for method in METHODS if method != PAPER} for dof in settings.dofs}
 
     def restarted(self, dof: str, time: int, velocity: float) -> None:

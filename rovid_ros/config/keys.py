@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, MISSING
 from functools import partial
 from typing import Any
 
-from rovid_core.identify.methods import METHODS
+from rovid_core.identify import METHODS
 from rovid_core.model.dofs import DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import (
     DofSettings,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 import pytest
-from rovid_core.identify.methods import METHODS as ONLINE
+from rovid_core.identify import METHODS as ONLINE
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.plant import lumped
 from rovid_core.trials.offline import METHODS

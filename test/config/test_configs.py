@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from rovid_core.model.dofs import DOFS, PHYSICAL
 from rovid_core.settings.run import Settings
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import KEYS, settings_from
 

@@ -23,7 +23,7 @@ from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.scales import Scales
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.response import response
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
@@ -132,7 +132,7 @@ def test_a_payload_is_said_in_the_status():
     for piece in trial(case, 0).pieces()[1:]:
         refused = one.step(piece)
         time += piece.dt
-        reasons = status.after(one, piece, refused, True).reasons
+        reasons = status.update(one, piece, refused, True).reasons
         if any('the vehicle changed' in reason for reason in reasons):
             said.append(time)
     assert 100.0 < said[0] < 110.0

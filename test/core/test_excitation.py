@@ -21,10 +21,10 @@ def driven(force, duration=300.0, active=ALL, noise=0.017, memory=60.0, dt=0.1):
         tau = force((k + 0.5) * dt)
         new = advance(TRUTH, v, tau, dt)
         middle = 0.5 * (v + new) + noise * float(random.standard_normal())
-        monitor.step(Step(dt, (v, middle, new), (tau,) * 3))
+        monitor.add_step(Step(dt, (v, middle, new), (tau,) * 3))
         v, since = new, since + dt
         if since >= 1.0:
-            monitor.recent()
+            monitor.update_fading()
             since = 0.0
     return monitor
 
@@ -40,7 +40,7 @@ RICH = waves((150.0, 1 / 18), (80.0, 1 / 7.3))
     RICH, waves((150.0, 0.025)), waves((150.0, 0.05)),
     lambda t: (150, -40, 80, -150, 20, -90)[int(t / 20) % 6]])
 def test_slow_and_large_thrust_tells_everything(force):
-    assert driven(force).whole().reasons == ()
+    assert driven(force).since_start().reasons == ()
 
 
 @pytest.mark.parametrize(('force', 'expected'), [
@@ -54,7 +54,7 @@ def test_slow_and_large_thrust_tells_everything(force):
     (lambda t: 100.0, ['mass cannot', 'bias cannot', 'drag can hardly']),
 ])
 def test_what_a_profile_cannot_tell(force, expected):
-    reasons = driven(force).whole().reasons
+    reasons = driven(force).since_start().reasons
     assert len(reasons) == len(expected)
     for reason, text in zip(reasons, expected):
         assert text in reason
@@ -62,13 +62,13 @@ def test_what_a_profile_cannot_tell(force, expected):
 
 def test_terms_that_are_left_out_are_not_missed():
     fast = waves((150.0, 0.25))
-    assert driven(fast, active=(True, False, True, True)).whole().reasons == ()
-    assert set(driven(fast, active=(True, True, False, False)).whole().shares) == {
+    assert driven(fast, active=(True, False, True, True)).since_start().reasons == ()
+    assert set(driven(fast, active=(True, True, False, False)).since_start().shares) == {
         'alpha', 'beta'}
 
 
 def test_information_and_shares_are_those_of_the_inverse():
-    gram = driven(RICH).whole()
+    gram = driven(RICH).since_start()
     inverse = np.linalg.inv(np.array(gram.matrix))
     assert list(gram.information.values()) == pytest.approx(1.0 / np.diag(inverse), rel=1e-9)
     assert list(gram.shares.values()) == pytest.approx(
@@ -78,7 +78,7 @@ def test_information_and_shares_are_those_of_the_inverse():
 
 
 def test_a_singular_matrix_has_no_information_and_no_nan():
-    gram = driven(lambda t: 150.0, noise=0.0).whole()
+    gram = driven(lambda t: 150.0, noise=0.0).since_start()
     assert gram.shares['alpha'] == pytest.approx(0.0, abs=1e-9)
     empty = Gram((0.0,) * 10, (0, 1, 2, 3))
     assert empty.reasons == ('no step yet',)
@@ -86,7 +86,7 @@ def test_a_singular_matrix_has_no_information_and_no_nan():
 
 
 def test_accelerations_are_means_over_the_data():
-    gram = driven(RICH, noise=0.0).whole()
+    gram = driven(RICH, noise=0.0).since_start()
     # the vehicle's own acceleration, from its own parameters
     random, v, squares = np.random.default_rng(1), 0.0, []
     for k in range(3000):
@@ -102,5 +102,5 @@ def test_accelerations_are_means_over_the_data():
 
 def test_the_recent_matrix_forgets_and_the_whole_one_does_not():
     monitor = driven(lambda t: RICH(t) if t < 200.0 else 0.0, duration=800.0, noise=0.0)
-    assert monitor.recent().reasons == ('no thrust',)
-    assert monitor.whole().reasons == ()
+    assert monitor.update_fading().reasons == ('no thrust',)
+    assert monitor.since_start().reasons == ()

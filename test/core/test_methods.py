@@ -7,9 +7,9 @@ import math
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
+from rovid_core.identify import make_identifier, METHODS
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
-from rovid_core.identify.aid.running_mean import AveragedIdentifier
-from rovid_core.identify.methods import make, METHODS
+from rovid_core.identify.aid.self_tuning import SelfTuningIdentifier
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Step
@@ -52,14 +52,14 @@ def run(identifier, sequence, adapt=True):
 
 
 def test_it_comes_closer_to_the_truth(settings):
-    identifier = make(settings, DOF)
+    identifier = make_identifier(settings, DOF)
     first = [abs(p / t - 1) for p, t in zip(identifier.parameters, TRUTH)][0]
     run(identifier, steps(2000))
     assert abs(identifier.parameters[0] / TRUTH[0] - 1) < 0.2 * first
 
 
 def test_same_input_same_bits_and_reading_changes_nothing(settings):
-    one, two = make(settings, DOF), make(settings, DOF)
+    one, two = make_identifier(settings, DOF), make_identifier(settings, DOF)
     for step in steps():
         one.step(step)
         two.step(step)
@@ -69,7 +69,7 @@ def test_same_input_same_bits_and_reading_changes_nothing(settings):
 
 
 def test_what_was_known_at_a_step_stays_what_it_was(settings):
-    one, two = make(settings, DOF), make(settings, DOF)
+    one, two = make_identifier(settings, DOF), make_identifier(settings, DOF)
     run(one, steps(200))
     run(two, steps(200))
     before = one.uncertainty
@@ -83,7 +83,7 @@ def test_what_was_known_at_a_step_stays_what_it_was(settings):
 
 
 def test_reset_then_rerun_is_the_same_as_new(settings):
-    identifier = run(make(settings, DOF), steps())
+    identifier = run(make_identifier(settings, DOF), steps())
     first = identifier.state()
     identifier.reset()
     assert identifier.parameters == pytest.approx(lumped(400.0, 150.0, 20.0, 1.0))
@@ -92,14 +92,14 @@ def test_reset_then_rerun_is_the_same_as_new(settings):
 
 def test_state_goes_through_json_to_the_same_bits(settings):
     sequence = steps()
-    one = run(make(settings, DOF), sequence[:200])
-    two = make(settings, DOF)
+    one = run(make_identifier(settings, DOF), sequence[:200])
+    two = make_identifier(settings, DOF)
     two.restore(json.loads(json.dumps(one.state())))
     assert run(one, sequence[200:]).state() == run(two, sequence[200:]).state()
 
 
 def test_a_state_out_of_bounds_is_refused(settings):
-    identifier = make(settings, DOF)
+    identifier = make_identifier(settings, DOF)
     state = identifier.state()
     for bad in ([-1.0, 0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [math.nan] * 4):
         with pytest.raises(ValueError):
@@ -108,7 +108,7 @@ def test_a_state_out_of_bounds_is_refused(settings):
 
 
 def test_frozen_parameters_stay_and_the_state_goes_on(settings):
-    identifier = run(make(settings, DOF), steps(100))
+    identifier = run(make_identifier(settings, DOF), steps(100))
     before, v_hat = identifier.parameters, identifier.v_hat
     run(identifier, steps(50), adapt=False)
     assert identifier.parameters == before
@@ -117,14 +117,15 @@ def test_frozen_parameters_stay_and_the_state_goes_on(settings):
 
 @pytest.mark.parametrize('terms', [('alpha',), ('alpha', 'beta', 'delta'), ('alpha', 'gamma')])
 def test_left_out_terms_are_exactly_zero(settings, terms):
-    identifier = run(make(settings, replace(DOF, terms=terms)), steps())
+    identifier = run(make_identifier(settings, replace(DOF, terms=terms)), steps())
     for name, value in zip(PARAMETERS, identifier.parameters):
         assert (value == 0.0) == (name not in terms)
 
 
 def test_mirrored_force_and_velocity_mirror_the_bias_alone(settings):
-    one = run(make(settings, DOF), steps())
-    two = run(make(settings, replace(DOF, bias=-DOF.bias)), steps(force=-1.0, velocity=-1.0))
+    one = run(make_identifier(settings, DOF), steps())
+    two = run(make_identifier(settings, replace(DOF, bias=-DOF.bias)),
+              steps(force=-1.0, velocity=-1.0))
     alpha, beta, gamma, delta = one.parameters
     assert two.parameters == pytest.approx((alpha, beta, gamma, -delta), rel=1e-12)
 
@@ -132,8 +133,8 @@ def test_mirrored_force_and_velocity_mirror_the_bias_alone(settings):
 @pytest.mark.parametrize('k', [1e-3, 7.0, 1e3])
 def test_force_in_another_unit_gives_alpha_in_that_unit(settings, k):
     scaled = DofSettings(k * 400.0, k * 150.0, k * 20.0, k * 1.0)
-    alpha, *rest = run(make(settings, DOF), steps()).parameters
-    other_alpha, *other_rest = run(make(settings, scaled), steps(force=k)).parameters
+    alpha, *rest = run(make_identifier(settings, DOF), steps()).parameters
+    other_alpha, *other_rest = run(make_identifier(settings, scaled), steps(force=k)).parameters
     assert other_alpha == pytest.approx(alpha / k, rel=1e-9)
     assert other_rest == pytest.approx(rest, rel=1e-9)
 
@@ -141,10 +142,10 @@ def test_force_in_another_unit_gives_alpha_in_that_unit(settings, k):
 def test_velocity_in_another_unit_scales_the_parameters(settings):
     # v' = k v: beta / k, gamma the same, alpha and delta k times
     k = 10.0
-    alpha, beta, gamma, delta = run(make(settings, DOF), steps()).parameters
+    alpha, beta, gamma, delta = run(make_identifier(settings, DOF), steps()).parameters
     scaled = DofSettings(400.0 / k, 150.0 / k**2 / k, 20.0 / k, 1.0, typical_velocity=0.5 * k,
                          typical_force=Scales.of(DOF).force)
-    a, b, g, d = run(make(settings, replace(
+    a, b, g, d = run(make_identifier(settings, replace(
         scaled, quadratic_drag=150.0 / k**2, bias=1.0)), steps(velocity=k)).parameters
     assert (a, b, g, d) == pytest.approx((k * alpha, beta / k, gamma, k * delta), rel=1e-9)
 
@@ -177,7 +178,7 @@ def test_nothing_makes_it_leave_its_bounds(data):
 @given(data=st.data())
 @hypothesis_settings(max_examples=100, deadline=None)
 def test_nothing_measured_makes_any_method_leave_its_bounds(method, data):
-    identifier = make(IdentifierSettings(method=method), DOF)
+    identifier = make_identifier(IdentifierSettings(method=method), DOF)
     low, high = Scales.of(DOF).bounds()
     for _ in range(data.draw(st.integers(1, 30))):
         v0, v1, mean, f, g = (data.draw(values) for _ in range(5))
@@ -204,7 +205,7 @@ def test_gains_without_a_proof_are_refused(feedback, adaptation):
 def test_names_that_there_are_not_are_refused():
     for bad in (IdentifierSettings(method='magic'), IdentifierSettings(integrator='magic')):
         with pytest.raises(SettingsError, match='magic'):
-            make(bad, DOF)
+            make_identifier(bad, DOF)
 
 
 def test_gains_that_are_too_high_for_the_step_are_divided_then_refused():
@@ -220,7 +221,7 @@ def test_gains_that_are_too_high_for_the_step_are_divided_then_refused():
 
 def averaged(typical=1.0, time=3.0):
     scales = Scales.of(DOF)
-    return AveragedIdentifier(replace(
+    return SelfTuningIdentifier(replace(
         scales, force=typical * scales.force, velocity=typical * scales.velocity), time, 'heun')
 
 
@@ -273,8 +274,9 @@ def test_typical_sizes_far_off_and_exact_data_give_the_same_model(typical):
 
 
 def test_raw_gains_are_never_rescaled_and_nothing_is_averaged():
-    raw = make(IdentifierSettings(feedback_gain=-2.0, adaptation_gains=(1e-5, 1.0, 1.0, 0.1)),
-               DOF, (1e-5, 1.0, 1.0, 0.1))
+    gains = (1e-5, 1.0, 1.0, 0.1)
+    raw = make_identifier(
+        IdentifierSettings(feedback_gain=-2.0, adaptation_gains=gains), DOF, gains)
     before = raw.energy(0.0, (0.0,) * 4, TRUTH)
     run(raw, steps(1000))
     assert raw.energy(0.0, (0.0,) * 4, TRUTH) == before

@@ -7,12 +7,12 @@ from statistics import median
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.identify.aid.full_gain import CoupledIdentifier
+from rovid_core.identify.aid.self_tuning import FullGainIdentifier
 from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.scales import Scales
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.least_squares import with_acceleration
 from rovid_core.trials.offline import METHODS, subsets
 from rovid_core.trials.output_error import information, noise, output_error
@@ -154,7 +154,7 @@ def test_w_with_a_full_gamma_never_grows():
     # a Gamma under which the drags soon meet their bounds
     spread = np.array([[0.004, 0.1, 0.3, 0.0], [0.0, 3.0, 4.0, 0.1], [0.0, 0.0, 1.0, 0.0],
                        [0.0, 0.0, 0.0, 0.1]])
-    identifier = CoupledIdentifier(SCALES, 1.0, spread.T @ spread, 'rk4')
+    identifier = FullGainIdentifier(SCALES, 1.0, spread.T @ spread, 'rk4')
     identifier.restart(0.0)
     energy = [identifier.lyapunov(0.0, SURGE_TRUTH)]
     for k in range(0, 2 * count, 2):

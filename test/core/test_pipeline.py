@@ -21,7 +21,7 @@ from rovid_core.settings.run import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.score import ScoreLog
 from rovid_core.velocity.quaternions import (
     between,

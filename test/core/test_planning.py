@@ -8,7 +8,7 @@ import pytest
 from rovid_core.model.plant import lumped
 from rovid_core.settings.scales import Scales
 from rovid_core.simulation.profiles import Multisine, Sinusoid, Steps, Waveform
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.output_error import output_error, Residuals
 from rovid_core.trials.planning import fleet
 from rovid_core.trials.planning.plan import Plan, plan

@@ -10,8 +10,8 @@ import pytest
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import Settings, SettingsError, SimulatedDof, ThrusterSettings
 from rovid_core.simulation.profiles import Multisine, ProfileError, Sinusoid, Steps, Waveform
-from rovid_core.simulation.simulator import profile_of, simulate
-from rovid_core.simulation.thruster_commands import shortfall, ThrusterCommands
+from rovid_core.simulation.sensors import simulate
+from rovid_core.simulation.vehicle import profile_of, shortfall, ThrusterCommands
 from rovid_core.thrust.thruster_curve import wrench
 from rovid_ros.commands.main import main
 from rovid_ros.commands.profile_grammar import GRAMMAR
@@ -183,14 +183,14 @@ def test_thrust_beyond_the_table_is_clipped_and_told(table: Settings) -> None:
 
 def test_of_a_very_long_profile_some_commands_tell_as_much(
         table: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
-    count, thrusters = 0, ThrusterCommands.thrusters
+    count, thrusters = 0, ThrusterCommands.thruster_forces
 
     def counted(self: ThrusterCommands, t: float) -> list[float]:
         nonlocal count
         count += 1
         return thrusters(self, t)
 
-    monkeypatch.setattr(ThrusterCommands, 'thrusters', counted)
+    monkeypatch.setattr(ThrusterCommands, 'thruster_forces', counted)
     short = shortfall(table.thrusters, {'surge': (Sinusoid(100.0, 0.1),)}, 20.0, 6000.0)
     assert short is not None
     assert (short.given, short.asked) == (-60.0, pytest.approx(-100.0))

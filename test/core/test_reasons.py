@@ -13,7 +13,8 @@ TELLING = {'reject', '_reject', '_drop', '_skip', '_refuse', '_count', 'RefusedE
 RETURNING = {
     'gate': ('take', '_refuse'), 'inlet': ('take',), 'commands': ('take',),
     'pipe': ('_take', '_measure'), 'motion_source': ('take', '_missing', '_body'),
-    'world': ('missing',), 'thrust': ('missing',), 'aid': ('step',), 'coupled': ('step',),
+    'world': ('missing',), 'thrust': ('missing',), 'adaptive_identifier': ('step',),
+    'self_tuning': ('step',),
     'rls': ('step',), 'extended_kalman': ('step',)}
 """Functions that return one, or ''."""
 

@@ -7,8 +7,7 @@ from random import Random
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.identify.rls.factored_covariance import FactoredCovariance
-from rovid_core.identify.rls.recursive_least_squares import MEMORY, PRIOR, RecursiveLeastSquares
+from rovid_core.identify.rls import FactoredCovariance, MEMORY, PRIOR, RecursiveLeastSquares
 from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Step
 from rovid_core.pipeline.stream import Stream
@@ -198,7 +197,7 @@ def test_forgetting_and_update_are_those_of_the_plain_covariance():
     p, plain = FactoredCovariance(2.0), 2.0 * np.eye(4)
     for _ in range(50):
         x = random.normal(size=4)
-        assert p.along(x) == pytest.approx(x @ plain @ x)
+        assert p.prediction_variance(x) == pytest.approx(x @ plain @ x)
         p.forget(x, 0.1)
         plain = plain + np.outer(x, x) * (0.1 / 0.9) / (x @ np.linalg.solve(plain, x))
         gain = p.update(x, 0.5)
@@ -214,7 +213,7 @@ def test_the_covariance_stays_positive_definite_over_very_many_updates():
     for _ in range(100_000):
         size = 10.0 ** random.uniform(-6, 6)
         x = [size * random.gauss(0, 1), 1e-3 * random.gauss(0, 1), 0.0, 1.0]
-        known = p.along(x)
+        known = p.prediction_variance(x)
         p.forget(x, min(0.01, known / (known + 1.0)))
         p.update(x, 1.0)
     c = matrix(p)
@@ -233,7 +232,7 @@ numbers = st.floats(-1e6, 1e6)
 def test_no_regressor_makes_the_covariance_indefinite(rows, variance):
     p = FactoredCovariance(25.0)
     for x in rows:
-        known = p.along(x)
+        known = p.prediction_variance(x)
         p.forget(x, min(0.1, known / (known + variance)))
         assert all(map(isfinite, p.update(x, variance)))
     assert min(p.d) > 0.0 and all(map(isfinite, p.d))

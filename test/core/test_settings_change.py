@@ -10,7 +10,7 @@ from rovid_core.model.samples import Event, Sample
 from rovid_core.ordering.event_order import EventOrder
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.force_history import Thrust
 from rovid_core.trials.score import ScoreLog
 

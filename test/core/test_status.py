@@ -11,7 +11,7 @@ from rovid_core.model.samples import Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import SimulatedDof
 from rovid_core.settings.scales import Scales
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 
 from test.support.surge import run, surge_log, surge_settings, SURGE_TRUTH as TRUTH, TRAINING
 
@@ -41,7 +41,7 @@ def steps(duration, dt=0.1):
 
 def judge(status, identifier, duration=30.0, adapt=True):
     for step in steps(duration):
-        found = status.after(identifier, step, '', adapt)
+        found = status.update(identifier, step, '', adapt)
     return found.status, found.reasons
 
 
@@ -86,12 +86,12 @@ def test_refused_frozen_and_unexcited_come_first(status):
     known = Known(0.01)
     assert judge(status, known)[0] == 'converged'
     step = next(steps(1.0))
-    assert status.after(known, step, 'unstable_step', True) == Judgement(
+    assert status.update(known, step, 'unstable_step', True) == Judgement(
         'invalid', ('unstable_step',))
     assert judge(status, known, adapt=False) == ('frozen', ())
-    assert status.after(known, step, '', True).status == 'converging'  # judged anew
+    assert status.update(known, step, '', True).status == 'converging'  # judged anew
     known.excitation = 0.0
-    assert status.after(known, step, '', True) == Judgement('unexcited', ('no thrust',))
+    assert status.update(known, step, '', True) == Judgement('unexcited', ('no thrust',))
 
 
 def test_the_surge_trial_converges_once_and_stays(status):

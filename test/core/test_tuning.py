@@ -14,7 +14,7 @@ from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_core.settings.scales import Scales
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.force_history import Thrust
 from rovid_core.trials.tuning.blocks import edges
 from rovid_core.trials.tuning.choice import choose, nearest

@@ -3,8 +3,8 @@
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.identify.aid.integrators import coupled_rates, INTEGRATORS
-from rovid_core.identify.aid.written_out import UNROLLED
+from rovid_core.identify.aid.adaptive_identifier import INTEGRATORS
+from rovid_core.identify.aid.self_tuning import DIRECT_STEPS, full_gain_rates
 from rovid_core.identify.ekf.linearised_filter import (
     diagonal,
     ForceImpulse,
@@ -16,7 +16,7 @@ from rovid_core.identify.ekf.linearised_filter import (
     widened,
     with_motion,
 )
-from rovid_core.identify.excitation import NO_SUMS, summed
+from rovid_core.identify.excitation import add_products, NO_SUMS
 from rovid_core.model.samples import Step
 
 BOX = ((-9.0,) * 4, (9.0,) * 4)
@@ -32,16 +32,16 @@ def matrix(p):
     return np.array([row(p, i) for i in range(SIZE)])
 
 
-@pytest.mark.parametrize('integrator', UNROLLED)
+@pytest.mark.parametrize('integrator', DIRECT_STEPS)
 @given(data=st.data())
 def test_a_step_with_a_full_gamma_is_that_of_the_integrator(integrator, data):
     gamma = tuple((0.1 * symmetric(4, data.draw))[np.triu_indices(4)].tolist())
     theta = tuple(data.draw(st.tuples(numbers, *[st.floats(-2.0, 0.0)] * 2, numbers)))
     v, start, end, force = data.draw(st.tuples(*[numbers] * 4))
     step = Step(0.02, (start, 0.5 * (start + end), end), (force,) * 3)
-    state = INTEGRATORS[integrator](-2.0, gamma, (v, *theta), step, coupled_rates)
+    state = INTEGRATORS[integrator](-2.0, gamma, (v, *theta), step, full_gain_rates)
     low, high = (-5.0, -5.0, -1.5, -5.0), (5.0, 0.01, 0.0, 5.0)
-    moved = UNROLLED[integrator](-2.0, gamma, v, theta, step, (low, high))
+    moved = DIRECT_STEPS[integrator](-2.0, gamma, v, theta, step, (low, high))
     phi = np.array([force, v * abs(v), v, 1.0])
     full = np.zeros((4, 4))
     full[np.triu_indices(4)] = gamma
@@ -58,7 +58,7 @@ def test_a_step_with_a_full_gamma_is_that_of_the_integrator(integrator, data):
 
 def test_heun_is_written_out_for_a_constant_force_alone():
     step = Step(0.02, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
-    assert UNROLLED['heun'](-2.0, (0.0,) * 10, 0.1, (1.0, 0.0, 0.0, 0.0), step, BOX) is None
+    assert DIRECT_STEPS['heun'](-2.0, (0.0,) * 10, 0.1, (1.0, 0.0, 0.0, 0.0), step, BOX) is None
 
 
 @given(st.data())
@@ -141,8 +141,8 @@ def test_sums_of_products_are_the_same_at_once_or_one_by_one():
     steps = [Step(dt, (v,) * 3, (f,) * 3) for dt, v, f in random.normal(size=(200, 3)).tolist()]
     one = NO_SUMS
     for step in steps:
-        one = summed(one, [step], 0.1, 2.0)
-    assert summed(NO_SUMS, steps, 0.1, 2.0) == one
+        one = add_products(one, [step], 0.1, 2.0)
+    assert add_products(NO_SUMS, steps, 0.1, 2.0) == one
     dt, v, f = np.array([(s.dt, 2.0 * s.velocity[1], 0.1 * s.force[1]) for s in steps]).T
     phi = np.stack([f, v * np.abs(v), v, np.ones_like(v)])
     assert one == pytest.approx((phi * dt @ phi.T)[np.triu_indices(4)])

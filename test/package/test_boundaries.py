@@ -9,7 +9,7 @@ import pytest
 
 # The core gets time and randomness as values, so that the same input gives the same bits.
 NOT_IN_CORE = {'calendar', 'datetime', 'random', 'secrets', 'sched', 'time', 'uuid'}
-SEEDED = 'simulator.py'  # the one file with a random generator, seeded by its caller
+SEEDED = 'sensors.py'  # the one file with a random generator, seeded by its caller
 OFFLINE = {'least_squares.py', 'output_error.py'}  # evaluate whole trials
 
 WITHOUT_ROS = """
@@ -67,7 +67,7 @@ def test_core_imports_only_numpy_and_the_standard_library(repository: Path) -> N
 def test_the_online_path_does_without_scipy(
         repository: Path, environment: dict[str, str]) -> None:
     code = ('import sys, rovid_core.pipeline.stream, rovid_core.trials.score, '
-            'rovid_core.simulation.simulator; '
+            'rovid_core.simulation.sensors; '
             'assert not any(name.startswith("scipy") for name in sys.modules)')
     subprocess.run([sys.executable, '-c', code], cwd=repository, env=environment, check=True)
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 from rovid_core.identify.estimate import DofEstimate, Estimate
+from rovid_core.identify.intervals import KnownUncertainty
 from rovid_core.identify.status import Judgement, STATUSES
-from rovid_core.identify.uncertainty import Stated
 from rovid_core.model.dofs import Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
 from rovid_core.trials.score import Score
@@ -32,10 +32,10 @@ def estimate(status: str = 'converging', reasons: tuple[str, ...] = (), std: Fou
              covariance: tuple[float, ...] = (), delay_std: float = math.nan,
              **surge: Any) -> Estimate:
     first = DofEstimate(
-        'surge', AWKWARD, Stated(covariance, std, delay_std), Judgement(status, reasons),
+        'surge', AWKWARD, KnownUncertainty(covariance, std, delay_std), Judgement(status, reasons),
         time=TIME - 5, steps=3, velocity=0.1, v_hat=0.3, force=7.25, excitation=0.5)
     second = DofEstimate(
-        'yaw', (0.02, -0.2, 0.0, 0.0), Stated(std=(0.1, 0.2, math.nan, math.nan)),
+        'yaw', (0.02, -0.2, 0.0, 0.0), KnownUncertainty(std=(0.1, 0.2, math.nan, math.nan)),
         Judgement('waiting', ('no step yet', 'no thrust')))
     return Estimate(TIME, (first._replace(**surge), second), (0,))
 
@@ -140,7 +140,7 @@ def test_the_summary_has_intervals_delay_and_verdict() -> None:
     assert surge['delay_s'] == {'value': 0.25, 'std': 0.01}
     assert (surge['verdict'], yaw['verdict']) == ('no thrust', '')
     assert (yaw['intervals'], yaw['delay_s']) == (None, None)
-    wide = known().dofs[0]._replace(uncertainty=Stated((1.0, *[0.0] * 15)))
+    wide = known().dofs[0]._replace(uncertainty=KnownUncertainty((1.0, *[0.0] * 15)))
     opened = summary(settings(), Estimate(TIME, (wide,), (0,)))['surge']['intervals']
     assert opened['mass'][1] is None  # as far as the data go it is anything above
 

@@ -11,7 +11,7 @@ from rovid_core.inputs.reasons import REASONS
 from rovid_core.model.samples import Event, Sample
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import IdentifierSettings, Settings
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.score import ScoreLog
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from

@@ -10,9 +10,9 @@ from math import inf, isfinite
 from time import process_time
 
 import numpy as np
+from rovid_core.identify import make_identifier
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.method import Identifier
-from rovid_core.identify.methods import make
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Step
@@ -40,7 +40,7 @@ METHODS = ('ekf', 'rls', 'aid')
 
 def identifier(method: str, guess: DofSettings = HEAVY, **settings: float) -> Identifier:
     """Return a method with otherwise default settings."""
-    return make(replace(IdentifierSettings(method), **settings), guess)  # type: ignore[arg-type]
+    return make_identifier(replace(IdentifierSettings(method), **settings), guess)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)

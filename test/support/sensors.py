@@ -9,7 +9,7 @@ import struct
 from typing import Any
 
 from rovid_core.settings.run import Settings
-from rovid_core.simulation.simulator import simulate
+from rovid_core.simulation.sensors import simulate
 from rovid_ros.commands.simulate import EPOCH
 from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages
 from rovid_ros.messages.types import build, standard_types

@@ -22,7 +22,7 @@ from rovid_core.settings.run import (
     ThrusterSettings,
 )
 from rovid_core.settings.scales import Scales
-from rovid_core.simulation.simulator import Measurement, simulate
+from rovid_core.simulation.sensors import Measurement, simulate
 from rovid_core.trials.score import Score
 
 # eq. 13: 250 kg, quadratic drag 200, 100 N at 1/4 Hz

@@ -8,25 +8,23 @@ The adaptive identifier of Smallwood & Whitcomb (2003), eq. 7, 8 and 11.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import math
 from typing import Any, cast
 
-from rovid_core.identify.aid.integrators import Five, INTEGRATORS, part, Rates, rates
-from rovid_core.identify.aid.written_out import general, Moved, Unrolled
-from rovid_core.identify.excitation import LEAST_EXCITATION, LEAST_MOTION
-from rovid_core.identify.uncertainty import NOTHING, Uncertainty
-from rovid_core.model.dofs import Four, PARAMETERS
+from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
+from rovid_core.identify.intervals import NO_UNCERTAINTY, Uncertainty
+from rovid_core.model.dofs import Four, PARAMETERS, Three
 from rovid_core.model.samples import finite, Step
 from rovid_core.settings.run import SettingsError
 from rovid_core.settings.scales import Scales
 
-MOST_PIECES = 100
-"""A step that would have to be divided further is refused."""
+MAX_PIECES = 100
+"""A step that would have to be divided into more pieces is refused."""
 
-MOST_EXCITATION = 1e12
-"""Keeps a wild force from making the mean infinite for ever."""
+MAX_EXCITATION = 1e12
+"""Limit of the mean square of the thrust, so that one wild force cannot make it infinite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +60,96 @@ class Gains:
         """
         Return gains that settle the best-excited direction in ``adaptation_time`` [s] (1/e).
 
-        With regressors normalised to about 1 and thrust that is slow beside ``a``, the slow
-        mode has T = |a| / g. ``a`` of 2 rad/s follows the vehicle and not the noise; a
-        short T needs it faster to stay damped.
+        With regressors normalised to about 1 and thrust that is slow compared with ``a``, the
+        slow mode has T = |a| / g. ``a`` of 2 rad/s follows the vehicle and not the noise; a
+        short T needs a larger one to stay damped.
         """
         a = max(2.0, 4.0 / adaptation_time)
         g = a / adaptation_time
         s = scales.regressor
         return Gains(-a, cast(Four, tuple([g * x * x for x in s])))
+
+
+Five = tuple[float, float, float, float, float]
+"""v_hat, alpha, beta, gamma, delta (or their rates)."""
+
+Rates = Callable[[float, tuple[float, ...], Five, float, float], Five]
+"""Feedback gain, Gamma, state, velocity and force to the right-hand sides of eq. 7 and 11."""
+
+
+def rates(a: float, gamma: tuple[float, ...], state: Five, v: float, tau: float) -> Five:
+    """Return the rates for a diagonal Gamma, as in the paper."""
+    v_hat, p0, p1, p2, p3 = state
+    dv = v_hat - v
+    drag = v_hat * abs(v_hat)
+    return (
+        a * dv + p0 * tau + p1 * drag + p2 * v_hat + p3,
+        -gamma[0] * dv * tau, -gamma[1] * dv * drag, -gamma[2] * dv * v_hat, -gamma[3] * dv,
+    )
+
+
+Integrator = Callable[[float, tuple[float, ...], Five, Step, Rates], Five]
+"""Feedback gain, Gamma, state, step and rates to the state after the step."""
+
+
+def _shifted(x: Five, h: float, d: Five) -> Five:
+    return (x[0] + h * d[0], x[1] + h * d[1], x[2] + h * d[2], x[3] + h * d[3],
+            x[4] + h * d[4])
+
+
+def _euler(a: float, gamma: tuple[float, ...], x: Five, step: Step, f: Rates) -> Five:
+    # the force in the middle, in the pipeline the mean over the step: with the force at the
+    # start, a part of the thrust would be taken for drag
+    return _shifted(x, step.dt, f(a, gamma, x, step.velocity[0], step.force[1]))
+
+
+def _heun(a: float, gamma: tuple[float, ...], x: Five, step: Step, f: Rates) -> Five:
+    h = step.dt
+    first = f(a, gamma, x, step.velocity[0], step.force[0])
+    last = f(a, gamma, _shifted(x, h, first), step.velocity[2], step.force[2])
+    return _shifted(_shifted(x, 0.5 * h, first), 0.5 * h, last)
+
+
+def _rk4(a: float, gamma: tuple[float, ...], x: Five, step: Step, f: Rates) -> Five:
+    h, v, tau = step.dt, step.velocity, step.force
+    k1 = f(a, gamma, x, v[0], tau[0])
+    k2 = f(a, gamma, _shifted(x, 0.5 * h, k1), v[1], tau[1])
+    k3 = f(a, gamma, _shifted(x, 0.5 * h, k2), v[1], tau[1])
+    k4 = f(a, gamma, _shifted(x, h, k3), v[2], tau[2])
+    x = _shifted(_shifted(x, h / 6.0, k1), h / 3.0, k2)
+    return _shifted(_shifted(x, h / 3.0, k3), h / 6.0, k4)
+
+
+INTEGRATORS: dict[str, Integrator] = {'euler': _euler, 'heun': _heun, 'rk4': _rk4}
+
+
+NewState = tuple[float, Four] | None
+"""v_hat and theta_hat after a step; None if the step must be divided or leaves the bounds."""
+
+DirectStep = Callable[
+    [float, tuple[float, ...], float, Four, Step, tuple[Four, Four]], NewState]
+"""Feedback gain, Gamma, v_hat, theta_hat, step and bounds to the state after the step."""
+
+
+def no_direct_step(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
+                   bounds: tuple[Four, Four]) -> NewState:
+    """Leave every step to ``INTEGRATORS``."""
+    return None
+
+
+def piece_of_step(step: Step, k: int, pieces: int) -> Step:
+    """Return piece ``k`` of a step, by the parabola through its three points."""
+
+    def at(values: Three, x: float) -> float:
+        start, middle, end = values
+        return (start * (1.0 - x) * (1.0 - 2.0 * x) + 4.0 * middle * x * (1.0 - x)
+                + end * x * (2.0 * x - 1.0))
+
+    xs = (k / pieces, (k + 0.5) / pieces, (k + 1.0) / pieces)
+    return Step(
+        step.dt / pieces,
+        (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
+        (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))
 
 
 class AdaptiveIdentifier:
@@ -89,29 +169,31 @@ class AdaptiveIdentifier:
     Raises
     ------
     SettingsError
-        For an integrator that there is not.
+        If there is no such integrator.
 
     Notes
     -----
-    An explicit step blows up when it is long against the loop's own dynamics. On a step
-    h these are the feedback with the drag, |a| + 2|beta v| + |gamma|, and the adaptation,
-    phi' Gamma phi / |a|. ``step`` divides h until both turn by less than 1 and 1/2; if
-    that takes more than ``MOST_PIECES`` pieces, or the result is not finite, the step is
-    refused and v_hat taken from the measurement. The parameters are projected on a box
-    (``Scales.bounds``) that holds the true ones, so W does not grow by it.
+    An explicit step is unstable when it is long compared with the time constants of the loop:
+    those of the feedback with the drag, |a| + 2|beta v| + |gamma|, and of the adaptation,
+    phi' Gamma phi / |a|. ``step`` divides the step until the products of its length with these
+    rates are below 1 and 1/2. If this takes more than ``MAX_PIECES`` pieces, or the result is
+    not finite, the step is refused and v_hat is set to the measurement. The parameters are
+    projected on a box (``Scales.bounds``) that contains the true ones, so the projection does
+    not increase W.
 
     At rest the velocity is noise, and its echo in v_hat would be taken for drag: 0.2 1/s of
-    gamma in an hour. With neither thrust nor motion beta and gamma therefore stay. What then
-    is missing in W' is |dv (dbeta v|v| + dgamma v)|, with v next to 0.
+    gamma in an hour. Without thrust and motion beta and gamma are therefore not adapted. This
+    changes W' by |dv (dbeta v|v| + dgamma v)| at most, with v close to 0.
 
-    ``parameters`` are what is published, here theta_hat itself: with raw gains this is the
-    paper's identifier as it is. ``AveragedIdentifier`` takes its gains from the data.
+    ``parameters`` are the published values, here theta_hat itself: with raw gains this is the
+    paper's identifier unchanged. ``SelfTuningIdentifier`` takes its gains from the data.
 
     """
 
     note = ''
-    uncertainty: Uncertainty = NOTHING
-    std, covariance, delay_std = NOTHING.std, NOTHING.covariance, NOTHING.delay_std
+    uncertainty: Uncertainty = NO_UNCERTAINTY
+    std, covariance, delay_std = (
+        NO_UNCERTAINTY.std, NO_UNCERTAINTY.covariance, NO_UNCERTAINTY.delay_std)
     delay = math.nan
 
     def __init__(self, scales: Scales, gains: Gains, integrator: str = 'euler') -> None:
@@ -128,14 +210,14 @@ class AdaptiveIdentifier:
         self._resting: tuple[float, ...] = (gamma[0], 0.0, 0.0, gamma[3])
         rate = max(g / (s * s) for g, s in zip(gamma, self._regressor_scale)) / -self._a
         self.adaptation_time = 1.0 / rate if rate > 0.0 else math.inf  # of the fastest [s]
-        self._advance = INTEGRATORS[integrator]
+        self._integrate = INTEGRATORS[integrator]
         self._rates: Rates = rates
-        self._unrolled: Unrolled = general
+        self._direct_step: DirectStep = no_direct_step
         self.bounds = scales.bounds()
         self.reset()
 
     def reset(self) -> None:
-        """Go back to the initial values."""
+        """Return to the initial values."""
         self.theta_hat = self.parameters = self._scales.initial
         self.v_hat = math.nan
         self.excitation = 0.0
@@ -144,12 +226,12 @@ class AdaptiveIdentifier:
         """Do nothing: the time follows from the raw gains."""
 
     def restart(self, velocity: float) -> None:
-        """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
+        """Set v_hat to a measured velocity [m/s or rad/s] and keep the parameters."""
         self.v_hat = velocity
 
     def step(self, step: Step, adapt: bool = True) -> str:
         """
-        Take one step (eq. 7 and 11); return '' or ``unstable_step`` when it was refused.
+        Process one step (eq. 7 and 11); return '', or ``unstable_step`` if it was refused.
 
         With ``adapt`` False the parameters stay as they are.
         """
@@ -158,25 +240,25 @@ class AdaptiveIdentifier:
             v_hat = self.v_hat = step.velocity[0]
         force, excitation = step.force[1] * self._per_force, self.excitation
         square = force * force
-        rest = (square < LEAST_EXCITATION and excitation < LEAST_EXCITATION
-                and (speed := v_hat * self._per_velocity) * speed < LEAST_MOTION)
+        rest = (square < MIN_EXCITATION and excitation < MIN_EXCITATION
+                and (speed := v_hat * self._per_velocity) * speed < MIN_MOTION)
         gamma = self._gamma
         if rest or not adapt:
             gamma = self._resting if adapt else (0.0,) * len(gamma)
-        moved = self._unrolled(self._a, gamma, v_hat, self.theta_hat, step, self.bounds)
+        moved = self._direct_step(self._a, gamma, v_hat, self.theta_hat, step, self.bounds)
         if moved is None:
-            moved = self._moved(step, gamma)
+            moved = self._advance_in_pieces(step, gamma)
             if moved is None:
                 self.v_hat = step.velocity[2]
                 return 'unstable_step'
         self.v_hat, self.theta_hat = moved
         # the mean square of the normalised thrust over about one adaptation time
-        if not square < MOST_EXCITATION:
-            square = MOST_EXCITATION
+        if not square < MAX_EXCITATION:
+            square = MAX_EXCITATION
         self.excitation = excitation - math.expm1(-step.dt / self.adaptation_time) * (
             square - excitation)
         if adapt:
-            self._adapted(step, rest)
+            self._publish(step, rest)
         return ''
 
     def energy(self, dv: float, parameters: Sequence[float], truth: Sequence[float]) -> float:
@@ -185,27 +267,27 @@ class AdaptiveIdentifier:
             (p - t) ** 2 / g for p, t, g in zip(parameters, truth, self._gamma) if g))
 
     def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
-        """Return W as it is now, against the true parameters."""
+        """Return the present W against the true parameters."""
         return self.energy(self.v_hat - velocity, self.theta_hat, truth)
 
     def state(self) -> dict[str, Any]:
-        """Return all that is needed to go on from here."""
+        """Return all that is needed to continue from here."""
         return {'parameters': list(self.theta_hat),
                 'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
                 'excitation': self.excitation}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from ``state``; raises ValueError if it does not fit."""
-        parameters = self._allowed(state['parameters'])
+        """Continue from ``state``; raise ValueError if it does not fit."""
+        parameters = self._checked(state['parameters'])
         v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
         excitation = float(state['excitation'])
-        if math.isinf(v_hat) or not 0.0 <= excitation <= MOST_EXCITATION:
+        if math.isinf(v_hat) or not 0.0 <= excitation <= MAX_EXCITATION:
             raise ValueError(f'v_hat {v_hat} or excitation {excitation} is out of range')
         self.theta_hat = self.parameters = parameters
         self.v_hat, self.excitation = v_hat, excitation
 
-    def _allowed(self, values: Sequence[float]) -> Four:
-        """Return parameters from a state; raises ValueError for what cannot be one."""
+    def _checked(self, values: Sequence[float]) -> Four:
+        """Return parameters of a saved state; raise ValueError if they are out of bounds."""
         parameters = [float(x) for x in values]
         low, high = self.bounds
         for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
@@ -215,24 +297,24 @@ class AdaptiveIdentifier:
             raise ValueError(f'{len(parameters)} parameters, not 4')
         return cast(Four, tuple(parameters))
 
-    def _adapted(self, step: Step, rest: bool) -> None:
-        """Publish what a step has made of theta_hat."""
+    def _publish(self, step: Step, rest: bool) -> None:
+        """Set ``parameters`` after a step that adapted theta_hat."""
         self.parameters = self.theta_hat
 
-    def _moved(self, step: Step, gamma: tuple[float, ...]) -> Moved:
+    def _advance_in_pieces(self, step: Step, gamma: tuple[float, ...]) -> NewState:
         """Return v_hat and theta_hat after a step, None if it is refused."""
         state: Five = (self.v_hat, *self.theta_hat)
-        pieces = self._pieces(step, gamma)
-        if pieces > MOST_PIECES:
+        pieces = self._number_of_pieces(step, gamma)
+        if pieces > MAX_PIECES:
             return None
         if pieces == 1:
-            state = self._piece(state, step, gamma)
+            state = self._advance_piece(state, step, gamma)
         else:
             for k in range(pieces):
-                state = self._piece(state, part(step, k, pieces), gamma)
+                state = self._advance_piece(state, piece_of_step(step, k, pieces), gamma)
         return (state[0], state[1:]) if finite(state) else None
 
-    def _pieces(self, step: Step, gamma: tuple[float, ...]) -> int:
+    def _number_of_pieces(self, step: Step, gamma: tuple[float, ...]) -> int:
         force = max(abs(step.force[0]), abs(step.force[2]))
         gain = abs(self.theta_hat[0] * force) + abs(self.theta_hat[3])
         speed = step.dt * gain + max(
@@ -242,14 +324,14 @@ class AdaptiveIdentifier:
                       + gamma[2] * square + gamma[3])
         feedback = -self._a + 2.0 * abs(self.theta_hat[1]) * speed + abs(self.theta_hat[2])
         turns = step.dt * max(feedback, 2.0 * adaptation / -self._a)
-        return int(turns) + 1 if turns <= MOST_PIECES else MOST_PIECES + 1
+        return int(turns) + 1 if turns <= MAX_PIECES else MAX_PIECES + 1
 
-    def _piece(self, state: Five, step: Step, gamma: tuple[float, ...]) -> Five:
-        state = self._advance(self._a, gamma, state, step, self._rates)
-        return state[0], *self._inside(state[1:])
+    def _advance_piece(self, state: Five, step: Step, gamma: tuple[float, ...]) -> Five:
+        state = self._integrate(self._a, gamma, state, step, self._rates)
+        return state[0], *self._projected(state[1:])
 
-    def _inside(self, parameters: Four) -> Four:
-        """Return the nearest parameters inside the bounds, as W measures distance."""
+    def _projected(self, parameters: Four) -> Four:
+        """Return the parameters inside the bounds that are nearest in the metric of W."""
         low, high = self.bounds
         return cast(Four, tuple([
             bottom if p < bottom else top if p > top else p

@@ -30,9 +30,9 @@ from rovid_core.identify.ekf.linearised_filter import (
     VELOCITY,
 )
 from rovid_core.identify.ekf.step_filter import StepFilter
-from rovid_core.identify.excitation import LEAST_EXCITATION, LEAST_MOTION
+from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
+from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier
-from rovid_core.identify.uncertainty import Uncertainty
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
 from rovid_core.settings.scales import Scales
@@ -282,11 +282,11 @@ class ExtendedKalman(Identifier):
         """Tell whether there is neither thrust nor sure motion: noise would be taken for drag."""
         square = (step.force[1] / self._scales.force)**2
         self.excitation -= math.expm1(-step.dt / FORGET) * (square - self.excitation)
-        if square > LEAST_EXCITATION or self.excitation > LEAST_EXCITATION:
+        if square > MIN_EXCITATION or self.excitation > MIN_EXCITATION:
             return False
         filter = self._filter.filter
         speed = filter.nominal[VELOCITY]
-        return speed * speed < LEAST_MOTION + 9.0 * filter.variance(VELOCITY)
+        return speed * speed < MIN_MOTION + 9.0 * filter.variance(VELOCITY)
 
     def _update(self, step: Step, i: int, value: float, adapt: bool) -> bool:
         """Update with a measurement; return whether it is an outlier."""

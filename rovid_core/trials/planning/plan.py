@@ -150,7 +150,7 @@ def _searched(vehicles: Vehicles, sensor: Sensor, limits: Limits,
                       else first_shapes(grid))
         # two sinusoids of one frequency are one, or none
         new = [shape for shape in dict.fromkeys(candidates) if shape not in judged
-               and len({w.highest for w in shape}) == len(shape)]
+               and len({w.max_frequency for w in shape}) == len(shape)]
         force = np.stack([samples(shape, t) for shape in new], axis=1)
         force /= np.abs(force).max(axis=0)
         sizes = _largest(vehicles, limits, force, offset, dt)

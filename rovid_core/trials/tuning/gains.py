@@ -8,9 +8,14 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.aid.adaptive_identifier import Gains, MOST_PIECES
-from rovid_core.identify.aid.integrators import INTEGRATORS, part
-from rovid_core.identify.excitation import LEAST_EXCITATION, LEAST_MOTION
+from rovid_core.identify.aid.adaptive_identifier import (
+    Gains,
+    INTEGRATORS,
+    MAX_PIECES,
+    piece_of_step,
+    rates,
+)
+from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
 from rovid_core.model.recurrence import Array
 from rovid_core.model.samples import Step
 from rovid_core.settings.scales import Scales
@@ -178,9 +183,9 @@ class GainSweep:
         gamma = list(self._gamma)
         scaled = force * self._scale[0]
         square = scaled * scaled
-        if float(np.abs(force).min()) ** 2 < LEAST_EXCITATION * self._force**2:
-            rest = (self._excitation < LEAST_EXCITATION) & (square < LEAST_EXCITATION) & (
-                (self._state[0] * self._scale[2]) ** 2 < LEAST_MOTION)
+        if float(np.abs(force).min()) ** 2 < MIN_EXCITATION * self._force**2:
+            rest = (self._excitation < MIN_EXCITATION) & (square < MIN_EXCITATION) & (
+                (self._state[0] * self._scale[2]) ** 2 < MIN_MOTION)
             gamma[1], gamma[2] = gamma[1] * ~rest, gamma[2] * ~rest
         turns = self._turns(dt, fastest, force, gamma)
         state = self._piece(
@@ -190,7 +195,7 @@ class GainSweep:
         if divided.any():
             self._divided += divided
             self._divide(divided, turns, dt, velocity, force, gamma, state)
-            noted = np.where(turns > MOST_PIECES, 0.0, noted)
+            noted = np.where(turns > MAX_PIECES, 0.0, noted)
         self._excitation += noted * (square - self._excitation)
         self._state = state
 
@@ -201,7 +206,7 @@ class GainSweep:
             v_hat, *parameters = heun(a, gamma, state, dt, velocity, force)
         else:
             v_hat, *parameters = cast(Any, INTEGRATORS[self._integrator])(
-                a, gamma, state, Step(dt, cast(Any, velocity), cast(Any, (force,) * 3)))
+                a, gamma, state, Step(dt, cast(Any, velocity), cast(Any, (force,) * 3)), rates)
         return [v_hat, *(np.minimum(np.maximum(p, bottom), top)
                          for p, bottom, top in zip(parameters, low, high))]
 
@@ -227,14 +232,14 @@ class GainSweep:
         for count in np.unique(number[which]).tolist():
             mask = number == count
             own, v, (f,) = chosen(self._state), chosen(velocity), chosen([force])
-            if count > MOST_PIECES:
+            if count > MAX_PIECES:
                 own[0] = v[2]
             else:
                 fixed = (chosen([self._a])[0], chosen(gamma))
                 bounds = chosen(self._low), chosen(self._high)
                 whole = Step(dt, cast(Any, v), cast(Any, (f,) * 3))
                 for k in range(count):
-                    piece = part(whole, k, count)
+                    piece = piece_of_step(whole, k, count)
                     own = self._piece(
                         *fixed, own, *bounds, piece.dt, cast(Any, piece.velocity), f)
             for column, values in zip(state, own):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from rovid_core.identify.methods import make
+from rovid_core.identify import make_identifier
 from rovid_core.model.recurrence import Array
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Settings
@@ -232,7 +232,7 @@ def ahead(chain: Chain, commanded: Commanded, settings: Settings, cutoff: float,
     """
     dof = chain.dof
     trial = _steps(chain, commanded, [cutoff])
-    identifier = make(replace(settings.identifier, adaptation_time=time), replace(
+    identifier = make_identifier(replace(settings.identifier, adaptation_time=time), replace(
         settings.dof[dof.name], typical_force=size[0], typical_velocity=size[1]))
     marks = np.searchsorted(trial.end, edges(dof.stretches)[FIRST:-1], 'right').tolist()
     found = []

@@ -1,1 +1,0 @@
-"""Recursive least squares on filtered regressors."""

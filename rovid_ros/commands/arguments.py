@@ -1,18 +1,16 @@
-"""What the arguments of the command line take, each said in one line."""
+"""Arguments that several commands take, and what a value on the command line may be."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
 import difflib
 import math
 from pathlib import Path
 import re
-import sys
 from typing import Any, NoReturn
 
 from rovid_core.model.dofs import DOFS
-from rovid_ros.commands.ending import USAGE
+from rovid_ros.commands.running import wrong_usage
 
 SHORTEST, LONGEST = 1e-3, 1e9
 """[s] A shorter part holds no message; a longer one does not fit the time stamps of ROS."""
@@ -41,23 +39,33 @@ class Version(argparse.Action):
         parser.exit()
 
 
-def wrong_usage(prog: str, message: str) -> NoReturn:
-    """End with a line about the command line."""
-    print(f'{prog}: {message} (see {prog} --help)', file=sys.stderr)
-    raise SystemExit(USAGE)
+def add_params_file(command: argparse.ArgumentParser, required: bool = True) -> None:
+    """Let a command take ``--params-file``."""
+    command.add_argument(
+        '--params-file', type=Path, required=required, metavar='FILE',
+        help="the vehicle's parameter file, the same as the node's")
 
 
-def add_command(commands: Any, name: str, run: Callable[[argparse.Namespace], None],
-                does: str, more: str, params_file: bool | None = True) -> Parser:
-    """Add a subcommand that ``does`` something; its parameter file is required, may be, or not."""
-    command: Parser = commands.add_parser(
-        name, help=does, description=f'{does[0].upper()}{does[1:]}. {more}')
-    if params_file is not None:
-        command.add_argument(
-            '--params-file', type=Path, required=params_file, metavar='FILE',
-            help="the vehicle's parameter file, the same as the node's")
-    command.set_defaults(run=run, prog=command.prog)
-    return command
+def add_logs(command: argparse.ArgumentParser, nargs: str = '+') -> None:
+    """Let a command take logs that are parts of one."""
+    command.add_argument(
+        'logs', nargs=nargs, default=[], type=Path, metavar='LOG',
+        help='.mcap, .db3 or .bag file or rosbag2 directory; several are joined in time order')
+
+
+def add_part(command: argparse.ArgumentParser) -> None:
+    """Let a command take the same part of each of its logs."""
+    command.add_argument(
+        '--start', type=not_negative, default=0.0, metavar='S',
+        help="begin S seconds after the log's beginning")
+    command.add_argument(
+        '--duration', type=duration, metavar='S', help='use S seconds of the log')
+
+
+def add_json(command: argparse.ArgumentParser, what: str) -> None:
+    """Let a command write ``what`` with ``--json``."""
+    command.add_argument(
+        '--json', type=Path, metavar='OUT.json', help=f'write the {what} for a program to read')
 
 
 def not_negative(text: str) -> float:

@@ -15,9 +15,9 @@ from typing import Any
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
-from rovid_ros.commands.ending import CommandError, DONE, guarded, read_settings
 from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.commands.replay import replay
+from rovid_ros.commands.running import CommandError, DONE, read_settings, run_to_exit_code
 from rovid_ros.commands.simulate import simulate_log, truth
 from rovid_ros.results.summary import summary
 from rovid_ros.results.text import NONE, percent, quantity, table
@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         args = parser.parse_args(argv)
     except SystemExit as stop:
         return int(stop.code or DONE)
-    return guarded('rovid_ros.commands.demo', lambda: demo(args.folder))
+    return run_to_exit_code('rovid_ros.commands.demo', lambda: demo(args.folder))
 
 
 def demo(folder: Path, duration: float = DURATION) -> None:

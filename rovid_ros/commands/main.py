@@ -1,22 +1,32 @@
 """
-The command ``rovid``: its subcommands.
+The command ``rovid`` and the list of its subcommands.
 
-A subcommand's modules are imported when it runs, so that ``rovid --help`` is instant and
-a missing library only stops the command that needs it.
+The subcommand NAME is the module ``rovid_ros.commands.NAME``. It has ``DESCRIPTION``, what its
+help says after the line in ``COMMANDS``; ``add_arguments``, which fills its parser; and ``run``,
+which does the work. A module is imported only when its subcommand is on the command line, so
+that ``rovid --help`` is instant and a missing library stops only the command that needs it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
+import os
 import sys
 
-from rovid_ros.commands import (
-    check_arguments as check,
-    log_arguments as logs,
-    model_arguments as models,
-)
-from rovid_ros.commands.arguments import Parser, Version, wrong_usage
-from rovid_ros.commands.ending import DONE, guarded, USAGE
+from rovid_ros.commands.arguments import Parser, Version
+from rovid_ros.commands.running import run_to_exit_code, USAGE, wrong_usage
+
+COMMANDS = {
+    'check': 'validate a parameter file',
+    'replay': 'identify from recorded logs',
+    'compare': 'identify by every method and score every model',
+    'simulate': 'write the log of a simulated vehicle',
+    'tune': 'find delay, lag, heading offset, cutoff and gains',
+    'plan': 'propose the thrust profile to drive next',
+    'export': 'write identified parameters for other programs',
+}
+"""What each subcommand does, in the order of ``rovid --help``."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,31 +46,33 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if sys.stdout is not None and hasattr(sys.stdout, 'reconfigure'):
         sys.stdout.reconfigure(errors='replace')
-    parser = _parser()
-    try:
-        args, unknown = parser.parse_known_args(argv)
-        if unknown:
-            wrong_usage(args.prog, f'unrecognized arguments: {" ".join(unknown)}')
-    except SystemExit as stop:
-        return int(stop.code or DONE)
-    if args.run is None:
-        parser.print_help(sys.stderr)
-        return USAGE
-    return guarded(args.prog, lambda: args.run(args))
+    # The matrices are small: the threads of numpy cost more than they give, and take the cores
+    # from the processes that work in parallel. It is read when numpy is imported.
+    os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    name = next((word for word in arguments if not word.startswith('-')), '')
+    prog = f'rovid {name}' if name in COMMANDS else 'rovid'
+    return run_to_exit_code(prog, lambda: _run(arguments, name))
 
 
-def _parser() -> Parser:
+def _run(arguments: list[str], name: str) -> None:
     parser = Parser(
         prog='rovid', description='Identify mass, drag and bias of an underwater vehicle '
         'from a log of its positions and thruster commands.')
     parser.add_argument('--version', action=Version, nargs=0, help='show the version and exit')
     parser.set_defaults(run=None, prog=parser.prog)
-    commands = parser.add_subparsers(title='commands', metavar='COMMAND')
-    check.add_check(commands)
-    logs.add_replay(commands)
-    logs.add_compare(commands)
-    models.add_simulate(commands)
-    logs.add_tune(commands)
-    models.add_plan(commands)
-    models.add_export(commands)
-    return parser
+    subparsers = parser.add_subparsers(title='commands', metavar='COMMAND')
+    for command, does in COMMANDS.items():
+        subparser = subparsers.add_parser(command, help=does)
+        if command == name:
+            module = import_module(f'rovid_ros.commands.{name}')
+            subparser.description = f'{does[0].upper()}{does[1:]}. {module.DESCRIPTION}'
+            module.add_arguments(subparser)
+            subparser.set_defaults(run=module.run, prog=subparser.prog)
+    args, unknown = parser.parse_known_args(arguments)
+    if unknown:
+        wrong_usage(args.prog, f'unrecognized arguments: {" ".join(unknown)}')
+    if args.run is None:
+        parser.print_help(sys.stderr)
+        raise SystemExit(USAGE)
+    args.run(args)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
@@ -28,17 +29,89 @@ from rovid_core.trials.planning.prospect import (
     times,
     Vehicles,
 )
-from rovid_ros.commands.ending import CommandError, UsageError
-from rovid_ros.commands.profile_text import profile_text
+from rovid_ros.commands.arguments import (
+    add_json,
+    add_params_file,
+    dofs as dof_list,
+    duration as time_span,
+    factor,
+    per_dof,
+)
+from rovid_ros.commands.profiles import profile_text
 from rovid_ros.commands.progress import Progress
-from rovid_ros.results.identified import Identified
+from rovid_ros.commands.running import (
+    check_written,
+    CommandError,
+    located_errors,
+    print_written,
+    read_settings,
+    UsageError,
+    warn,
+)
+from rovid_ros.files.whole_files import write_json, write_text
+from rovid_ros.results.identified import Identified, read_estimates
 from rovid_ros.results.text import number, table, unit
+
+DESCRIPTION = (
+    'Of the profiles that keep the limits it takes the one after which the least certain of '
+    'mass, drags and bias is most certain, also where the model is wrong. Limits are one '
+    'NUMBER for surge, sway and heave, or DOF=NUMBER[,DOF=NUMBER ...].')
 
 LONGEST = 3600.0
 """[s] A longer trial tells the same again: repeat the profile."""
 
 SHORTEST = 10.0
 """[s] Of a trial that tells anything."""
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add what ``rovid plan`` takes."""
+    add_params_file(command)
+    command.add_argument(
+        'estimates', nargs='?', type=Path, metavar='ESTIMATES.json',
+        help="of rovid replay or compare (default: the parameter file's initial values)")
+    command.add_argument(
+        '--dofs', type=dof_list, default=(), metavar='DOF,...', help='plan these only')
+    command.add_argument(
+        '--duration', type=time_span, default=300.0, metavar='S',
+        help='length of the trial [s] (default: 300)')
+    command.add_argument(
+        '--max-force', type=per_dof, default={}, metavar='N',
+        help='largest thrust [N or N m] (default: typical.force)')
+    command.add_argument(
+        '--max-speed', type=per_dof, default={}, metavar='V',
+        help='largest speed [m/s or rad/s] (default: velocity.max)')
+    command.add_argument(
+        '--room', type=per_dof, default={}, metavar='M',
+        help='largest distance from the start, to either side [m or rad] (default: no limit)')
+    command.add_argument(
+        '--factor', type=factor, default=2.0, metavar='F',
+        help='by how much the mass and drags of the model may be wrong (default: 2)')
+    command.add_argument(
+        '--output', type=Path, metavar='FILE',
+        help='write the profile: .csv: time and thrust; .yaml: the text for rovid simulate')
+    add_json(command, 'plan')
+
+
+def run(args: argparse.Namespace) -> None:
+    """Run ``rovid plan``."""
+    if args.output and args.output.suffix not in ('.csv', '.yaml'):
+        raise UsageError(f'--output: got {args.output}, takes a name that ends in .csv or .yaml')
+    check_written([args.output, args.json], [args.estimates, args.params_file])
+    settings = read_settings(args.params_file)
+    models = read_estimates(args.estimates) if args.estimates else []
+    with located_errors(args.params_file):
+        proposal = propose(settings, models, Asked(
+            args.dofs, args.duration, args.max_force, args.max_speed, args.room, args.factor))
+    for line in proposal.warnings:
+        warn(args.prog, line)
+    print(plan_text(proposal, args.params_file))
+    if args.output:
+        write_text(args.output, as_csv(proposal, settings) if args.output.suffix == '.csv'
+                   else as_yaml(proposal))
+    if args.json:
+        write_json(args.json, document(proposal))
+    print_written(args.output, args.json)
 
 
 @dataclass(frozen=True)

@@ -2,22 +2,116 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 import json
 from pathlib import Path
 
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
+from rovid_core.trials.score import ScoreLog
+from rovid_ros.commands.arguments import (
+    add_json,
+    add_logs,
+    add_params_file,
+    add_part,
+    mcap,
+    positive,
+)
 from rovid_ros.commands.controls import CONTROL
-from rovid_ros.commands.feeder import Feeder
-from rovid_ros.commands.interrupt import Interrupt, Interrupted
+from rovid_ros.commands.feeder import Feeder, PipeFeeder
 from rovid_ros.commands.progress import Progress
 from rovid_ros.commands.replay_checkpoint import ReplayCheckpoint
 from rovid_ros.commands.replay_run import ReplayError, ReplayRun, Result
+from rovid_ros.commands.running import (
+    check_written,
+    CommandError,
+    Interrupt,
+    Interrupted,
+    located_errors,
+    print_written,
+    read_settings,
+    read_values,
+    UsageError,
+    warn as warn_on_stderr,
+)
 from rovid_ros.files.output_log import OutputFile, part_of
+from rovid_ros.files.whole_files import write_json
 from rovid_ros.logs.log import Log, RECORD
 from rovid_ros.messages.convert import Converter
+from rovid_ros.results.text import report
+
+DESCRIPTION = (
+    'Prints the parameters of each degree of freedom, how well they predict the log, and what '
+    'was refused.')
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add what ``rovid replay`` takes."""
+    add_params_file(command)
+    add_logs(command)
+    command.add_argument(
+        '--method', default='', metavar='M', help="use this method, not the file's")
+    command.add_argument(
+        '--output', type=mcap, metavar='OUT.mcap',
+        help='write the output topics, as the node would publish them')
+    add_json(command, 'result')
+    add_part(command)
+    command.add_argument(
+        '--checkpoint', type=Path, metavar='STATE.json',
+        help='save the state every checkpoint.period and at the end or Ctrl-C; where the file is '
+             'there, go on from it')
+    command.add_argument(
+        '--append', action='store_true',
+        help='with --checkpoint: the state is of earlier logs, and these follow them')
+    command.add_argument(
+        '--ros', action='store_true', help='go through the real node and publish')
+    command.add_argument(
+        '--rate', type=positive, metavar='R',
+        help='with --ros: R times real time (default: as fast as it goes)')
+
+
+def run(args: argparse.Namespace) -> None:
+    """Run ``rovid replay``."""
+    if args.rate is not None and not args.ros:
+        raise UsageError('--rate goes with --ros')
+    if args.checkpoint and args.ros:
+        raise UsageError('--checkpoint does not go with --ros')
+    if args.append and not args.checkpoint:
+        raise UsageError('--append goes with --checkpoint')
+    unfinished = part_of(args.output) if args.output else None
+    check_written([*{args.output, unfinished}, args.json, args.checkpoint],
+                  [*args.logs, args.params_file])
+    settings = read_settings(args.params_file, args.method)
+    checkpoint = ReplayCheckpoint(
+        args.checkpoint, args.append, settings.checkpoint_period) if args.checkpoint else None
+
+    with located_errors(args.params_file):
+        # a state that can be gone on from holds the steps so far, which then are not in a file
+        feeder = _node(args, settings) if args.ros else PipeFeeder(
+            settings, ScoreLog(settings, spill=checkpoint is None))
+        result = replay(
+            args.logs, settings, feeder, output=args.output, start=args.start,
+            duration=args.duration, checkpoint=checkpoint, warn=partial(warn_on_stderr, args.prog))
+    print(report(result))  # first: it is not lost where the JSON cannot be written
+    if args.json:
+        write_json(args.json, result.document())
+    print_written(args.output, args.json)
+
+
+def _node(args: argparse.Namespace, settings: Settings) -> Feeder:
+    """Return the real node, which only here needs ROS."""
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as error:
+        raise CommandError(f'--ros needs ROS 2, which is not installed here: {error}') from None
+    from rovid_ros.node.log_feeder import NodeFeeder
+    try:
+        return NodeFeeder(read_values(args.params_file, args.method), settings, args.rate)
+    except RuntimeError as error:  # of rcl, such as for an impossible ROS_DOMAIN_ID
+        raise CommandError(f'--ros: {error}') from None
 
 
 def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,

@@ -12,9 +12,9 @@ from rovid_core.identify.estimate import Estimate
 from rovid_core.settings.run import Settings
 from rovid_ros.commands.controls import CONTROL
 from rovid_ros.commands.feeder import Feeder
-from rovid_ros.commands.interrupt import Interrupt
 from rovid_ros.commands.progress import Progress
 from rovid_ros.commands.replay_checkpoint import Read, ReplayCheckpoint
+from rovid_ros.commands.running import Interrupt
 from rovid_ros.files.output_log import OutputFile
 from rovid_ros.logs.log import LogMessage, Maker
 from rovid_ros.messages.types import Decoder, WireType

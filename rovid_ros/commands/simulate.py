@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import heapq
@@ -10,28 +11,87 @@ import math
 from pathlib import Path
 import re
 import struct
+import textwrap
 
 from rovid_core.model.dofs import ANGULAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import lumped
 from rovid_core.settings.run import Settings, SimulatedDof
-from rovid_core.simulation.profiles import Profile
+from rovid_core.simulation.profiles import Profile, ProfileError
 from rovid_core.simulation.sensors import Measurement, simulate
 from rovid_core.simulation.vehicle import profile_of, shortfall
-from rovid_ros.commands.interrupt import Interrupt, Interrupted
-from rovid_ros.commands.profile_text import profile_text
+from rovid_ros.commands.arguments import add_params_file, duration, mcap, seed
+from rovid_ros.commands.profiles import GRAMMAR, parse_profile, profile_text
 from rovid_ros.commands.progress import Progress
+from rovid_ros.commands.running import (
+    check_written,
+    Interrupt,
+    Interrupted,
+    located_errors,
+    read_settings,
+    warn,
+)
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages, SimulationError
 
 EPOCH = 1_700_000_000 * 1_000_000_000
 """When every simulation begins [ns]: fixed, so that the same seed gives the same file."""
 
+DESCRIPTION = (
+    'Its parameters are those under "simulation" in the file; the log says them under the MCAP '
+    'metadata rovid_truth. The same seed gives the same file.')
+
 NUMBER = re.compile(r'\{n?\}')
 """Where the number of a trial goes in the name of its file."""
 
-
 PAUSE = 60 * 1_000_000_000
 """Between two trials of one call [ns]: joined into one log, they follow one another."""
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add what ``rovid simulate`` takes."""
+    command.formatter_class = argparse.RawDescriptionHelpFormatter
+    command.description = textwrap.fill(str(command.description), 78)
+    command.epilog = GRAMMAR
+    add_params_file(command)
+    command.add_argument(
+        '--output', type=mcap, required=True, metavar='OUT.mcap',
+        help="{} in the name is the trial's number, such as trials/{}.mcap; without it, several "
+             'trials go to OUT-1.mcap, OUT-2.mcap, ...')
+    command.add_argument(
+        '--duration', type=duration, default=600.0, metavar='S',
+        help='length of each trial [s] (default: 600)')
+    command.add_argument(
+        '--seed', type=seed, default=1, metavar='N',
+        help='of the noise (default: 1); of several trials the first has N, the next N+1, ...')
+    command.add_argument(
+        '--profile', type=_profile, action='append', metavar='P',
+        help='thrust of a trial, see below; each further --profile is another trial')
+
+
+def run(args: argparse.Namespace) -> None:
+    """Run ``rovid simulate``."""
+    trials = plan_trials(args.output, args.duration, args.seed, args.profile or [{}])
+    paths = [trial.path for trial in trials]
+    check_written(paths, [args.params_file])
+    settings = read_settings(args.params_file)
+    with located_errors(args.params_file):
+        warnings = [f'{trial.path}: {line}' for trial in trials
+                    for line in profile_warnings(settings, args.duration, trial.profile)]
+        for line in warnings:
+            warn(args.prog, line)
+        for trial in trials:
+            count = simulate_log(
+                settings, trial.path, args.duration, trial.seed, trial.profile, trial.start)
+            print(f'{trial.path}: {args.duration:,.1f} s, {count:,} messages, seed {trial.seed}')
+    does = 'identify it with: rovid replay' if len(paths) == 1 else 'compare them: rovid compare'
+    print(f'{does} {" ".join(map(str, paths))} --params-file {args.params_file}')
+
+
+def _profile(text: str) -> Profile:
+    try:
+        return parse_profile(text)
+    except ProfileError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 import math
 from pathlib import Path
 from typing import Any
@@ -13,17 +15,60 @@ from rovid_core.settings.run import Settings
 from rovid_core.trials.tuning.choice import Done
 from rovid_core.trials.tuning.log import TuningLog
 from rovid_core.trials.tuning.tune import observed, Score, Stage, tune, Tuned, TuningError
+from rovid_ros.commands.arguments import add_json, add_logs, add_params_file, add_part
 from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.commands.parallel import in_parallel
 from rovid_ros.commands.progress import Progress
 from rovid_ros.commands.replay import replay
+from rovid_ros.commands.running import (
+    check_written,
+    located_errors,
+    print_written,
+    read_settings,
+    warn,
+)
+from rovid_ros.config.parameter_edit import edited
+from rovid_ros.files.whole_files import write_json, write_text
 from rovid_ros.messages.convert import Converter
 from rovid_ros.results.text import NONE, number, table, unit
+
+DESCRIPTION = (
+    'Tries them on blocks of the log that the model was not identified from, and writes a '
+    'parameter file with what clearly predicts better; the rest of the file stays as it is.')
 
 BEFORE = 0.4
 """Share of the work before the gains."""
 
 MODEL, IDENTIFIER = 'output error', 'aid'
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add what ``rovid tune`` takes."""
+    add_params_file(command)
+    add_logs(command)
+    command.add_argument(
+        '--output', type=Path, required=True, metavar='TUNED.yaml',
+        help='parameter file to write')
+    command.add_argument(
+        '--method', default='', metavar='M',
+        help="tune for this method, not the file's; gains are those of aid")
+    add_json(command, 'result')
+    add_part(command)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Run ``rovid tune``."""
+    check_written([args.output, args.json], [*args.logs, args.params_file])
+    settings = read_settings(args.params_file, args.method)
+    with located_errors(args.params_file):
+        tuned = tune_logs(args.logs, settings, start=args.start, duration=args.duration,
+                          warn=partial(warn, args.prog))
+    print(tuned_text(tuned))
+    write_text(args.output, edited(args.params_file, tuned.changes()))
+    read_settings(args.output)
+    if args.json:
+        write_json(args.json, tuned_document(tuned))
+    print_written(args.output, args.json)
 
 
 class TuneError(ValueError):

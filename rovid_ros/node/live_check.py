@@ -11,8 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_ros.commands.check.data import check_data, Observation
-from rovid_ros.commands.check.findings import Findings
+from rovid_ros.commands.check_data import check_data, Findings, Observation
 from rovid_ros.config.input_topics import inputs_of, section
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.node.health.graph import graph_states, TopicState
@@ -85,7 +84,7 @@ class LiveCheck:
             for name in inputs_of(self._settings, topic):
                 self._seen.stream.reject(name, 'undecodable')
             return
-        self._seen.take(topic, message, self._node.get_clock().now().nanoseconds)
+        self._seen.add_message(topic, message, self._node.get_clock().now().nanoseconds)
 
     def _judge(self, state: TopicState, timeout: float) -> None:
         """Say of one topic whether somebody publishes and whether that is heard."""

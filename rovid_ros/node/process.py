@@ -18,7 +18,7 @@ from rclpy.impl.logging_severity import LoggingSeverity
 from rclpy.logging import set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
-from rovid_ros.commands.ending import AT_FAULT, DONE, printable, USAGE, UsageError
+from rovid_ros.commands.running import AT_FAULT, DONE, printable, USAGE, UsageError
 from rovid_ros.node.lifecycle import one_line
 from rovid_ros.node.parameters import NODE_NAME, read_files
 from rovid_ros.node.stop import Stop

@@ -9,8 +9,8 @@ from typing import Any
 
 from mcap.reader import make_reader
 import pytest
-from rovid_ros.commands.check.check import Asked, check, Outcome
-from rovid_ros.commands.check.findings import ERROR, Finding, OK, WARNING
+from rovid_ros.commands.check import Asked, check, Outcome
+from rovid_ros.commands.check_data import ERROR, Finding, OK, WARNING
 from rovid_ros.commands.main import main
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameters import settings_from
@@ -120,8 +120,8 @@ def test_a_good_file(tmp_path: Path) -> None:
     ({'attitude.topic': '/position'}, 'parameters.yaml', 'attitude.type: is sensor_msgs/msg/Imu'),
     ({'record.path': '/proc/none/r.mcap'}, 'record.path', 'cannot be written'),
     ({'checkpoint.path': '/proc'}, 'checkpoint.path', 'it is a directory'),
-    ({'record.path': '/tmp/x', 'checkpoint.path': '/tmp/./x'}, 'checkpoint.path',
-     'is record.path'),
+    ({'record.path': '/tmp/rovid_same', 'checkpoint.path': '/tmp/./rovid_same'},
+     'checkpoint.path', 'is record.path'),
     ({'dofs': ['surge', 'heave', 'yaw', 'sway'], 'sway.initial.mass': 1.0},
      'thrusters.allocation', 'no thruster drives sway'),
     ({'thrusters.gain': [40.0, 40.0, 0.0]}, 'thrusters.allocation', 'no thruster drives heave'),
@@ -342,7 +342,8 @@ def test_the_tank_logs_fit_their_file(data: Path, repository: Path) -> None:
         outcome = check(repository / 'config' / 'bluerov2_tank.yaml', Asked([log]))
         assert outcome.errors == 0, outcome.text
         warned = {one.subject for one in findings(outcome, WARNING)}
-        assert warned <= {'data', 'thrusters'}, outcome.text  # one log never turns
+        # one log never turns, and in one the vehicle turns faster than velocity.max
+        assert warned <= {'data', 'thrusters', 'attitude'}, outcome.text
         assert outcome.document['steps'] > 1000
 
 

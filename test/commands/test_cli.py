@@ -10,10 +10,9 @@ from threading import Thread
 
 import pytest
 from rovid_ros import __version__
-from rovid_ros.commands.ending import check_written, CommandError, guarded
-from rovid_ros.commands.interrupt import Interrupted
 from rovid_ros.commands.main import main
 from rovid_ros.commands.progress import Progress
+from rovid_ros.commands.running import check_written, CommandError, Interrupted, run_to_exit_code
 from rovid_ros.files.whole_files import write_json
 from rovid_ros.results.text import number, percent, table, unit
 
@@ -136,7 +135,7 @@ def test_a_defect_keeps_its_traceback() -> None:
         raise ValueError('a bug')
 
     with pytest.raises(ValueError, match='a bug'):
-        guarded('rovid', broken)
+        run_to_exit_code('rovid', broken)
 
 
 @pytest.mark.parametrize(('error', 'code', 'line'), [
@@ -153,7 +152,7 @@ def test_errors_become_lines(error: BaseException, code: int, line: str,
     def fail() -> None:
         raise error
 
-    assert guarded('rovid', fail) == code
+    assert run_to_exit_code('rovid', fail) == code
     assert capsys.readouterr().err == line
 
 

@@ -14,8 +14,8 @@ from hypothesis import given, strategies as st
 import pytest
 from rovid_core.model.dofs import DOFS, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import advance, lumped, physical
-from rovid_ros.commands.ending import read_settings
 from rovid_ros.commands.main import main
+from rovid_ros.commands.running import read_settings
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.results.export import export

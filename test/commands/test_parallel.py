@@ -13,12 +13,12 @@ from rovid_ros.commands.parallel import in_parallel, WorkerError
 
 INTERRUPTED = """
 import sys, time
-from rovid_ros.commands.ending import guarded
+from rovid_ros.commands.running import run_to_exit_code
 from rovid_ros.commands.parallel import in_parallel
 def work(k):
     print('begun', flush=True)
     time.sleep(60)
-sys.exit(guarded('rovid', lambda: in_parallel(work, [1, 2], lambda done: None, 2)))
+sys.exit(run_to_exit_code('rovid', lambda: in_parallel(work, [1, 2], lambda done: None, 2)))
 """
 
 

@@ -16,8 +16,8 @@ import pytest
 from rovid_core.identify.status import STATUSES
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_ros.commands.demo import demo
-from rovid_ros.commands.interrupt import Interrupt, Interrupted
 from rovid_ros.commands.main import main
+from rovid_ros.commands.running import Interrupt, Interrupted
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types

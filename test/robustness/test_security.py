@@ -14,7 +14,7 @@ import lz4.frame
 import pytest
 from rovid_core.model.samples import Event, Sample
 from rovid_core.ordering.event_order import EventOrder, MAX_HELD
-from rovid_ros.commands.ending import LONGEST_LINE, printable
+from rovid_ros.commands.running import LONGEST_LINE, printable
 from rovid_ros.config.parameter_file import load, ParameterFileError
 from rovid_ros.logs import order, paths
 from rovid_ros.logs.container import LogError

@@ -1,17 +1,86 @@
-"""What the data of a log or of a live vehicle say about a configuration."""
+"""What the data of a log or of a live vehicle say about a configuration, as findings."""
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass
 import math
-from typing import Any
+from typing import Any, cast
 
 from rovid_core.inputs.reasons import REASONS
+from rovid_core.model.dofs import Quaternion
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
-from rovid_ros.commands.check.findings import Findings
-from rovid_ros.commands.check.samples import NS, Samples
+from rovid_core.velocity.quaternions import normalised, rotation_between
 from rovid_ros.config.input_topics import section, topics_of
 from rovid_ros.messages.convert import Converter
+
+NS = 1e-9
+
+OK, WARNING, ERROR = 'OK', 'WARNING', 'ERROR'
+
+
+@dataclass(frozen=True)
+class Finding:
+    """
+    One thing that was looked at.
+
+    Attributes
+    ----------
+    level : str
+        OK, WARNING or ERROR.
+    subject : str
+        The key, topic or file that it is about.
+    text : str
+        What was found.
+    advice : str
+        What to change; '' if nothing.
+
+    """
+
+    level: str
+    subject: str
+    text: str
+    advice: str = ''
+
+    def __str__(self) -> str:
+        """Return the line."""
+        advice = f'; {self.advice}' if self.advice else ''
+        return ' '.join(f'{self.level:<8}{self.subject}: {self.text}{advice}'.split('\n'))
+
+
+class Findings:
+    """All that was found, in the order in which it was looked at."""
+
+    def __init__(self) -> None:
+        self.all: list[Finding] = []
+
+    def ok(self, subject: str, text: str) -> None:
+        """Add something that is as it should be."""
+        self.all.append(Finding(OK, subject, text))
+
+    def warning(self, subject: str, text: str, advice: str = '') -> None:
+        """Add something that looks wrong."""
+        self.all.append(Finding(WARNING, subject, text, advice))
+
+    def error(self, subject: str, text: str, advice: str = '') -> None:
+        """Add something that cannot work."""
+        self.all.append(Finding(ERROR, subject, text, advice))
+
+    def count(self, level: str) -> int:
+        """Return how many there are of a level."""
+        return sum(one.level == level for one in self.all)
+
+    def verdict(self) -> str:
+        """Return how many errors and warnings there are."""
+        counts = [(self.count(level), name)
+                  for level, name in ((ERROR, 'error'), (WARNING, 'warning'))]
+        parts = [f'{count} {name}{"s" if count > 1 else ""}' for count, name in counts if count]
+        return ' and '.join(parts) or 'all is well'
+
+    def document(self) -> list[dict[str, Any]]:
+        """Return them for a program to read."""
+        return [asdict(one) for one in self.all]
+
 
 ACCEPTABLE = 0.02
 """Share of refused samples, or of steps that are too fast, above which something is wrong."""
@@ -25,12 +94,121 @@ SHARED = 0.5
 PULSES = 900.0
 """Commands that are never below this are lengths of pulses [us]."""
 
-Key = tuple[str, int]
+
+class SampleStatistics:
+    """
+    Times, gaps, speeds and ranges of the samples of one topic of an input, in one pass.
+
+    Parameters
+    ----------
+    input : str
+        The input, which decides what a speed is.
+    max_speed : float
+        [m/s or rad/s] Faster steps are counted.
+
+    Attributes
+    ----------
+    count, backward, not_finite : int
+        Samples; those stamped no later than the one before; those with a NaN or infinity.
+    first, last : int
+        Event times [ns].
+    longest_gap : float
+        [s]
+    low_lag, high_lag : float
+        Least and largest time [s] from the stamp to the receipt.
+    low, high : list of float
+        Range of each value; of an attitude that of the heading [rad], unwrapped.
+    steps, fast : int
+        Steps from one sample to the next, and how many of them are too fast.
+    fastest : float
+        [m/s or rad/s]
+
+    """
+
+    def __init__(self, input: str, max_speed: float) -> None:
+        self.input = input
+        self.count = self.backward = self.not_finite = 0
+        self.first = self.last = 0
+        self.longest_gap = 0.0
+        self.low_lag, self.high_lag = math.inf, -math.inf
+        self.low: list[float] = []
+        self.high: list[float] = []
+        self.steps = self.fast = 0
+        self.fastest = 0.0
+        self._max_speed = max_speed
+        self._lag_sum = 0.0
+        self._previous: tuple[int, tuple[float, ...]] | None = None
+        self._heading = 0.0
+
+    @property
+    def rate(self) -> float:
+        """Return the mean rate [Hz], 0 for less than two samples."""
+        span = (self.last - self.first) * NS
+        return (self.count - 1) / span if span > 0.0 else 0.0
+
+    @property
+    def lag(self) -> float:
+        """Return the mean time [s] from the stamp to the receipt."""
+        return self._lag_sum / max(self.count, 1)
+
+    def add_sample(self, time: int, receive_time: int, value: tuple[float, ...]) -> None:
+        """Add a sample with its event time and the receive time of its message [ns]."""
+        lag = (receive_time - time) * NS
+        self._lag_sum += lag
+        self.low_lag, self.high_lag = min(self.low_lag, lag), max(self.high_lag, lag)
+        if not self.count:
+            self.first = self.last = time
+        elif time <= self.last:
+            self.backward += 1
+        self.longest_gap = max(self.longest_gap, (time - self.last) * NS)
+        self.first, self.last = min(self.first, time), max(self.last, time)
+        self.count += 1
+        if self.input == 'attitude':
+            try:
+                value = normalised(cast(Quaternion, value))
+            except (ValueError, OverflowError):
+                self.not_finite += 1
+                return
+        elif not all(map(math.isfinite, value)):
+            # in a reference, a NaN is a DOF that it does not have
+            self.not_finite += self.input != 'reference'
+            return
+        self._add_step(time, value)
+        shown = self._unwrapped_heading(value) if self.input == 'attitude' else value
+        self.low = list(map(min, self.low or shown, shown))
+        self.high = list(map(max, self.high or shown, shown))
+
+    def _add_step(self, time: int, value: tuple[float, ...]) -> None:
+        previous = self._previous
+        if previous is not None and time <= previous[0]:
+            return
+        self._previous = (time, value)
+        if previous is None:
+            return
+        dt = (time - previous[0]) * NS
+        if self.input in ('position', 'depth'):
+            speed = math.dist(previous[1], value) / dt
+        elif self.input == 'attitude':
+            speed = math.hypot(*rotation_between(
+                cast(Quaternion, previous[1]), cast(Quaternion, value))) / dt
+        elif self.input in ('velocity', 'angular_velocity'):
+            speed = math.hypot(*value)
+        else:
+            return
+        self.steps += 1
+        self.fast += speed > self._max_speed
+        self.fastest = max(self.fastest, speed)
+
+    def _unwrapped_heading(self, value: tuple[float, ...]) -> tuple[float, ...]:
+        x, y, z, w = value
+        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        self._heading += math.remainder(yaw - self._heading, 2.0 * math.pi)
+        return (self._heading,)
 
 
 class Observation:
     """
-    Take messages as the node would, and keep what they say.
+    Run messages through the pipeline as the node would, and keep statistics of their samples.
 
     Parameters
     ----------
@@ -40,7 +218,7 @@ class Observation:
     Attributes
     ----------
     samples : dict
-        (input, part) -> Samples.
+        (input, number of the topic) -> SampleStatistics.
     steps : int
         Estimates that the node would have published.
 
@@ -50,22 +228,22 @@ class Observation:
         self.settings = settings
         self.stream = Stream(settings)
         self.converter = Converter(settings, self.stream.reject)
-        self.samples: dict[Key, Samples] = {
-            (name, part): Samples(name, settings.max_speed)
+        self.samples: dict[tuple[str, int], SampleStatistics] = {
+            (name, part): SampleStatistics(name, settings.max_speed)
             for name in settings.used_inputs()
             for part in range(len(topics_of(settings, name)))}
         self.steps = 0
 
-    def take(self, topic: str, message: Any, receive_time: int) -> None:
-        """Take a message; the topic is as configured, the receive time in ns."""
+    def add_message(self, topic: str, message: Any, receive_time: int) -> None:
+        """Add a message; the topic is as configured, the receive time in ns."""
         for event in self.converter.events(topic, message, receive_time):
             for sample in event.samples:
-                self.samples[sample.input, sample.part].take(
+                self.samples[sample.input, sample.part].add_sample(
                     event.time, receive_time, sample.value)
             self.steps += len(self.stream.receive(event))
 
     def finish(self) -> None:
-        """Take the end of the data."""
+        """Release what is still held back at the end of the data."""
         self.steps += len(self.stream.finish())
 
     def document(self) -> dict[str, Any]:
@@ -96,9 +274,9 @@ def check_data(seen: Observation, findings: Findings) -> None:
     _check_refused(seen, findings)
 
 
-def _summary(one: Samples) -> str:
-    stamps = 'stamps at receipt' if one.behind == [0.0, 0.0] else (
-        f'stamps {one.behind[0]:.3g} to {one.behind[1]:.3g} s before receipt')
+def _summary(one: SampleStatistics) -> str:
+    stamps = 'stamps at receipt' if one.low_lag == one.high_lag == 0.0 else (
+        f'stamps {one.low_lag:.3g} to {one.high_lag:.3g} s before receipt')
     ranges = ''
     if one.low:
         if one.input == 'attitude':
@@ -111,7 +289,8 @@ def _summary(one: Samples) -> str:
             f'{stamps}{ranges}')
 
 
-def _check_times(settings: Settings, subject: str, one: Samples, findings: Findings) -> None:
+def _check_times(settings: Settings, subject: str, one: SampleStatistics,
+                 findings: Findings) -> None:
     limit, key = settings.max_gap, 'max_gap'
     if one.input == 'thrusters':
         limit, key = settings.thrusters.timeout, 'thrusters.timeout'
@@ -126,7 +305,8 @@ def _check_times(settings: Settings, subject: str, one: Samples, findings: Findi
                          'they are refused')
 
 
-def _check_speeds(settings: Settings, subject: str, one: Samples, findings: Findings) -> None:
+def _check_speeds(settings: Settings, subject: str, one: SampleStatistics,
+                  findings: Findings) -> None:
     if not one.steps or one.fast <= ACCEPTABLE * one.steps:
         return
     text = (f'{100.0 * one.fast / one.steps:.0f} % of its steps are faster than velocity.max '

@@ -1,1 +1,0 @@
-"""``rovid check``: what is wrong with a configuration."""

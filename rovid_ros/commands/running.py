@@ -1,0 +1,224 @@
+"""What surrounds the work of every command: files to read and write, signals, exit codes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+import os
+from pathlib import Path
+import signal
+import sys
+import threading
+from types import FrameType, TracebackType
+from typing import Any, NoReturn, TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rovid_core.settings.run import Settings
+
+DONE, AT_FAULT, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
+"""Exit codes."""
+
+LONGEST_LINE = 2000
+"""[characters] An error about a damaged log can quote more of it than is of use."""
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+class CommandError(ValueError):
+    """What a command was given does not work; the text is the line to print."""
+
+
+class UsageError(ValueError):
+    """The command line itself is wrong."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """
+    A run that a signal ended.
+
+    Parameters
+    ----------
+    message : str
+        Says what was kept.
+    code : int
+        What the process ends with.
+
+    """
+
+    def __init__(self, message: str, code: int = INTERRUPTED) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class Interrupt:
+    """
+    Turn the first signal into a flag, so that nothing is left half written.
+
+    The loop looks at ``asked`` between two messages and leaves; a second signal stops at once.
+
+    Parameters
+    ----------
+    output : Path, optional
+        The file that is being written, which a second signal leaves incomplete.
+
+    Attributes
+    ----------
+    asked : bool
+        Whether there was a signal.
+    code : int
+        What the process is to end with then.
+
+    """
+
+    def __init__(self, output: Path | None = None) -> None:
+        self.asked = False
+        self.code = 0
+        self._output = output
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if self.asked:
+            kept = f'; {self._output} is incomplete' if self._output else ''
+            raise Interrupted(f'interrupted twice{kept}', 128 + number)
+        self.asked, self.code = True, 128 + number
+
+    def __enter__(self) -> Interrupt:
+        self._previous = [signal.getsignal(number) for number in SIGNALS]
+        if threading.current_thread() is threading.main_thread():
+            for number in SIGNALS:
+                signal.signal(number, self._on_signal)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        if threading.current_thread() is threading.main_thread():
+            for number, previous in zip(SIGNALS, self._previous):
+                signal.signal(number, previous)
+
+
+def run_to_exit_code(prog: str, run: Callable[[], None]) -> int:
+    """Run a command; turn what goes wrong into one line on stderr and an exit code."""
+    try:
+        run()
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        return DONE
+    except SystemExit as stop:  # of argparse, which has printed what there is to say
+        return int(stop.code or DONE)
+    except Interrupted as stop:
+        return _fail(prog, str(stop), stop.code)
+    except KeyboardInterrupt:
+        return _fail(prog, 'interrupted', INTERRUPTED)
+    except BrokenPipeError:
+        # The reader left, which is its right. Python would complain again when it flushes.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
+    except OSError as error:
+        reason = error.strerror or str(error)
+        return _fail(prog, f'{error.filename}: {reason}' if error.filename else reason, AT_FAULT)
+    except UsageError as error:
+        return _fail(prog, f'{error} (see {prog} --help)', USAGE)
+    except ValueError as error:
+        if not type(error).__module__.startswith('rovid_'):
+            raise  # not one of ours: a defect, whose traceback is wanted
+        return _fail(prog, str(error), AT_FAULT)
+
+
+def wrong_usage(prog: str, message: str) -> NoReturn:
+    """Print a line about the command line and exit."""
+    print(f'{prog}: {message} (see {prog} --help)', file=sys.stderr)
+    raise SystemExit(USAGE)
+
+
+def warn(prog: str, line: str) -> None:
+    """Print a warning."""
+    print(f'{prog}: warning: {printable(line)}', file=sys.stderr)
+
+
+def printable(text: str) -> str:
+    """Return a text as one line of a sensible length that does nothing to a terminal."""
+    line = ' '.join(text.split())
+    if len(line) > LONGEST_LINE:
+        line = f'{line[:LONGEST_LINE]} ...'
+    return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in line)
+
+
+def _fail(prog: str, message: str, code: int) -> int:
+    print(f'{prog}: {printable(message)}', file=sys.stderr)
+    return code
+
+
+def read_settings(path: Path, method: str = '') -> Settings:
+    """
+    Read a parameter file as the node does.
+
+    Raises
+    ------
+    ParameterFileError, CommandError, UsageError
+        If the file, a value in it or the ``method`` of the command line cannot work.
+
+    """
+    from rovid_ros.config.parameters import settings_from
+    with located_errors(path):
+        try:
+            return settings_from(read_values(path, method))
+        except ValueError as error:
+            if method and getattr(error, 'key', '') == 'identifier.method':
+                raise UsageError(f'--method: {str(error).partition(": ")[2]}') from None
+            raise
+
+
+def read_values(path: Path, method: str = '') -> dict[str, Any]:
+    """Read the parameters by their dotted names; ``method`` wins over the file's."""
+    from rovid_ros.config.parameter_file import load
+    return {**load(path), **({'identifier.method': method} if method else {})}
+
+
+@contextmanager
+def located_errors(path: Path) -> Iterator[None]:
+    """Begin an error about a key with the parameter file, and the line if the key is in it."""
+    from rovid_ros.config.parameter_file import read
+    try:
+        yield
+    except ValueError as error:
+        key = getattr(error, 'key', '')  # of a SettingsError or FieldError
+        if not key:
+            raise
+        entry = read(path).get(key)
+        place = f'{path}:{entry.line}' if entry else f'{path}'
+        raise CommandError(f'{place}: {error}') from None
+
+
+def check_written(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
+    """
+    Refuse to write over what is read, twice to one file, or to where nothing can be.
+
+    Raises
+    ------
+    CommandError
+        Names the first path that cannot be written; None in the sequences is no path.
+
+    """
+    sources = [_real(path) for path in read if path is not None]
+    seen: list[Path] = []
+    for path in (path for path in written if path is not None):
+        place = _real(path)
+        if not place.parent.is_dir():
+            raise CommandError(f'{path}: the directory {path.parent} does not exist')
+        if place.is_dir():
+            raise CommandError(f'{path}: is a directory, takes the name of a file')
+        # a log may be a directory of files
+        if place in sources or (place.exists() and place.parent in sources):
+            raise CommandError(f'{path}: is read by this command; write to another file')
+        if place in seen:
+            raise CommandError(f'{path}: would be written twice')
+        seen.append(place)
+
+
+def print_written(*paths: Path | None) -> None:
+    """Say which files were written."""
+    for path in filter(None, paths):
+        print(f'written   {path}')
+
+
+def _real(path: Path) -> Path:
+    return Path(os.path.realpath(path))  # unlike Path.resolve, takes a link to itself too

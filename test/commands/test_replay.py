@@ -428,8 +428,10 @@ def test_a_recorded_dive_is_identified(
         assert 0.2 < dof['fit'] < 0.9
 
 
-def test_the_demonstration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    demo(tmp_path / 'new' / 'folder', duration=20.0)
+def test_the_demonstration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                           capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    demo(Path('new') / 'folder', duration=20.0)
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 100
     assert (tmp_path / 'new' / 'folder' / 'jhurov.mcap').exists()

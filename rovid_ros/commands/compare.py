@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeVar
 
+from rovid_core.model.dofs import PARAMETERS, PHYSICAL
+from rovid_core.model.plant import physical
+from rovid_core.settings.run import Settings
 from rovid_ros.commands.arguments import add_json, add_params_file, add_part
+from rovid_ros.commands.parallel import in_parallel
+from rovid_ros.commands.progress import Progress
+from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import (
     check_written,
     located_errors,
@@ -14,15 +23,17 @@ from rovid_ros.commands.running import (
     read_settings,
     warn,
 )
-from rovid_ros.comparison.compare import compare, document
-from rovid_ros.comparison.report_data import report_data
-from rovid_ros.comparison.text import comparison_text
-from rovid_ros.comparison.trials import read_trials
+from rovid_ros.comparison.report_data import report_data, sentence
+from rovid_ros.comparison.trials import best_of, compare, Model, Trial, TrialFeeder
 from rovid_ros.files.whole_files import write_json
+from rovid_ros.results.text import NONE, number, percent, table, unit
 
 DESCRIPTION = (
     'Each log is a trial by itself: every method is trained on it, and each model predicts every '
     'log from its thrust alone.')
+
+Given = TypeVar('Given')
+Made = TypeVar('Made')
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -49,11 +60,104 @@ def run(args: argparse.Namespace) -> None:
         trials = read_trials(
             args.logs, validate, settings, partial(warn, args.prog), start=args.start,
             duration=args.duration)
-    models = compare(trials, settings)
+    models = compare(trials, settings, _on_all_cores)
     print(comparison_text(models, trials, settings))
     if args.json:
         write_json(args.json, document(models))
     if args.report:
-        from rovid_ros.report.report import write_report  # its library is needed only here
-        write_report(args.report, report_data(models, trials, settings))
+        from rovid_ros.report.report import write_report  # what draws is needed only here
+        write_report(args.report, asdict(report_data(models, trials, settings)))
     print_written(args.report, args.json)
+
+
+def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Settings,
+                warn: Callable[[str], None], *, start: float = 0.0,
+                duration: float | None = None) -> list[Trial]:
+    """
+    Feed each log, from ``start`` for ``duration`` [s], through a pipeline of its own.
+
+    Raises
+    ------
+    LogError, FieldError, ReplayError, Interrupted
+        As in ``replay``.
+
+    """
+    paths = [*train, *validate]
+    names = [path.name for path in paths]
+    trials = []
+    for i, path in enumerate(paths):
+        # with the folder where it is needed to tell two logs apart
+        name = path.name if names.count(path.name) == 1 else str(path)
+        feeder = TrialFeeder(settings)
+        warnings: list[str] = []
+        result = replay([path], settings, feeder, start=start, duration=duration,
+                        warn=warnings.append)
+        for line in warnings:
+            warn(f'{name}: {line}')
+        trials.append(Trial(name, i < len(train), result, feeder, warnings))
+    return trials
+
+
+def _on_all_cores(label: str, work: Callable[[Given], Made],
+                  given: Sequence[Given]) -> list[Made]:
+    done = 0
+    with Progress(label, lambda: done / len(given)) as progress:
+        def tick(count: int) -> None:
+            nonlocal done
+            done = count
+            progress.tick()
+
+        return in_parallel(work, given, tick)
+
+
+def document(models: Sequence[Model]) -> dict[str, Any]:
+    """Return what ``--json`` writes: a model per method, log and choice of terms."""
+    grouped: dict[tuple[str, str, bool], dict[str, Any]] = {}
+    for model in models:
+        key = (model.method, model.trained_on, model.selected)
+        grouped.setdefault(key, {})[model.dof] = model.document()
+    return {'models': [
+        {'method': method, 'trained_on': log, 'selected_terms': selected, 'dofs': dofs}
+        for (method, log, selected), dofs in grouped.items()]}
+
+
+def comparison_text(models: Sequence[Model], trials: Sequence[Trial],
+                    settings: Settings) -> str:
+    """Return per DOF the models with equal and with best terms, and the best in a sentence."""
+    parts = [_tables(dof, [model for model in models if model.dof == dof], trials)
+             for dof in settings.dofs]
+    parts.append('\n'.join(f'log {k}: {trial.name}' + ('' if trial.trains else ', not trained on')
+                           for k, trial in enumerate(trials, 1)))
+    parts.append('own: mean |v_sim - v| on the log that the model was trained on; others: the '
+                 'mean over the\nother logs, with the mean fit.\n')
+    parts += [sentence(best_of(models, dof, trials), trials) for dof in settings.dofs]
+    notes = dict.fromkeys(f'{m.dof}, {m.method}, {m.trained_on}: {m.fit.note}'
+                          for m in models if m.fit.note)
+    return '\n'.join([*parts, *(['', *notes] if notes else [])])
+
+
+def _tables(dof: str, models: Sequence[Model], trials: Sequence[Trial]) -> str:
+    units = [unit(dof, name) for name in PHYSICAL]
+    head = [dof, 'log', 'mass', 'quadratic', 'linear', 'bias', 'own', 'others', 'fit']
+    rows = [head, ['', '', *units, unit(dof, 'mae'), unit(dof, 'mae'), '']]
+    for model in models:
+        if not model.selected:
+            rows.append(_row(model, model.method, trials))
+    rows.append(['best terms', *[''] * (len(head) - 1)])
+    for model in models:
+        if model.selected:
+            terms = ' '.join(PARAMETERS[i][0] for i in range(4) if PARAMETERS[i] in model.terms)
+            rows.append(_row(model, f'{model.method} ({terms})', trials))
+    return table(rows, left=2) + '\n'
+
+
+def _row(model: Model, name: str, trials: Sequence[Trial]) -> list[str]:
+    logs = [trial.name for trial in trials]
+    others = [log for log in logs if log != model.trained_on]
+    error = fit = NONE
+    if others:
+        error = number(model.error(others))
+        fit = percent(sum(model.scores[log].fit for log in others) / len(others))
+    return [name, str(logs.index(model.trained_on) + 1),
+            *map(number, physical(model.fit.parameters)),
+            number(model.scores[model.trained_on].mae), error, fit]

@@ -1,65 +1,120 @@
-"""Logs as trials: each through the pipe once, with all that a comparison needs of it."""
+"""
+Every method on each log, each model scored on every log (Section V of the paper).
+
+A log that has been through the pipeline is a trial. Online methods identify while it is read,
+offline methods afterwards from what was kept of it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+import math
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
-from rovid_core.identify import make_identifier, METHODS
+from rovid_core.identify import make_identifier, METHODS as ONLINE
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier
 from rovid_core.identify.estimate import Estimate
-from rovid_core.model.dofs import Four
+from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
+from rovid_core.model.plant import physical
 from rovid_core.model.samples import Step
-from rovid_core.settings.run import IdentifierSettings, Settings
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
+from rovid_core.settings.scales import Scales
+from rovid_core.trials.offline import METHODS as OFFLINE, subsets
 from rovid_core.trials.record import Fit
-from rovid_core.trials.score import ScoreLog
+from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.commands.feeder import PipeFeeder
-from rovid_ros.commands.replay import replay
 from rovid_ros.commands.replay_run import Result
 from rovid_ros.logs.log import LogMessage
 
 PAPER = 'aid'
 """The paper's method, of which the report draws the figures."""
 
+REFERENCE = 'output_error'
+"""The method that is preferred among methods that predict equally well."""
+
+AS_GOOD = 1.02
+"""Errors within this factor are the same."""
+
+WORTH = 0.01
+"""A term has to lower the error by this share to be kept: without it the model is simpler."""
+
+DELAY_SIGNIFICANCE = 3.0
+"""Standard deviations from 0 above which an identified delay of the thrust is noted."""
+
+Number = float | None
+"""None is what JSON has for a value that is not known."""
+
+Given = TypeVar('Given')
+Made = TypeVar('Made')
+
+
+class ForEach(Protocol):
+    """Does the same work on many things, possibly at the same time, and shows how far it is."""
+
+    def __call__(self, label: str, work: Callable[[Given], Made],
+                 given: Sequence[Given]) -> list[Made]:
+        """Return what ``work`` made of each, in order."""
+
 
 @dataclass
 class History:
-    """The online estimates of one DOF, step by step."""
+    """
+    The estimates of the adaptive identifier for one DOF, step by step.
 
-    times: list[int] = field(default_factory=list)  # [ns]
+    Attributes
+    ----------
+    times : list of int
+        [ns]
+    v_hats, velocities : list of float
+        Its velocity and the measured one [m/s or rad/s].
+    parameters, theta_hats : list
+        The published parameters, which are a mean, and the state, to which W belongs.
+
+    """
+
+    times: list[int] = field(default_factory=list)
     v_hats: list[float] = field(default_factory=list)
     velocities: list[float] = field(default_factory=list)
-    parameters: list[Four] = field(default_factory=list)  # published: a mean of
-    theta_hats: list[Four] = field(default_factory=list)  # these, to which W belongs
+    parameters: list[Four] = field(default_factory=list)
+    theta_hats: list[Four] = field(default_factory=list)
 
 
 class OnlineMethods(ScoreLog):
-    """What a score needs, and every online method on the very same steps."""
+    """What a score needs, and every other online method on the very same steps."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
         self.identifiers = {dof: {
             method: make_identifier(
                 replace(IdentifierSettings(), method=method), settings.dof[dof])
-            for method in METHODS if method != PAPER} for dof in settings.dofs}
+            for method in ONLINE if method != PAPER} for dof in settings.dofs}
 
     def restarted(self, dof: str, time: int, velocity: float) -> None:
-        """Take the velocity that a DOF takes up from."""
+        """Restart the identifiers of a DOF from a velocity."""
         super().restarted(dof, time, velocity)
         for identifier in self.identifiers[dof].values():
             identifier.restart(velocity)
 
     def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
-        """Take a step and its times [ns]."""
+        """Keep a step with its times [ns], and let the identifiers make it."""
         super().stepped(dof, span, step)
         for identifier in self.identifiers[dof].values():
             identifier.step(step)
 
 
 class TrialFeeder(PipeFeeder):
-    """The pipe with the paper's identifier, whose every estimate is kept for its figures."""
+    """
+    The pipeline with all online methods.
+
+    Attributes
+    ----------
+    history : dict of str to History
+        What the adaptive identifier estimated, by DOF.
+
+    """
 
     def __init__(self, settings: Settings) -> None:
         # a node that is to start frozen is compared by what it would find
@@ -81,16 +136,15 @@ class TrialFeeder(PipeFeeder):
         """Take the log's end."""
         return self._kept(super().finish())
 
-    def online(self, dof: str) -> dict[str, Fit]:
+    def fits(self, dof: str) -> dict[str, Fit]:
         """Return what every online method ended with."""
         history, others = self.history[dof], self._others.identifiers[dof]
-        if not history.parameters:  # what they hold is the initial values
+        if not history.parameters:  # the methods hold their initial values
             return dict.fromkeys((PAPER, *others), Fit.none('no step'))
         found = {PAPER: Fit(history.parameters[-1])}
         for method, identifier in others.items():
             notes = [identifier.note] if identifier.note else []
-            # otherwise it may as well be 0
-            if abs(identifier.delay) > 3.0 * identifier.delay_std:
+            if abs(identifier.delay) > DELAY_SIGNIFICANCE * identifier.delay_std:
                 notes.append(f'the thrust is delayed by {identifier.delay:.3f} s, with a '
                              f'standard deviation of {identifier.delay_std:.3f} s')
             found[method] = Fit(
@@ -102,21 +156,21 @@ class TrialFeeder(PipeFeeder):
         for estimate in estimates:
             for i in estimate.stepped:
                 dof = estimate.dofs[i]
-                kept = self.history[dof.dof]
-                kept.times.append(estimate.time)
-                kept.v_hats.append(dof.v_hat)
-                kept.velocities.append(dof.velocity)
-                kept.parameters.append(dof.parameters)
+                history = self.history[dof.dof]
+                history.times.append(estimate.time)
+                history.v_hats.append(dof.v_hat)
+                history.velocities.append(dof.velocity)
+                history.parameters.append(dof.parameters)
                 identifier = self.stream.identifier(dof.dof)
                 assert isinstance(identifier, AdaptiveIdentifier)
-                kept.theta_hats.append(identifier.theta_hat)
+                history.theta_hats.append(identifier.theta_hat)
         return estimates
 
 
 @dataclass(frozen=True)
 class Trial:
     """
-    One log after the pipe.
+    One log after the pipeline.
 
     Attributes
     ----------
@@ -127,7 +181,7 @@ class Trial:
     result : Result
         What a replay says of it.
     feeder : TrialFeeder
-        The pipe after the log: scores, history, inputs.
+        The pipeline after the log.
     warnings : list of str
         One line each.
 
@@ -144,33 +198,180 @@ class Trial:
         """Return thrust and velocity of every step."""
         return self.feeder.scores
 
+    @property
+    def stream(self) -> Stream:
+        """Return the stream after the last message."""
+        return self.feeder.stream
 
-def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Settings,
-                warn: Callable[[str], None], *, start: float = 0.0,
-                duration: float | None = None) -> list[Trial]:
+    @property
+    def history(self) -> Mapping[str, History]:
+        """Return what the adaptive identifier estimated, by DOF."""
+        return self.feeder.history
+
+
+@dataclass(frozen=True)
+class Model:
     """
-    Feed each log, from ``start`` for ``duration`` [s], through a pipe of its own.
+    A model of one DOF.
 
-    Raises
-    ------
-    LogError, FieldError, ReplayError, Interrupted
-        As in ``replay``.
+    Attributes
+    ----------
+    method, trained_on, dof : str
+        Where it comes from.
+    terms : tuple of str
+        What it has.
+    selected : bool
+        Whether these are the method's best terms; else they are the configured ones.
+    fit : Fit
+        Parameters and covariance.
+    scores : mapping of str to Score
+        By the name of the log.
 
     """
-    paths = [*train, *validate]
-    trials = []
-    for number, (path, name) in enumerate(zip(paths, _names(paths))):
-        feeder = TrialFeeder(settings)
-        warnings: list[str] = []
-        result = replay([path], settings, feeder, start=start, duration=duration,
-                        warn=warnings.append)
-        for line in warnings:
-            warn(f'{name}: {line}')
-        trials.append(Trial(name, number < len(train), result, feeder, warnings))
-    return trials
+
+    method: str
+    trained_on: str
+    dof: str
+    terms: tuple[str, ...]
+    selected: bool
+    fit: Fit
+    scores: Mapping[str, Score]
+
+    def error(self, logs: Sequence[str]) -> float:
+        """Return the mean mae over those logs that it has one in; infinite without any."""
+        values = [self.scores[log].mae for log in logs if self.is_scored(log)]
+        return sum(values) / len(values) if values else math.inf
+
+    def is_scored(self, log: str) -> bool:
+        """Tell whether there are steps in a log to score it on."""
+        return not math.isnan(self.scores[log].mae)
+
+    def document(self) -> dict[str, Any]:
+        """Return the model's part of the JSON."""
+        parameters = self.fit.parameters
+        return {
+            **_named(PARAMETERS, parameters), **_named(PHYSICAL, physical(parameters)),
+            'std': None if self.fit.covariance is None else _named(PARAMETERS, self.fit.std),
+            'terms': list(self.terms), 'note': self.fit.note,
+            'scores': {log: {'mae': finite(score.mae), 'fit': finite(score.fit)}
+                       for log, score in self.scores.items()}}
 
 
-def _names(paths: Sequence[Path]) -> list[str]:
-    """Return the file names, with folders where they are needed to tell them apart."""
-    names = [path.name for path in paths]
-    return [name if names.count(name) == 1 else str(path) for name, path in zip(names, paths)]
+def compare(trials: Sequence[Trial], settings: Settings, for_each: ForEach) -> list[Model]:
+    """
+    Identify by each method from each training log and score the models on all logs.
+
+    Parameters
+    ----------
+    trials : sequence of Trial
+        Those that train are used to identify; all to score.
+    settings : Settings
+        The run.
+    for_each : callable
+        Does the fits.
+
+    Returns
+    -------
+    list of Model
+        Per training log, DOF and method: with the configured terms, then, for the offline
+        methods, with the best choice of terms by the error on the other logs (on the log
+        itself where there is only one).
+
+    """
+    pairs = [(trial, dof) for trial in trials if trial.trains for dof in settings.dofs]
+    chosen = for_each('terms', lambda pair: _best_terms(*pair, settings, trials), pairs)
+    jobs = [job for (trial, dof), best in zip(pairs, chosen)
+            for job in _jobs(trial, dof, settings, best)]
+    models: list[Model] = []
+    for job, model in zip(jobs, for_each(
+            'compare', lambda job: _model(job, settings, trials), jobs)):
+        models.append(model)
+        if job.configured and job.best:
+            models.append(replace(model, selected=True))
+    return models
+
+
+@dataclass(frozen=True)
+class _Job:
+    """A model to be found; whether its terms are the configured and the method's best ones."""
+
+    trial: Trial
+    dof: str
+    method: str
+    dof_settings: DofSettings
+    configured: bool
+    best: bool
+
+
+def _jobs(trial: Trial, dof: str, settings: Settings, best: DofSettings) -> Iterator[_Job]:
+    configured = settings.dof[dof]
+    for method in trial.feeder.fits(dof):
+        yield _Job(trial, dof, method, configured, True, False)
+    for method in OFFLINE:
+        yield _Job(trial, dof, method, configured, True, best == configured)
+        if best != configured:
+            yield _Job(trial, dof, method, best, False, True)
+
+
+def _best_terms(trial: Trial, dof: str, settings: Settings,
+                trials: Sequence[Trial]) -> DofSettings:
+    """Choose with the quick method's models; every method then fits the chosen terms."""
+    configured = settings.dof[dof]
+    records = trial.scores.records(dof)
+    judges = [t for t in trials if t is not trial and t.scores.records(dof)] or [trial]
+
+    def error(candidate: DofSettings) -> float:
+        fit = OFFLINE['least_squares'](records, Scales.of(candidate), settings)
+        if not all(map(math.isfinite, fit.parameters)):
+            return math.inf
+        return sum(judge.scores.score(dof, fit.parameters).mae for judge in judges)
+
+    best, least = configured, error(configured)
+    for candidate in subsets(configured):
+        worth = WORTH * (len(configured.terms) - len(candidate.terms))
+        found = error(candidate)
+        if found < least * (1.0 + (worth if best == configured else 0.0)):
+            best, least = candidate, found
+    return best
+
+
+def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
+    trial, dof = job.trial, job.dof
+    if job.method in OFFLINE:
+        fit = OFFLINE[job.method](
+            trial.scores.records(dof), Scales.of(job.dof_settings), settings)
+    else:
+        fit = trial.feeder.fits(dof)[job.method]
+    sound = all(map(math.isfinite, fit.parameters))
+    scores = {t.name: t.scores.score(dof, fit.parameters) if sound else Score() for t in trials}
+    return Model(job.method, trial.name, dof, job.dof_settings.terms, not job.configured, fit,
+                 scores)
+
+
+def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model:
+    """
+    Return the model of a DOF that predicts best, on logs that it was not trained on.
+
+    Among models that are as good, one that comes with its uncertainty, and of those the
+    reference.
+    """
+    names = [trial.name for trial in trials]
+
+    def error(model: Model) -> float:
+        others = [name for name in names if name != model.trained_on and model.is_scored(name)]
+        return model.error(others or names)
+
+    own = [model for model in models if model.dof == dof]
+    least = min(map(error, own))
+    good = [model for model in own if error(model) <= AS_GOOD * least]
+    return min(good or own, key=lambda model: (
+        model.fit.covariance is None, model.method != REFERENCE, error(model)))
+
+
+def finite(value: float) -> Number:
+    """Return a number for JSON, which knows no NaN and no infinity."""
+    return value if math.isfinite(value) else None
+
+
+def _named(names: tuple[str, ...], values: Four) -> dict[str, Number]:
+    return {name: finite(value) for name, value in zip(names, values)}

@@ -3,6 +3,7 @@
 PYTHON ?= python3
 ROS_DISTRO ?= kilted
 ARGS ?=
+WORKERS ?= 2
 
 PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 METADATA := package.xml setup.py setup.cfg pyproject.toml
@@ -23,7 +24,7 @@ unexport RMW_IMPLEMENTATION
 help:
 	@echo 'make demo   simulate a vehicle and identify it; needs no ROS'
 	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
-	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest'
+	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest, WORKERS=2 at once'
 	@echo 'make lint   linters and types only'
 	@echo 'make bench  what it costs, beside other programs, into docs/measurements/'
 	@echo 'make browser  Debian Chromium, for the tests that open the report (needs root)'
@@ -34,7 +35,7 @@ demo: $(RUN_READY)
 	$(RUN)/bin/python -m rovid_ros.commands.demo
 
 test: lint
-	$(TEST)/bin/python -m pytest $(ARGS)
+	$(TEST)/bin/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
 
 # Types against kilted only: in jazzy most of rclpy has no annotations.
 lint: $(TEST_READY)

@@ -61,7 +61,7 @@ setup(
         'jazzy': ros_wheels('jazzy'),
         'test': [
             'colcon-common-extensions', 'colcon-ros', 'hypothesis', 'mypy==2.4.*', 'pytest',
-            'ruff==0.17.*',
+            'pytest-xdist', 'ruff==0.17.*',
             'setuptools<80',  # the last with the commands that colcon calls
             'scipy-stubs', 'types-PyYAML',
         ],

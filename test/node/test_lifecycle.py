@@ -362,7 +362,9 @@ def test_a_controller_sees_a_managed_node_come_and_go(waiting: IdentifierNode) -
         answer = future.call_async(ChangeState.Request(transition=Transition(label=transition)))
         peer.until(lambda answer=answer: executor.spin_once(timeout_sec=0.01) or answer.done())
         assert answer.result().success, transition
-    assert waiting._state_machine.current_state[0] == State.PRIMARY_STATE_FINALIZED
+    asked = peer.node.create_client(GetState, f'{NAME}/get_state').call_async(GetState.Request())
+    peer.until(lambda: executor.spin_once(timeout_sec=0.01) or asked.done())
+    assert asked.result().current_state.id == State.PRIMARY_STATE_FINALIZED
     executor.shutdown()
     controller.node.destroy_node()
     peer.close()

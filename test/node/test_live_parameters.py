@@ -56,10 +56,15 @@ def start(environment: dict[str, str], tmp_path: Path, repository: Path) -> Iter
 
 
 @pytest.fixture
-def node(tmp_path: Path) -> Iterator[IdentifierNode]:
+def given(tmp_path: Path) -> dict[str, Any]:
+    return changed({'checkpoint.path': str(tmp_path / 'checkpoint.json'),
+                    'checkpoint.period': 86400.0})
+
+
+@pytest.fixture
+def node(given: dict[str, Any]) -> Iterator[IdentifierNode]:
     rclpy.init(args=[])
-    node = IdentifierNode(changed({'checkpoint.path': str(tmp_path / 'checkpoint.json'),
-                                   'checkpoint.period': 86400.0}))
+    node = IdentifierNode(given)
     yield node
     node.destroy_node()
     rclpy.shutdown()
@@ -88,9 +93,10 @@ def test_the_table_says_what_is_live(node: IdentifierNode) -> None:
     {'identifier.adaptation_time': 7.0, 'thrusters.timeout': 0, 'velocity.max': 3},
     {**RAW, 'identifier.adaptation_gains': [1, 2, 3, 4] * 3},
     {'max_wait': 0.0, 'checkpoint.period': 5.0}])
-def test_taken_and_shown(values: dict[str, Any], node: IdentifierNode) -> None:
+def test_taken_and_shown(
+        values: dict[str, Any], given: dict[str, Any], node: IdentifierNode) -> None:
     """As if the file had said so; a whole number will do for a double."""
-    expected = settings_from({**node._given, **values})
+    expected = settings_from({**given, **values})
     assert node.set_parameters_atomically(parameters(values)).successful
     assert node.settings == expected
     assert repr(node.settings) == repr(expected)  # 2 is 2.0
@@ -110,9 +116,10 @@ WRONG = [
 
 
 @pytest.mark.parametrize('values', WRONG, ids=str)
-def test_refused_as_the_file_would_be(values: dict[str, Any], node: IdentifierNode) -> None:
+def test_refused_as_the_file_would_be(
+        values: dict[str, Any], given: dict[str, Any], node: IdentifierNode) -> None:
     with pytest.raises(SettingsError) as expected:
-        settings_from({**node._given, **values})
+        settings_from({**given, **values})
     before, settings = shown(node), node.settings
     result = node.set_parameters_atomically(parameters(values))
     assert not result.successful

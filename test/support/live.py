@@ -67,7 +67,7 @@ class Peer:
         self.node = rclpy.create_node('peer')
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
-        self._publishers: dict[str, Any] = {}
+        self.publishers: dict[str, Any] = {}
 
     def listen(self, topic: str, type_name: str, qos: QoSProfile | None = None, *,
                raw: bool = False) -> list[Any]:
@@ -84,11 +84,12 @@ class Peer:
 
     def advertise(self, types: Mapping[str, str], qos: QoSProfile | None = None) -> None:
         """Make the publishers and wait until each has found the node."""
+        self.until(lambda: all(map(self.node.count_subscribers, types)))  # as _is_there says
         for topic, type_name in types.items():
-            self._publishers[topic] = self.node.create_publisher(
+            self.publishers[topic] = self.node.create_publisher(
                 import_type(type_name), topic, qos or reliable(10_000))
         self.until(lambda: all(
-            p.get_subscription_count() for p in self._publishers.values()))
+            p.get_subscription_count() for p in self.publishers.values()))
         self.until(lambda: UNKNOWN not in self._others(types))
         for name in self._others(types):
             self._greet(name)
@@ -99,11 +100,11 @@ class Peer:
 
     def send(self, topic: str, message: Any) -> None:
         """Publish one message, an object or its bytes."""
-        self._publishers[topic].publish(message)
+        self.publishers[topic].publish(message)
 
     def call(self, service: type[Any], name: str, request: Any = None) -> Any:
-        client = self.node.create_client(service, name)
         self._greet(name.rpartition('/')[0])
+        client = self.node.create_client(service, name)
         self.until(client.service_is_ready)
         future = client.call_async(request or service.Request())
         self.until(future.done)
@@ -118,6 +119,7 @@ class Peer:
         its answers away. What a process has is told in the order in which it was made: who
         answers a client has found all that is older. The question can be asked again.
         """
+        self.until(lambda: self._is_there(name))
         client = self.node.create_client(ListParameters, f'{name}/list_parameters')
         self.until(client.service_is_ready)
         answers: list[Any] = []
@@ -127,6 +129,17 @@ class Peer:
             answers.append(client.call_async(ListParameters.Request()))
             self.spin(0.1)
         self.node.destroy_client(client)
+
+    def _is_there(self, name: str) -> bool:
+        """
+        Tell whether this node has found another one.
+
+        What is made before two processes have found each other is told to the other one with
+        the next heartbeat only, up to 3 s later; what is made after that, at once.
+        """
+        return tuple(name.rpartition('/')[::-2]) in (
+            (other, space.rstrip('/'))
+            for other, space in self.node.get_node_names_and_namespaces())
 
     def _others(self, topics: Iterable[str]) -> set[str]:
         """Return the nodes of other processes that hear topics of this one."""

@@ -64,6 +64,8 @@ class SimulatedDof:
     bias: float = 0.0
     forces: tuple[float, ...] = ()  # amplitudes [N or N m] of the sinusoids
     frequencies: tuple[float, ...] = ()  # their frequencies [Hz]
+    reverse_drag: float = 1.0  # quadratic drag astern relative to ahead
+    disturbance: float = 0.0  # [N or N m] rms of a force that nobody knows
 
 
 @dataclass(frozen=True)
@@ -84,6 +86,10 @@ class SimulationSettings:
     thruster_rate: float = 20.0
     thruster_noise: float = 0.0  # in the unit of the command
     publish_w: bool = False  # estimates carry W against these parameters
+    coriolis: bool = False
+    mass_matrix: tuple[float, ...] = ()  # 36 by rows; empty: the masses of the DOFs
+    current: tuple[float, float] = (0.0, 0.0)  # of the water, x and y in the world [m/s]
+    righting: tuple[float, float] = (0.0, 0.0)  # roll, pitch [N m] at an angle of 90 degrees
 
 
 @dataclass(frozen=True)

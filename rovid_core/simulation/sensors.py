@@ -52,7 +52,8 @@ def simulate(settings: Settings, duration: float, seed: int,
         If a DOF has no true parameters, or the thrusters can not give the profile.
 
     """
-    vehicle = Vehicle(settings, profile)
+    # two generators, so that the same seed gives the same noise whatever the vehicle is
+    vehicle = Vehicle(settings, profile, np.random.default_rng((seed, 1)))
     sensors = _Sensors(settings, vehicle, np.random.default_rng(seed))
     queue: list[tuple[int, int, tuple[str, ...], int]] = []
     for order, (names, rate) in enumerate(sensors.rates().items()):

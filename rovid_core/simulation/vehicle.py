@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS, Quaternion, Vector
 from rovid_core.model.plant import advance, lumped
 from rovid_core.settings.run import Settings, SettingsError, SimulatedDof, ThrusterSettings
+from rovid_core.simulation.coupled_plant import CoupledPlant, is_coupled
 from rovid_core.simulation.profiles import Profile, Sinusoid, Waveform
 from rovid_core.thrust.force_history import Thrust
 from rovid_core.thrust.thruster_curve import thruster_model, wrench
-from rovid_core.velocity.quaternions import product, rotate
+from rovid_core.velocity.quaternions import product, rotate, rotate_back
 
 NS = 1e-9
 MAX_STEP = 5_000_000
@@ -24,11 +25,13 @@ MAX_STEP = 5_000_000
 class Vehicle:
     """Position, attitude and body velocity under commanded thrust."""
 
-    def __init__(self, settings: Settings, profile: Profile | None) -> None:
+    def __init__(self, settings: Settings, profile: Profile | None,
+                 random: np.random.Generator) -> None:
         truth = settings.simulation.dofs
         for dof in settings.dofs:
             if dof not in truth:
                 raise SettingsError(f'simulation.{dof}.mass', 'is required to simulate')
+        self._coupled = CoupledPlant(settings, random) if is_coupled(settings) else None
         self._dofs = tuple(d for d in DOFS if d in truth)
         self._parameters = [
             lumped(t.mass, t.quadratic_drag, t.linear_drag, t.bias)
@@ -54,8 +57,12 @@ class Vehicle:
         while self.time < time:
             step = min(MAX_STEP, time - self.time)
             dt = step * NS
-            before = list(self.velocity)
             force = self._force(self.time, self.time + step)
+            if self._coupled is not None:
+                self._advance_coupled(self._coupled, force, dt)
+                self.time += step
+                continue
+            before = list(self.velocity)
             for dof, parameters, f in zip(self._dofs, self._parameters, force):
                 i = DOFS.index(dof)
                 self.velocity[i] = advance(parameters, before[i], f, dt)
@@ -63,6 +70,14 @@ class Vehicle:
             self._move(mean, dt)
             self.time += step
         self._thrust.forget(self.time)
+
+    def _advance_coupled(self, plant: CoupledPlant, force: Sequence[float], dt: float) -> None:
+        self._move(plant.advance(self.attitude, force, dt).tolist(), dt)
+        x, y, z = self.position
+        c = plant.current
+        self.position = (x + c[0] * dt, y + c[1] * dt, z + c[2] * dt)
+        drift = rotate_back(self.attitude, c)
+        self.velocity = [a + b for a, b in zip(plant.velocity.tolist(), (*drift, 0.0, 0.0, 0.0))]
 
     def _force(self, start: int, end: int) -> tuple[float, ...]:
         if self._thrust.missing(start, end):

@@ -17,7 +17,7 @@ def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
     """
     Return the force of one thruster before its gain, as a function of the raw command.
 
-    Offset, scale, deadband, limit and curve: linear ``u``, quadratic ``u|u|``, polynomial
+    Offset, scale, deadband, limit, curve and reverse: linear ``u``, quadratic ``u|u|``, polynomial
     ``c0 + c1 u + ...`` or a table interpolated linearly and held beyond its ends. Inside
     the deadband the command is 0, beyond the limit it is the limit.
     """
@@ -29,13 +29,15 @@ def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
     }
     curve = curves[settings.model]
     offset, scale, deadband = settings.offset, settings.scale, settings.deadband
-    limit = settings.limit or math.inf
+    limit, reverse = settings.limit or math.inf, settings.reverse
 
     def force(raw: float) -> float:
         command = (raw - offset) * scale
         if abs(command) > limit:
             command = math.copysign(limit, command)
-        return curve(0.0 if abs(command) <= deadband else command)
+        if abs(command) <= deadband:
+            command = 0.0
+        return curve(command) * (reverse if command < 0.0 else 1.0)
 
     return force
 

@@ -10,9 +10,9 @@ from rovid_ros.config.keys import Key, KEYS
 
 _NO_NUMBERS = ('record.path', 'checkpoint.path', 'checkpoint.period')
 
-_FORCE = ('names', 'offset', 'scale', 'deadband', 'limit', 'model', 'gain', 'polynomial',
-          'table_command', 'table_force', 'delay', 'time_constant', 'hold', 'allocation',
-          'sign.topic')
+_FORCE = ('names', 'offset', 'scale', 'deadband', 'limit', 'model', 'gain', 'reverse',
+          'polynomial', 'table_command', 'table_force', 'delay', 'time_constant', 'hold',
+          'allocation', 'sign.topic')
 _UNITS = ('dofs', 'identifier.method', 'frames', 'depth.scale', 'attitude.unit',
           'attitude.heading',
           *(f'thrusters.{name}' for name in _FORCE))

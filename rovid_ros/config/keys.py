@@ -27,6 +27,7 @@ _TYPES: dict[str, tuple[str, int, Any]] = {
     'bool': ('bool', 0, False),
     'str': ('string', 0, ''),
     'tuple[float, ...]': ('double[]', 0, ()),
+    'tuple[float, float]': ('double[]', 2, ()),
     'tuple[float, float, float]': ('double[]', 3, ()),
     'tuple[str, ...]': ('string[]', 0, ()),
     'tuple[tuple[float, ...], ...]': ('double[]', 0, ()),
@@ -217,6 +218,8 @@ def _thrusters() -> list[Key]:
         key('names', "picks and orders a JointState's entries; none: its own order"),
         key('offset', 'subtracted from the command first, such as 1500 for PWM'),
         key('scale', 'then multiplies the command: 0.0025 makes -1 to 1 of PWM'),
+        key('reverse', 'force of a negative command relative to that of the same positive one',
+            low=0.0),
         key('deadband', 'commands up to this size, after offset and scale, count as 0', low=0.0),
         key('limit', 'commands beyond this size, after offset and scale, count as it; beyond '
             'twice this size they are refused; 0: none', low=0.0),
@@ -284,6 +287,11 @@ def _dof(dof: str) -> list[Key]:
                'amplitudes of the sinusoids of thrust', force),
         key_of(f'simulation.{dof}.frequencies', f'{truth}.frequencies', SimulatedDof,
                'their frequencies, as many', 'Hz', 0.0, 100.0),
+        key_of(f'simulation.{dof}.reverse_drag', f'{truth}.reverse_drag', SimulatedDof,
+               'quadratic drag of the simulation when it moves backwards, relative to forwards',
+               low=0.0),
+        key_of(f'simulation.{dof}.disturbance', f'{truth}.disturbance', SimulatedDof,
+               'rms of an unknown force in the simulation', force, 0.0),
     ]
 
 
@@ -297,6 +305,12 @@ def _simulation() -> list[Key]:
         *(key(f'{sensor}_noise', f'standard deviation of the simulated {sensor}', unit, 0.0)
           for sensor, unit in units.items()),
         key('publish_w', 'estimates carry the Lyapunov function W against this truth'),
+        key('coriolis', 'the simulated vehicle has the Coriolis forces of its masses'),
+        key('mass_matrix', 'of the simulated vehicle, 6 rows surge to yaw; left out: its masses '
+            'on the diagonal', 'kg'),
+        key('current', 'velocity of the water of the simulation, x and y in the world', 'm/s'),
+        key('righting', 'righting moments of the simulated roll and pitch at 90 degrees', 'N m',
+            0.0),
     ]
 
 

@@ -12,8 +12,11 @@ from typing import Any, NoReturn
 from rovid_core.model.dofs import DOFS
 from rovid_ros.commands.running import wrong_usage
 
-SHORTEST, LONGEST = 1e-3, 1e9
-"""[s] A shorter part holds no message; a longer one does not fit the time stamps of ROS."""
+MIN_DURATION = 1e-3
+"""[s] A shorter part of a log holds no message."""
+
+MAX_NUMBER = 1e9
+"""A longer time [s] does not fit the time stamps of ROS; nothing else is so large."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -80,7 +83,7 @@ def positive(text: str) -> float:
 
 def duration(text: str) -> float:
     """Return a length of time [s] that can hold a message."""
-    return _number(text, SHORTEST)
+    return _number(text, MIN_DURATION)
 
 
 def seed(text: str) -> int:
@@ -136,8 +139,8 @@ def _number(text: str, low: float, strict: bool = False) -> float:
         value = float(text)
     except ValueError:
         value = math.nan
-    if not low <= value <= LONGEST or (strict and value == low):
+    if not low <= value <= MAX_NUMBER or (strict and value == low):
         raise argparse.ArgumentTypeError(
             f'got {text!r}, takes a number {"above" if strict else "from"} {low:g} '
-            f'up to {LONGEST:g}')
+            f'up to {MAX_NUMBER:g}')
     return value

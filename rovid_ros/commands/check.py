@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> None:
         if getattr(args, name) is not None and not args.logs:
             raise UsageError(f'--{name} goes with a LOG')
     check_written([args.json], [*args.logs, args.params_file])
-    outcome = check(args.params_file, Asked(
+    outcome = check(args.params_file, Request(
         args.logs, args.start or 0.0, args.duration, args.live, args.timeout or 5.0,
         args.namespace))
     print(outcome.text)
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What to check against; the command line has the meaning of each."""
 
     logs: Sequence[Path] = ()
@@ -109,7 +109,7 @@ class Outcome:
     document: dict[str, Any]
 
 
-def check(path: Path, asked: Asked) -> Outcome:
+def check(path: Path, request: Request) -> Outcome:
     """
     Check a parameter file.
 
@@ -123,15 +123,15 @@ def check(path: Path, asked: Asked) -> Outcome:
     settings = _read_settings(path, findings)
     seen: Observation | None = None
     if settings is not None:
-        alone = not asked.live and not asked.logs
+        alone = not request.live and not request.logs
         _check_settings(settings, findings, find_spec('rclpy') is not None if alone else None)
-        if asked.live:
-            seen = _check_live(settings, findings, asked)
-        elif asked.logs:
-            seen = _check_log(settings, findings, asked)
+        if request.live:
+            seen = _check_live(settings, findings, request)
+        elif request.logs:
+            seen = _check_log(settings, findings, request)
     return Outcome(
         _text(path, settings, findings), findings.count(ERROR), findings.verdict(), {
-            'file': str(path), 'logs': [str(log) for log in asked.logs], 'live': asked.live,
+            'file': str(path), 'logs': [str(log) for log in request.logs], 'live': request.live,
             'errors': findings.count(ERROR), 'findings': findings.document(),
             **(seen.document() if seen else {})})
 
@@ -299,14 +299,14 @@ def unwritable(path: Path) -> str:
     return ''
 
 
-def _check_log(settings: Settings, findings: Findings, asked: Asked) -> Observation | None:
+def _check_log(settings: Settings, findings: Findings, request: Request) -> Observation | None:
     """Read a log once and say how it fits; return None if it cannot be read."""
     try:
-        with Log(asked.logs) as log:
+        with Log(request.logs) as log:
             seen = Observation(settings)
             topics = _readable_topics(log, seen.converter, settings, findings)
             with Progress('check', lambda: log.progress) as progress:
-                for message in log.messages(topics, asked.start, asked.duration):
+                for message in log.messages(topics, request.start, request.duration):
                     seen.add_message(topics[message.topic], message.data, message.time)
                     progress.tick()
             seen.finish()
@@ -358,18 +358,18 @@ def _hint(log: Log, name: str, type_name: str, there: Sequence[str]) -> str:
         f'; {same[0]} has that type' if len(same) == 1 else '')
 
 
-def _check_live(settings: Settings, findings: Findings, asked: Asked) -> Observation:
+def _check_live(settings: Settings, findings: Findings, request: Request) -> Observation:
     try:
         from rovid_ros.node.live_check import LiveCheck
     except ImportError as error:
         raise CommandError(
             f'--live needs ROS 2, which is not installed here: {error}') from None
     try:
-        live = LiveCheck(settings, findings, asked.namespace)
+        live = LiveCheck(settings, findings, request.namespace)
     except (RuntimeError, ValueError) as error:  # of rcl: an impossible domain or namespace
         raise CommandError(f'--live: {str(error).splitlines()[0]}') from None
     try:
-        return live.run(asked.timeout)
+        return live.run(request.timeout)
     finally:
         live.close()
 

@@ -17,7 +17,7 @@ from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
 from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.commands.replay import replay
-from rovid_ros.commands.running import CommandError, DONE, read_settings, run_to_exit_code
+from rovid_ros.commands.running import CommandError, read_settings, run_to_exit_code
 from rovid_ros.commands.simulate import simulate_log, truth
 from rovid_ros.results.summary import summary
 from rovid_ros.results.text import NONE, percent, quantity, table
@@ -34,11 +34,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument(
         'folder', nargs='?', type=Path, default=Path('build/demo'),
         help='where to write the log (default: build/demo)')
-    try:
-        args = parser.parse_args(argv)
-    except SystemExit as stop:
-        return int(stop.code or DONE)
-    return run_to_exit_code('rovid_ros.commands.demo', lambda: demo(args.folder))
+    return run_to_exit_code(
+        'rovid_ros.commands.demo', lambda: demo(parser.parse_args(argv).folder))
 
 
 def demo(folder: Path, duration: float = DURATION) -> None:

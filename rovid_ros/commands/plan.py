@@ -57,11 +57,11 @@ DESCRIPTION = (
     'mass, drags and bias is most certain, also where the model is wrong. Limits are one '
     'NUMBER for surge, sway and heave, or DOF=NUMBER[,DOF=NUMBER ...].')
 
-LONGEST = 3600.0
-"""[s] A longer trial tells the same again: repeat the profile."""
+MAX_DURATION = 3600.0
+"""[s] A longer trial tells nothing new: the profile can be repeated instead."""
 
-SHORTEST = 10.0
-"""[s] Of a trial that tells anything."""
+MIN_DURATION = 10.0
+"""[s] A shorter trial tells nothing."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -101,25 +101,25 @@ def run(args: argparse.Namespace) -> None:
     settings = read_settings(args.params_file)
     models = read_estimates(args.estimates) if args.estimates else []
     with located_errors(args.params_file):
-        proposal = propose(settings, models, Asked(
+        proposal = propose(settings, models, Request(
             args.dofs, args.duration, args.max_force, args.max_speed, args.room, args.factor))
     for line in proposal.warnings:
         warn(args.prog, line)
     print(plan_text(proposal, args.params_file))
     if args.output:
-        write_text(args.output, as_csv(proposal, settings) if args.output.suffix == '.csv'
-                   else as_yaml(proposal))
+        write_text(args.output, profile_csv(proposal, settings) if args.output.suffix == '.csv'
+                   else profile_yaml(proposal))
     if args.json:
         write_json(args.json, document(proposal))
     print_written(args.output, args.json)
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """
     What the command line asks for.
 
-    ``max_force``, ``max_speed`` and ``room`` are by DOF; under '' for all linear DOFs.
+    ``max_force``, ``max_speed`` and ``room`` are by DOF, and under '' for all linear DOFs.
     """
 
     dofs: tuple[str, ...]
@@ -134,14 +134,14 @@ class Asked:
 class Proposal:
     """The plans by DOF, what each model is from, all profiles together, and warnings."""
 
-    asked: Asked
+    request: Request
     plans: Mapping[str, Plan]
     sources: Mapping[str, str]
     profile: Profile
     warnings: tuple[str, ...]
 
 
-def propose(settings: Settings, models: Sequence[Identified], asked: Asked) -> Proposal:
+def propose(settings: Settings, models: Sequence[Identified], request: Request) -> Proposal:
     """
     Plan a profile for each DOF that is asked for; the others get no thrust.
 
@@ -151,7 +151,7 @@ def propose(settings: Settings, models: Sequence[Identified], asked: Asked) -> P
         The vehicle, its sensors, and the initial values for DOFs that have no model.
     models : sequence of Identified
         What was identified so far.
-    asked : Asked
+    request : Request
         What the command line asks for.
 
     Raises
@@ -160,9 +160,9 @@ def propose(settings: Settings, models: Sequence[Identified], asked: Asked) -> P
         If the DOFs, the limits or the thrusters do not allow it.
 
     """
-    dofs = _dofs(settings, asked)
-    limits = _within_thrusters(
-        settings, {dof: _limits(settings, asked, dof) for dof in dofs})
+    dofs = _dofs(settings, request)
+    limits = _limits_within_thrusters(
+        settings, {dof: _limits(settings, request, dof) for dof in dofs})
     known = {model.dof: model for model in models}
     plans: dict[str, Plan] = {}
     sources: dict[str, str] = {}
@@ -175,7 +175,7 @@ def propose(settings: Settings, models: Sequence[Identified], asked: Asked) -> P
                        parameters[3])
             if clipped != parameters:
                 warnings.append(f'{dof}: the model has a drag below 0, which is taken as 0')
-            vehicles = Vehicles.around(clipped, scales.active, asked.factor)
+            vehicles = Vehicles.around(clipped, scales.active, request.factor)
             try:
                 plans[dof] = find_plan(vehicles, Sensor.of(settings, dof), limits[dof])
             except PlanError as error:
@@ -185,41 +185,42 @@ def propose(settings: Settings, models: Sequence[Identified], asked: Asked) -> P
         d in settings.dofs or d in settings.simulation.dofs)]
     profile: dict[str, tuple[Waveform, ...]] = dict.fromkeys(still, ())
     profile.update({dof: own.planned.waveforms for dof, own in plans.items()})
-    return Proposal(replace(asked, dofs=dofs), plans, sources, profile,
-                    (*warnings, *_turning(plans)))
+    return Proposal(replace(request, dofs=dofs), plans, sources, profile,
+                    (*warnings, *_turning_warnings(plans)))
 
 
-def _dofs(settings: Settings, asked: Asked) -> tuple[str, ...]:
+def _dofs(settings: Settings, request: Request) -> tuple[str, ...]:
     """Return the DOFs to plan, once what is asked for has been checked."""
-    for dof in asked.dofs:
+    for dof in request.dofs:
         if dof not in settings.dofs:
             raise CommandError(f'--dofs: {dof} is not configured: dofs has '
                                f'{", ".join(settings.dofs)}')
-    dofs = tuple(d for d in DOFS if d in (asked.dofs or settings.dofs))
+    dofs = tuple(d for d in DOFS if d in (request.dofs or settings.dofs))
     for option in ('max_force', 'max_speed', 'room'):
-        for dof in getattr(asked, option):
+        for dof in getattr(request, option):
             name = f'--{option.replace("_", "-")}'
             if dof and dof not in dofs:
                 raise UsageError(f'{name}: {dof} is not planned; planned: {", ".join(dofs)}')
             if not dof and not set(dofs) & set(LINEAR_DOFS):
                 raise UsageError(f'{name}: a number alone is for surge, sway and heave; takes '
                                  f'{dofs[0]}=NUMBER')
-    if not SHORTEST <= asked.duration <= LONGEST:
-        raise UsageError(f'--duration: got {asked.duration:g}, takes {SHORTEST:g} to '
-                         f'{LONGEST:g} s')
+    if not MIN_DURATION <= request.duration <= MAX_DURATION:
+        raise UsageError(f'--duration: got {request.duration:g}, takes {MIN_DURATION:g} to '
+                         f'{MAX_DURATION:g} s')
     return dofs
 
 
-def _limits(settings: Settings, asked: Asked, dof: str) -> Limits:
+def _limits(settings: Settings, request: Request, dof: str) -> Limits:
     def given(values: Mapping[str, float], default: float) -> float:
         return values.get(dof, values.get('', default) if dof in LINEAR_DOFS else default)
 
-    return Limits(given(asked.max_force, Scales.of(settings.dof[dof]).force),
-                  given(asked.max_speed, settings.max_speed),
-                  given(asked.room, math.inf), asked.duration)
+    return Limits(given(request.max_force, Scales.of(settings.dof[dof]).force),
+                  given(request.max_speed, settings.max_speed),
+                  given(request.room, math.inf), request.duration)
 
 
-def _within_thrusters(settings: Settings, limits: Mapping[str, Limits]) -> dict[str, Limits]:
+def _limits_within_thrusters(settings: Settings,
+                             limits: Mapping[str, Limits]) -> dict[str, Limits]:
     """Return limits of force that the thrusters can give to all DOFs at the same moment."""
     share = np.zeros(settings.thrusters.count)
     for dof, own in limits.items():
@@ -228,10 +229,10 @@ def _within_thrusters(settings: Settings, limits: Mapping[str, Limits]) -> dict[
                  for d in limits}
         commands = ThrusterCommands(settings.thrusters, force)
         low, high = commands.limits
-        most = min(high, -low)
-        if not most > 0.0:
+        largest = min(high, -low)
+        if not largest > 0.0:
             raise CommandError('thrusters: can only push one way, so nothing can be planned')
-        share += np.abs(commands.thruster_forces(0.0)) / most
+        share += np.abs(commands.thruster_forces(0.0)) / largest
     less = max(1.0, float(share.max()))
     return {dof: replace(own, force=own.force / less) for dof, own in limits.items()}
 
@@ -246,7 +247,7 @@ def _model(settings: Settings, known: Identified | None, dof: str) -> tuple[Four
     return (alpha, beta, gamma, delta), source
 
 
-def _turning(plans: Mapping[str, Plan]) -> list[str]:
+def _turning_warnings(plans: Mapping[str, Plan]) -> list[str]:
     """Return what yaw does to the room: it is along the body, and the body turns."""
     level = [dof for dof in ('surge', 'sway') if dof in plans]
     room = math.hypot(*(plans[dof].limits.room for dof in level))
@@ -269,7 +270,7 @@ def _turning(plans: Mapping[str, Plan]) -> list[str]:
 POOR = 0.1
 """Relative uncertainty above which a parameter is poorly determined."""
 
-ALIKE = 0.9
+ALIKE_CORRELATION = 0.9
 """Correlation above which two drags cannot be told apart."""
 
 NAMES = ('mass', 'quadratic drag', 'linear drag', 'bias')
@@ -277,17 +278,17 @@ NAMES = ('mass', 'quadratic drag', 'linear drag', 'bias')
 
 def plan_text(proposal: Proposal, params_file: Path) -> str:
     """Return what the command prints."""
-    parts = [_of_dof(dof, proposal) for dof in proposal.plans]
+    parts = [_dof_text(dof, proposal) for dof in proposal.plans]
     parts.append('Half the width of the 95 % intervals at best (Cramer-Rao), in percent of the '
                  'value. Worst: of\nthe model and of vehicles whose mass and drags are up to '
-                 f'{proposal.asked.factor:g} times off, all of which keep the limits.')
+                 f'{proposal.request.factor:g} times off, all of which keep the limits.')
     command = ['rovid', 'simulate', '--params-file', str(params_file), '--output',
-               'planned.mcap', '--duration', f'{proposal.asked.duration:g}',
+               'planned.mcap', '--duration', f'{proposal.request.duration:g}',
                '--profile', profile_text(proposal.profile)]
     return '\n\n'.join([*parts, f'simulate it with: {shlex.join(command)}'])
 
 
-def _of_dof(dof: str, proposal: Proposal) -> str:
+def _dof_text(dof: str, proposal: Proposal) -> str:
     plan = proposal.plans[dof]
     speed, length = ('rad/s', 'rad') if dof in ANGULAR_DOFS else ('m/s', 'm')
     planned, limits = plan.planned, plan.limits
@@ -305,7 +306,7 @@ def _of_dof(dof: str, proposal: Proposal) -> str:
         f'  speed   {within(planned.speed, limits.speed, speed)}',
         f'  room    {within(planned.room, limits.room, length)}',
         table(list(_rows(dof, plan)))]
-    return '\n'.join([*lines, *_sentences(dof, plan)])
+    return '\n'.join([*lines, *_remarks(dof, plan)])
 
 
 def _rows(dof: str, plan: Plan) -> Iterator[list[str]]:
@@ -329,26 +330,27 @@ def _cell(dof: str, plan: Plan, prospect: Prospect, i: int, of_model: bool) -> s
     return _percent(float(relative[0] if of_model else relative.max()))
 
 
-def _relative(plan: Plan, prospect: Prospect, i: int) -> Any:
+def _relative(plan: Plan, prospect: Prospect, i: int) -> Array:
     """Return an uncertainty over the value for each vehicle, inf where that is 0."""
     alpha = plan.vehicles.parameters[0]
     values = plan.vehicles.parameters[i % 4]
     values = values if i >= 4 else 1.0 / alpha if i == 0 else values / alpha
     half = prospect.uncertainty(i < 4)[:, i % 4]
-    return np.divide(half, np.abs(values), out=np.full(len(half), np.inf), where=values != 0.0)
+    return np.asarray(
+        np.divide(half, np.abs(values), out=np.full(len(half), np.inf), where=values != 0.0))
 
 
 def _percent(share: float) -> str:
     return f'{100.0 * share:.2g} %' if share < 1.0 else f'{100.0 * share:,.0f} %'
 
 
-def _sentences(dof: str, plan: Plan) -> Iterator[str]:
+def _remarks(dof: str, plan: Plan) -> Iterator[str]:
     """Yield what is poorly determined and why, and what an unknown bias does."""
     relative = [float(_relative(plan, plan.planned, i).max()) for i in range(4)]
     poor = [i for i in range(4) if plan.vehicles.active[i] and POOR < relative[i] < math.inf]
     if poor:
         what = ', '.join(f'{NAMES[i]} to {_percent(relative[i])}' for i in poor)
-        yield f'  {_reason(dof, plan)}: at worst {what}{_alike(plan, poor)}'
+        yield f'  {_limiting_factor(dof, plan)}: at worst {what}{_alike_drags(plan, poor)}'
     limits = plan.limits
     if math.isfinite(limits.room) and plan.vehicles.active[3]:
         extra = 0.01 * limits.force
@@ -361,7 +363,7 @@ def _sentences(dof: str, plan: Plan) -> Iterator[str]:
                    f'{"rad" if dof in ANGULAR_DOFS else "m"} away')
 
 
-def _reason(dof: str, plan: Plan) -> str:
+def _limiting_factor(dof: str, plan: Plan) -> str:
     angular, limits = dof in ANGULAR_DOFS, plan.limits
     name = max(plan.used, key=lambda key: plan.used[key])
     if plan.used[name] < 0.9:
@@ -371,13 +373,13 @@ def _reason(dof: str, plan: Plan) -> str:
             'max_force': f'thrust up to {number(limits.force)} {unit(dof, "bias")}'}[name]
 
 
-def _alike(plan: Plan, poor: list[int]) -> str:
+def _alike_drags(plan: Plan, poor: list[int]) -> str:
     covariance = plan.planned.physical[0]
     spread = math.sqrt(covariance[1, 1] * covariance[2, 2])
     if not {1, 2} & set(poor) or not spread > 0.0:
         return ''
     correlation = covariance[1, 2] / spread
-    if abs(correlation) < ALIKE:
+    if abs(correlation) < ALIKE_CORRELATION:
         return ''
     return (f'; up to {number(float(plan.planned.speed[0]))} in speed the two drags look alike '
             f'(correlation {correlation:.2f})')
@@ -393,14 +395,14 @@ def document(proposal: Proposal) -> dict[str, Any]:
             'profile': profile_text({dof: plan.planned.waveforms}),
             'limits': {'force': limits.force, 'speed': limits.speed,
                        'room': limits.room if math.isfinite(limits.room) else None},
-            'planned': _numbers(plan, plan.planned),
+            'planned': _prospect_document(plan, plan.planned),
             'naive': {'profile': profile_text({dof: plan.naive.waveforms}),
-                      **_numbers(plan, plan.naive)}}
-    return {'profile': profile_text(proposal.profile), 'duration_s': proposal.asked.duration,
-            'factor': proposal.asked.factor, 'dofs': dofs, 'warnings': list(proposal.warnings)}
+                      **_prospect_document(plan, plan.naive)}}
+    return {'profile': profile_text(proposal.profile), 'duration_s': proposal.request.duration,
+            'factor': proposal.request.factor, 'dofs': dofs, 'warnings': list(proposal.warnings)}
 
 
-def _numbers(plan: Plan, prospect: Prospect) -> dict[str, Any]:
+def _prospect_document(plan: Plan, prospect: Prospect) -> dict[str, Any]:
     """Return costs, and half the 95 % intervals: of the model, and relative of the worst."""
     names = [(i, name) for i, name in enumerate((*PHYSICAL, *PARAMETERS))
              if plan.vehicles.active[i % 4]]
@@ -414,20 +416,20 @@ def _numbers(plan: Plan, prospect: Prospect) -> dict[str, Any]:
                            for name, value in worst.items()}}
 
 
-def as_csv(proposal: Proposal, settings: Settings) -> str:
+def profile_csv(proposal: Proposal, settings: Settings) -> str:
     """Return time and force on each DOF, a row per command."""
     names = [f'{dof}_{unit(dof, "bias").replace(" ", "_")}' for dof in proposal.plans]
     rate = settings.simulation.thruster_rate
-    t = np.arange(math.floor(proposal.asked.duration * rate + 1e-9) + 1) / rate
+    t = np.arange(math.floor(proposal.request.duration * rate + 1e-9) + 1) / rate
     columns = [samples(plan.planned.waveforms, t) for plan in proposal.plans.values()]
     rows = [','.join(f'{x:.6g}' if i else f'{x:.10g}' for i, x in enumerate(row))
             for row in np.stack([t, *columns], axis=1).tolist()]
     return '\n'.join([','.join(['time_s', *names]), *rows]) + '\n'
 
 
-def as_yaml(proposal: Proposal) -> str:
+def profile_yaml(proposal: Proposal) -> str:
     """Return the profile as rovid simulate --profile takes it, in a file to keep."""
     lines = [f'# Of rovid plan. Forces in N, N m for {", ".join(ANGULAR_DOFS)}.',
              f"profile: '{profile_text(proposal.profile)}'  # for rovid simulate --profile",
-             f'duration: {float(proposal.asked.duration)!r}  # [s]']
+             f'duration: {float(proposal.request.duration)!r}  # [s]']
     return '\n'.join(lines) + '\n'

@@ -12,7 +12,7 @@ import math
 
 from rovid_core.model.dofs import Four
 
-MOST_PIECES = 1000
+MAX_PIECES = 1000
 
 
 def lumped(mass: float, quadratic_drag: float, linear_drag: float, bias: float) -> Four:
@@ -50,7 +50,7 @@ def advance(parameters: Sequence[float], velocity: float, force: float, dt: floa
     # the fastest the drag can be on this step: at the speed it has or is driven to
     fastest = abs(velocity) + min(abs(u) * dt, math.sqrt(abs(u / beta)) if beta else math.inf)
     stiffness = (2.0 * abs(beta) * fastest + abs(gamma)) * dt
-    if not stiffness < MOST_PIECES:
+    if not stiffness < MAX_PIECES:
         return _backward_euler(u, beta, gamma, velocity, dt)
     pieces = int(stiffness) + 1
     h = dt / pieces

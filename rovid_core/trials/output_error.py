@@ -14,9 +14,9 @@ from typing import cast
 
 import numpy as np
 from rovid_core.model.dofs import Four
+from rovid_core.model.trajectory import integral, midpoint_trajectory, sensitivities
 from rovid_core.settings.scales import Scales
 from rovid_core.trials.record import Array, Fit, Record
-from rovid_core.trials.response import path, response, sensitivities
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
@@ -254,7 +254,8 @@ class Residuals:
         blocks: list[Array] = []
         for k, record in enumerate(self._records):
             own = count + each * k
-            v = response(parameters, unknowns[own] * self._velocity, record.dt, record.force)
+            v = midpoint_trajectory(
+                parameters, unknowns[own] * self._velocity, record.dt, record.force)
             slopes = sensitivities(parameters, v, record.dt, record.force)
             values, derivatives, measured = self._output(record, v, slopes)
             block = np.zeros((len(measured), len(unknowns)))
@@ -270,10 +271,11 @@ class Residuals:
     def _output(self, record: Record, v: Array, slopes: Array) -> tuple[Array, Array, Array]:
         if self.of_position:
             nodes = record.nodes
-            return (path(v, record.dt)[nodes], path(slopes, record.dt)[nodes], record.position)
+            return (integral(v, record.dt)[nodes], integral(slopes, record.dt)[nodes],
+                    record.position)
         if not len(record.position):
             return v, slopes, record.velocity
         spans = record.dt.reshape(-1, 2).sum(axis=1)
-        means = np.diff(path(v, record.dt)[record.nodes]) / spans
-        derivatives = np.diff(path(slopes, record.dt)[record.nodes], axis=0) / spans[:, None]
+        means = np.diff(integral(v, record.dt)[record.nodes]) / spans
+        derivatives = np.diff(integral(slopes, record.dt)[record.nodes], axis=0) / spans[:, None]
         return means, derivatives, record.velocity

@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.model.recurrence import Array
+from rovid_core.model.trajectory import Array
 
 BLOCK = 1 << 15
 """Rows that are kept in memory, and worked on at a time."""

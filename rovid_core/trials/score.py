@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 from rovid_core.model.dofs import DOFS
-from rovid_core.model.recurrence import Array
 from rovid_core.model.samples import Step
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
 from rovid_core.trials.record import Record, record
 from rovid_core.trials.rows import BLOCK, Rows, Times

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from rovid_core.model.recurrence import Array
 from rovid_core.model.samples import Step
-from rovid_core.trials.prediction import predict
+from rovid_core.model.trajectory import Array, trajectory
 from rovid_core.trials.rows import Rows, Times
 from rovid_core.velocity.lowpass import filtered
 
@@ -89,7 +88,7 @@ class ScoredRun:
         for times, values in self.rows.blocks(self.first, self.first + self.count):
             left -= len(times)
             nodes = _nodes(time, times)
-            found = predict(parameters, velocity, np.diff(nodes) * NS, values[:, :2].ravel())
+            found = trajectory(parameters, velocity, np.diff(nodes) * NS, values[:, :2].ravel())
             yield Predicted(nodes, found, values[:, 2], left == 0)
             time, velocity = int(nodes[-1]), float(found[-1])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from rovid_core.model.recurrence import Array, recurrence
+from rovid_core.model.trajectory import Array, linear_recurrence
 
 MOST_TURN = 2.0 * math.pi * 0.4
 """A cutoff above 0.4 of the sample rate means nothing any more."""
@@ -78,4 +78,4 @@ def filtered(cutoff: float | Array, dt: Array, signals: Array) -> Array:
         return signals
     weight = -np.expm1(-np.minimum(2.0 * math.pi * cutoff * dt, MOST_TURN))
     weight[:1] = 1.0
-    return recurrence(1.0 - weight, weight * signals)
+    return linear_recurrence(1.0 - weight, weight * signals)

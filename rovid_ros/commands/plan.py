@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from rovid_core.model.dofs import ANGULAR_DOFS, DOFS, Four, LINEAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import lumped
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
 from rovid_core.settings.scales import Scales
 from rovid_core.simulation.profiles import Profile, Steps, Waveform
 from rovid_core.simulation.vehicle import ThrusterCommands
 from rovid_core.trials.planning import fleet
-from rovid_core.trials.planning.fleet import Array
 from rovid_core.trials.planning.plan import Plan, plan as find_plan, STEP
 from rovid_core.trials.planning.prospect import (
     Limits,

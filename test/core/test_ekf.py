@@ -21,10 +21,10 @@ from rovid_core.identify.status import DofStatus
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Event, Sample, Step
+from rovid_core.model.trajectory import trajectory
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.scales import Scales
 from rovid_core.simulation.sensors import simulate
-from rovid_core.trials.response import response
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 
@@ -193,7 +193,7 @@ def velocity_sensor(seed, duration=120.0, noise=0.01, dt=0.1, fine=32):
     """Return what the pipe makes of a DVL."""
     time = np.arange(round(duration / dt) * fine + 1) * dt / fine
     thrust = impulse(TRAINING, time)
-    true = response(TRUE, 0.0, np.diff(time), np.diff(thrust) / np.diff(time))[::fine]
+    true = trajectory(TRUE, 0.0, np.diff(time), np.diff(thrust) / np.diff(time))[::fine]
     measured = true + np.random.default_rng(seed).normal(0.0, noise, len(true))
     forces = np.diff(thrust[::fine]) / dt
     return [float(measured[0]), *(

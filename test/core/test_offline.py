@@ -10,13 +10,13 @@ import pytest
 from rovid_core.identify.aid.self_tuning import FullGainIdentifier
 from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
+from rovid_core.model.trajectory import integral, midpoint_trajectory, sensitivities, trajectory
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.scales import Scales
 from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.least_squares import with_acceleration
 from rovid_core.trials.offline import METHODS, subsets
 from rovid_core.trials.output_error import information, noise, output_error
-from rovid_core.trials.response import path, response, sensitivities
 from rovid_core.trials.score import ScoreLog
 
 from benchmarks.accuracy.offline_methods import (
@@ -37,30 +37,30 @@ SCALES = Scales.of(HEAVY)
 SETTINGS = surge_settings()
 
 
-def test_the_response_is_that_of_the_plant():
+def test_a_midpoint_trajectory_is_that_of_the_plant():
     rng = np.random.default_rng(0)
     dt, force = rng.uniform(0.02, 0.08, 500), rng.uniform(-200.0, 200.0, 500)
     v = [0.3]
     for h, f in zip(dt, force):
         v.append(advance(SURGE_TRUTH, v[-1], f, h))
-    assert response(np.array(SURGE_TRUTH), 0.3, dt, force) == pytest.approx(v, abs=2e-4)
+    assert midpoint_trajectory(np.array(SURGE_TRUTH), 0.3, dt, force) == pytest.approx(v, abs=2e-4)
 
 
 def test_the_sensitivities_are_the_derivatives():
     rng = np.random.default_rng(1)
     dt, force = np.full(200, 0.05), rng.uniform(-200.0, 200.0, 200)
     truth = np.array(SURGE_TRUTH)
-    v = response(truth, 0.2, dt, force)
+    v = midpoint_trajectory(truth, 0.2, dt, force)
     found = sensitivities(truth, v, dt, force)
     for i in range(4):
         step = 1e-5 * abs(truth[i])
         change = np.zeros(4)
         change[i] = step
-        numeric = (response(truth + change, 0.2, dt, force)
-                   - response(truth - change, 0.2, dt, force)) / (2 * step)
+        numeric = (midpoint_trajectory(truth + change, 0.2, dt, force)
+                   - midpoint_trajectory(truth - change, 0.2, dt, force)) / (2 * step)
         assert found[:, i] == pytest.approx(numeric, rel=1e-4, abs=1e-6 * np.abs(numeric).max())
-    numeric = (response(truth, 0.2 + 1e-6, dt, force)
-               - response(truth, 0.2 - 1e-6, dt, force)) / 2e-6
+    numeric = (midpoint_trajectory(truth, 0.2 + 1e-6, dt, force)
+               - midpoint_trajectory(truth, 0.2 - 1e-6, dt, force)) / 2e-6
     assert found[:, 4] == pytest.approx(numeric, rel=1e-4, abs=1e-6)
 
 
@@ -73,7 +73,7 @@ def test_a_record_holds_what_the_sensors_measured():
     fixes = np.array([v[0] for _, n, v in measured if n == 'position'])
     assert record.position == pytest.approx(
         fixes[1:1 + len(record.position)] - fixes[1], abs=1e-9)
-    exact = path(response(np.array(SURGE_TRUTH), float(record.velocity[:5].mean()),
+    exact = integral(trajectory(np.array(SURGE_TRUTH), float(record.velocity[:5].mean()),
                           record.dt, record.force), record.dt)[record.nodes]
     assert np.abs(exact - record.position).max() < 0.3  # only the start is not known
 
@@ -149,7 +149,7 @@ def test_w_with_a_full_gamma_never_grows():
     dt, count = 0.01, 3000
     t = np.arange(2 * count + 1) * dt / 2
     force = 100.0 * np.sin(t)
-    v = response(np.array(SURGE_TRUTH), 0.0, np.full(2 * count, dt / 2),
+    v = trajectory(np.array(SURGE_TRUTH), 0.0, np.full(2 * count, dt / 2),
                  0.5 * (force[:-1] + force[1:]))
     # a Gamma under which the drags soon meet their bounds
     spread = np.array([[0.004, 0.1, 0.3, 0.0], [0.0, 3.0, 4.0, 0.1], [0.0, 0.0, 1.0, 0.0],

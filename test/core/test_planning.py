@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from rovid_core.model.plant import lumped
+from rovid_core.model.trajectory import integral, midpoint_trajectory, trajectory
 from rovid_core.settings.scales import Scales
 from rovid_core.simulation.profiles import Multisine, Sinusoid, Steps, Waveform
 from rovid_core.simulation.sensors import simulate
@@ -22,7 +23,6 @@ from rovid_core.trials.planning.prospect import (
     Vehicles,
 )
 from rovid_core.trials.record import Record
-from rovid_core.trials.response import path, response
 
 from test.support.surge import surge_settings, SURGE_TRUTH
 
@@ -41,20 +41,20 @@ def record_of(waveforms: tuple[Waveform, ...], seed: int, duration: float) -> Re
     """Return what a transponder measures, as test.support.trials does for sinusoids."""
     dt = np.full(round(duration / 0.05), 0.05)
     force = samples(waveforms, times(duration, 0.05))
-    x = path(response(np.array(SURGE_TRUTH), 0.0, dt, force), dt)[::2]
+    x = integral(trajectory(np.array(SURGE_TRUTH), 0.0, dt, force), dt)[::2]
     x = x + np.random.default_rng(seed).normal(0.0, SENSOR.noise, len(x))
     return Record(np.arange(len(x)) * 0.1, x - x[0], np.diff(x) / 0.1, dt, force)
 
 
-def test_the_fleet_moves_as_the_response_says() -> None:
+def test_the_fleet_moves_as_a_trajectory_says() -> None:
     t = times(60.0, 0.1)
     force = np.stack([100.0 * np.sin(0.3 * t), np.full(len(t), 40.0)], axis=1)
     vehicles = Vehicles.around(SURGE_TRUTH, ALL, 2.0).parameters
     speed, room = fleet.reach(vehicles, force, 0.1)
     for p in range(2):
         for v in range(9):
-            velocity = response(vehicles[:, v], 0.0, np.full(600, 0.1), force[:, p])
-            x = path(velocity, np.full(600, 0.1))
+            velocity = midpoint_trajectory(vehicles[:, v], 0.0, np.full(600, 0.1), force[:, p])
+            x = integral(velocity, np.full(600, 0.1))
             assert speed[p, v] == pytest.approx(np.abs(velocity).max(), rel=1e-9)
             assert room[p, v] == pytest.approx(np.abs(x).max(), rel=1e-9)
             assert fleet.paths(vehicles, force, 0.1)[:, p, v] == pytest.approx(x[1:])

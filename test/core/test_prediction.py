@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 from rovid_core.model.plant import advance
-from rovid_core.model.recurrence import LENGTH, recurrence
 from rovid_core.model.samples import Step
+from rovid_core.model.trajectory import BLOCK_LENGTH, linear_recurrence, trajectory
 from rovid_core.settings.run import Settings
-from rovid_core.trials.prediction import predict
 from rovid_core.trials.score import Score, ScoreLog
 from rovid_core.velocity.lowpass import filtered, LowPass
 
@@ -29,15 +28,16 @@ def one_by_one(parameters, start: float, dt: np.ndarray, force: np.ndarray) -> l
     return v
 
 
-@pytest.mark.parametrize('count', [0, 1, LENGTH - 1, LENGTH, LENGTH + 1, LENGTH**2 + 5, 5000])
+@pytest.mark.parametrize('count', [
+    0, 1, BLOCK_LENGTH - 1, BLOCK_LENGTH, BLOCK_LENGTH + 1, BLOCK_LENGTH**2 + 5, 5000])
 def test_a_recurrence_is_the_loop(count: int) -> None:
     rng = np.random.default_rng(count)
     factor, added = rng.uniform(-1.0, 1.0, count), rng.normal(size=(3, count))
     expected, x = np.zeros((3, count)), np.zeros(3)
     for k in range(count):
         expected[:, k] = x = factor[k] * x + added[:, k]
-    assert recurrence(factor, added) == pytest.approx(expected, abs=1e-12)
-    assert recurrence(factor, added[0]) == pytest.approx(expected[0], abs=1e-12)
+    assert linear_recurrence(factor, added) == pytest.approx(expected, abs=1e-12)
+    assert linear_recurrence(factor, added[0]) == pytest.approx(expected[0], abs=1e-12)
 
 
 @pytest.mark.parametrize('cutoff', [0.0, 0.6, 8.0])  # 8 Hz is clamped on long steps
@@ -54,7 +54,7 @@ def test_the_low_pass_of_a_trial_is_that_of_its_steps(cutoff: float) -> None:
 def test_a_prediction_is_that_of_the_plant(parameters) -> None:
     for count in (0, 1, 3000):
         dt, force = segments(count)
-        assert predict(parameters, 0.3, dt, force) == pytest.approx(
+        assert trajectory(parameters, 0.3, dt, force) == pytest.approx(
             one_by_one(parameters, 0.3, dt, force), abs=1e-11)
 
 
@@ -62,7 +62,7 @@ def test_a_fast_vehicle_is_divided_finely_enough() -> None:
     light = (0.1, -20.0, -5.0, 3.0)
     dt, force = segments(3000)
     fine = one_by_one(light, 0.3, np.repeat(dt / 50, 50), np.repeat(force, 50))[::50]
-    assert predict(light, 0.3, dt, force) == pytest.approx(fine, abs=2e-3)
+    assert trajectory(light, 0.3, dt, force) == pytest.approx(fine, abs=2e-3)
 
 
 @pytest.mark.parametrize('parameters', [

@@ -11,7 +11,7 @@ import numpy as np
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
-from rovid_core.trials.response import path, response, sensitivities
+from rovid_core.model.trajectory import integral, sensitivities, trajectory
 from rovid_core.velocity.lowpass import filtered
 
 from test.support.surge import SURGE_TRUTH, TRAINING, VALIDATION
@@ -117,11 +117,11 @@ def _true_path(case: Case) -> Array:
     thrust = impulse(gained(case.waves, case.gains), np.minimum(time, case.stop) - case.delay)
     dt, force = np.full(len(time) - 1, h), np.diff(thrust) / h
     k = round(min(case.payload, case.duration) / h)
-    velocity = response(np.array(case.truth), 0.0, dt[:k], force[:k])
+    velocity = trajectory(np.array(case.truth), 0.0, dt[:k], force[:k])
     if k < len(dt):
-        later = response(np.array(case.loaded), float(velocity[-1]), dt[k:], force[k:])
+        later = trajectory(np.array(case.loaded), float(velocity[-1]), dt[k:], force[k:])
         velocity = np.concatenate([velocity, later[1:]])
-    return path(velocity, dt)[::FINE]
+    return integral(velocity, dt)[::FINE]
 
 
 def trial(case: Case, seed: int, noise: float = NOISE) -> Trial:
@@ -203,7 +203,7 @@ def prediction_error(parameters: Four, delay: float, case: Case,
     if not np.isfinite(parameters).all():
         return inf
     alpha, beta, gamma, delta = parameters
-    model = response(np.array([alpha, min(beta, 0.0), min(gamma, 0.0), delta]), 0.0, dt, logged)
+    model = trajectory(np.array([alpha, min(beta, 0.0), min(gamma, 0.0), delta]), 0.0, dt, logged)
     return float(np.abs(model - true).mean())
 
 
@@ -212,7 +212,7 @@ def _validation(case: Case, waves: tuple[tuple[float, float], ...]) -> Array:
     dt = np.full(6000, 0.05)
     time = np.append(0.0, np.cumsum(dt))
     thrust = impulse(gained(waves, case.gains), time - case.delay)
-    return response(np.array(case.truth), 0.0, dt, np.diff(thrust) / dt)
+    return trajectory(np.array(case.truth), 0.0, dt, np.diff(thrust) / dt)
 
 
 @cache
@@ -226,13 +226,14 @@ def bound(duration: float, delay: bool, case: Case = CLEAN) -> Array:
     time = np.arange(round(duration / h) + 1) * h
     dt, force = np.full(len(time) - 1, h), np.diff(impulse(case.waves, time)) / h
     truth = np.array(case.truth)
-    velocity = response(truth, 0.0, dt, force)
-    columns = [path(sensitivities(truth, velocity, dt, force), dt)[::4],
+    velocity = trajectory(truth, 0.0, dt, force)
+    columns = [integral(sensitivities(truth, velocity, dt, force), dt)[::4],
                np.ones((round(duration * RATE) + 1, 1))]
     if delay:
         small = 1e-3
         late = np.diff(impulse(case.waves, time - small)) / h
-        columns.append((path(response(truth, 0.0, dt, late) - velocity, dt) / small)[::4, None])
+        change = trajectory(truth, 0.0, dt, late) - velocity
+        columns.append((integral(change, dt) / small)[::4, None])
     derivatives = np.hstack(columns)
     scale = np.abs(derivatives).max(axis=0)
     scaled = derivatives / scale

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import Four
 from rovid_core.model.plant import lumped
+from rovid_core.model.trajectory import integral, trajectory
 from rovid_core.settings.run import DofSettings
 from rovid_core.trials.record import Record
-from rovid_core.trials.response import path, response
 from rovid_core.velocity.lowpass import LowPass
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
@@ -49,8 +49,8 @@ def trial(truth: Four, waves: Waves, seed: int, noise: float = NOISE,
     step = 1.0 / RATE
     count = round(duration * RATE)
     fine = np.full(FINE * count, step / FINE)
-    true = path(response(np.array(truth), 0.0, fine, force_of(waves, step / FINE, len(fine))),
-                fine)[::FINE]
+    force = force_of(waves, step / FINE, len(fine))
+    true = integral(trajectory(np.array(truth), 0.0, fine, force), fine)[::FINE]
     fixes = true + np.random.default_rng(seed).normal(0.0, noise, count + 1)
     return Record(
         np.arange(count + 1) * step, fixes - fixes[0], np.diff(fixes) / step,
@@ -69,7 +69,7 @@ def error(truth: Four, parameters: Four, waves: Waves) -> float:
 def measured_error(record: Record, parameters: Four) -> float:
     """Return the paper's score: against the measured velocity, both filtered alike."""
     dt = np.diff(record.time)
-    simulated = path(response(
+    simulated = integral(trajectory(
         np.array(_passive(parameters)), 0.0, record.dt, record.force), record.dt)[::2]
     lowpass = LowPass(CUTOFF)
     both = [lowpass.step(h, pair) for h, pair in zip(
@@ -85,7 +85,7 @@ def _passive(parameters: Four) -> Four:
 
 def _velocity(parameters: Four, waves: Waves) -> Array:
     dt = np.full(round(DURATION * 20), 0.05)
-    return response(np.array(parameters), 0.0, dt, force_of(waves, 0.05, len(dt)))
+    return trajectory(np.array(parameters), 0.0, dt, force_of(waves, 0.05, len(dt)))
 
 
 _true_velocity = cache(_velocity)

@@ -1,8 +1,7 @@
 """
 How far and how fast many vehicles move under many profiles, and what that tells of them.
 
-All are stepped side by side with the implicit midpoint rule of ``response``, here in closed
-form: a search needs thousands of short trials, not a long one.
+All vehicles are stepped side by side: a search needs thousands of short trials, not a long one.
 """
 
 from __future__ import annotations
@@ -10,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from rovid_core.model.trajectory import Array, mean_velocity
 
 CHUNK = 32
 """Measurements that are squared together, which is quicker than one by one."""
@@ -131,15 +128,9 @@ def _steps(parameters: Array, force: Array,
            dt: float) -> Iterator[tuple[Array, Array, Array, Array]]:
     """Yield the force, shape (p, 1), v at the end, v at the middle and its size."""
     alpha, beta, gamma, delta = parameters
-    # 2 (m - v0) = dt (alpha tau + delta + beta m|m| + gamma m): a quadratic equation for the
-    # middle m, solved in the form that does not cancel
-    linear, quadratic = 2.0 - dt * gamma, -4.0 * dt * beta
-    square = linear * linear
-    gain, constant = dt * alpha, dt * delta
     v = np.zeros((force.shape[1], parameters.shape[1]))
     for row in force:
         f = row[:, None]
-        target = 2.0 * v + gain * f + constant
-        middle = 2.0 * target / (linear + np.sqrt(square + quadratic * np.abs(target)))
+        middle = mean_velocity(v, 0.5 * dt, alpha * f + delta, beta, gamma)
         v = 2.0 * middle - v
         yield f, v, middle, np.abs(middle)

@@ -17,9 +17,9 @@ import math
 
 import numpy as np
 from rovid_core.identify.intervals import Z95
+from rovid_core.model.trajectory import Array
 from rovid_core.simulation.profiles import Sinusoid, Steps, Waveform
 from rovid_core.trials.planning import fleet
-from rovid_core.trials.planning.fleet import Array
 from rovid_core.trials.planning.prospect import (
     bounds,
     disturbance,

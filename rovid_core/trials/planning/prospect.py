@@ -11,10 +11,10 @@ import numpy as np
 from rovid_core.identify.intervals import Z95
 from rovid_core.model.dofs import Four
 from rovid_core.model.plant import lumped, physical
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.simulation.profiles import Sinusoid, Steps, Waveform
 from rovid_core.trials.planning import fleet
-from rovid_core.trials.planning.fleet import Array
 
 SHARE = 0.05
 """

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.model.recurrence import Array
+from rovid_core.model.trajectory import Array
 from rovid_core.trials.tuning.commanded import Commanded
 from rovid_core.trials.tuning.log import Stretch
 from rovid_core.velocity.lowpass import MOST_TURN

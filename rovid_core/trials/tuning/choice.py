@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.model.recurrence import Array
+from rovid_core.model.trajectory import Array
 
 SURE = 2.4
 """Standard errors of a mean over 8 folds, for 95 % (Student's t)."""

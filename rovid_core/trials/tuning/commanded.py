@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.model.recurrence import Array, recurrence
+from rovid_core.model.trajectory import Array, linear_recurrence
 
 NS = 1e-9
 BEFORE = 60.0
@@ -61,7 +61,7 @@ class Commanded:
         decay = np.exp(-step / lag) if lag > 0.0 else np.zeros_like(step)
         # what the lagged force is behind its steady response to the ramp
         ends = force[:-1] + slope[:-1] * (step - lag) - force[1:] + slope[1:] * lag
-        behind = np.concatenate([[0.0], recurrence(decay, ends)]) if lag > 0.0 else 0.0 * at
+        behind = np.concatenate([[0.0], linear_recurrence(decay, ends)]) if lag > 0.0 else 0.0 * at
         spans = _span(force[:-1], slope[:-1], behind[:-1], step, lag)
         total = np.concatenate([[0.0], np.cumsum(spans)])
         x = (times - self._origin) * NS - delay

@@ -7,7 +7,7 @@ from dataclasses import replace
 import math
 
 import numpy as np
-from rovid_core.model.recurrence import Array
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import DofSettings, Settings
 from rovid_core.settings.scales import Scales
 from rovid_core.trials.tuning.blocks import Blocks, blocks, edges, FOLDS

@@ -16,8 +16,8 @@ from rovid_core.identify.aid.adaptive_identifier import (
     rates,
 )
 from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
-from rovid_core.model.recurrence import Array
 from rovid_core.model.samples import Step
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.scales import Scales
 from rovid_core.trials.tuning.log import Stretch
 from rovid_core.velocity.lowpass import filtered

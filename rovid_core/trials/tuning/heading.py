@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import math
 
 import numpy as np
-from rovid_core.model.recurrence import Array
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
 from rovid_core.trials.tuning.blocks import blocks, edges, FOLDS
 from rovid_core.trials.tuning.choice import Change, choose, Stage

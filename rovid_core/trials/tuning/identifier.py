@@ -8,8 +8,8 @@ from itertools import product
 
 import numpy as np
 from rovid_core.identify import make_identifier
-from rovid_core.model.recurrence import Array
 from rovid_core.model.samples import Step
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
 from rovid_core.settings.scales import Scales
 from rovid_core.trials.tuning.blocks import edges, FOLDS

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from rovid_core.model.recurrence import Array
+from rovid_core.model.trajectory import Array, mean_velocity
 from rovid_core.settings.scales import Scales
 from rovid_core.trials.tuning.blocks import Blocks, FOLDS
-from rovid_core.trials.tuning.simulation import middle, Normal, simulate, smoothed
+from rovid_core.trials.tuning.simulation import Normal, simulate, smoothed
 
 ITERATIONS = 10
 SETTLED = 1e-4
@@ -189,7 +189,7 @@ class OutputError:
         phi = np.zeros_like(slope)
         phi[3] = 1.0
         for k, h in enumerate(0.5 * self._dt):
-            w = middle(v, h, alpha * force[k] + delta, beta, gamma)
+            w = mean_velocity(v, h, alpha * force[k] + delta, beta, gamma)
             size = np.abs(w)
             phi[0], phi[1], phi[2] = force[k], w * size, w
             inner = (slope + h * phi) / (1.0 - h * (gamma + 2.0 * beta * size))

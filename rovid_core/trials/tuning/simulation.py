@@ -6,15 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.model.recurrence import Array
+from rovid_core.model.trajectory import Array, mean_velocity
 
 
 def simulate(theta: Array, start: Array, dt: Array, force: Array) -> Array:
     """
     Return the mean velocity of every step by the implicit midpoint rule.
-
-    ``w = v + h/2 (u + beta w|w| + gamma w)`` is a quadratic equation with one root of the
-    right sign, so no drag makes it unstable.
 
     Parameters
     ----------
@@ -35,16 +32,10 @@ def simulate(theta: Array, start: Array, dt: Array, force: Array) -> Array:
     v = start
     means = np.empty((len(dt), *np.broadcast_shapes(start.shape, alpha.shape)))
     for k, h in enumerate(0.5 * dt):
-        w = middle(v, h, alpha * force[k] + delta, beta, gamma)
+        w = mean_velocity(v, h, alpha * force[k] + delta, beta, gamma)
         means[k] = w
         v = 2.0 * w - v
     return means
-
-
-def middle(v: Array, h: Array, drive: Array, beta: Array, gamma: Array) -> Array:
-    """Return the mean velocity over a step of length ``2 h`` from ``v``."""
-    c, b = v + h * drive, 1.0 - h * gamma
-    return np.asarray(2.0 * c / (b + np.sqrt(b * b - 4.0 * h * beta * np.abs(c))))
 
 
 def smoothed(weights: Array, values: Array) -> Array:

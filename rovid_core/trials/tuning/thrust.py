@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from rovid_core.model.recurrence import Array
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
 from rovid_core.trials.tuning.choice import Change, Choice, choose, Each, relative, Stage
 from rovid_core.trials.tuning.commanded import Commanded

@@ -1,0 +1,234 @@
+"""
+The plant over whole trials, and for many vehicles side by side.
+
+``trajectory`` makes the steps of ``plant.advance``. Newton's method solves all of them at once:
+with ``v[k + 1] = F_k(v[k])`` the corrections of v follow a linear recurrence with the slopes of
+F, so that hours of log take milliseconds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.model.plant import advance
+
+Array = NDArray[np.float64]
+
+BLOCK_LENGTH = 32
+"""Steps of a recurrence that are computed one after another; the blocks run side by side."""
+
+TOLERANCE = 1e-13
+"""Largest correction of the last Newton iteration, relative to the largest velocity."""
+
+MAX_ITERATIONS = 30
+
+MAX_PIECES = 20
+"""A segment that needs more pieces, because the drag is too fast, is computed by ``advance``."""
+
+MAX_VELOCITY = 1e6
+"""A model that exceeds this velocity is unstable and has no velocity from there on."""
+
+
+def trajectory(parameters: Sequence[float] | Array, start: float, dt: Array,
+               force: Array) -> Array:
+    """
+    Return the velocity at the start and after each segment of constant force.
+
+    Parameters
+    ----------
+    parameters : sequence of 4 floats
+        alpha, beta, gamma, delta.
+    start : float
+        Velocity at the start [m/s or rad/s].
+    dt, force : ndarray, shape (n,)
+        Length [s] and mean force [N or N m] of each segment.
+
+    Returns
+    -------
+    velocity : ndarray, shape (n + 1,)
+        [m/s or rad/s]; infinite after a model with the wrong sign of drag has run away.
+
+    """
+    alpha, beta, gamma, delta = map(float, parameters)
+    drive = alpha * force + delta
+    largest = float(np.abs(drive).max(initial=0.0))
+    # at this speed drag exceeds all thrust (Appendix of the paper)
+    fastest = max(abs(start), math.sqrt(largest / -beta)) if beta < 0.0 else 0.0
+    with np.errstate(all='ignore'):
+        pieces = (2.0 * abs(beta) * fastest + abs(gamma)) * dt + 1.0
+        if max(beta, gamma) <= 0.0 and pieces.max(initial=1.0) < MAX_PIECES:
+            number = pieces.astype(int)
+            h, u = np.repeat(dt / number, number), np.repeat(drive, number)
+            found, converged = _newton(
+                lambda v: _runge_kutta(beta, gamma, v, h, u), start, len(h))
+            if converged:
+                return np.asarray(found[np.concatenate([[0], np.cumsum(number)])])
+    return _step_by_step((alpha, beta, gamma, delta), start, dt, force)
+
+
+def midpoint_trajectory(parameters: Array, start: float, dt: Array, force: Array) -> Array:
+    """
+    Return the trajectory by the implicit midpoint rule, one step per segment.
+
+    It is quick and stable for drag of any size, as a search for parameters needs it, and of
+    second order. Parameters and result are those of ``trajectory``, with beta, gamma <= 0.
+    """
+    _, beta, gamma, delta = parameters
+    drive = parameters[0] * force + delta
+
+    def step(v: Array) -> tuple[Array, Array]:
+        w = mean_velocity(v, 0.5 * dt, drive, beta, gamma)
+        half = _half_slope(parameters, w, dt)
+        return 2.0 * w - v, (1.0 + half) / (1.0 - half)
+
+    return _newton(step, start, len(dt))[0]
+
+
+def sensitivities(parameters: Array, velocity: Array, dt: Array, force: Array) -> Array:
+    """
+    Return the derivatives of ``midpoint_trajectory``.
+
+    Parameters
+    ----------
+    parameters, dt, force
+        As in ``midpoint_trajectory``.
+    velocity : ndarray, shape (n + 1,)
+        The trajectory.
+
+    Returns
+    -------
+    derivatives : ndarray, shape (n + 1, 5)
+        By alpha, beta, gamma, delta and the velocity at the start.
+
+    """
+    w = 0.5 * (velocity[:-1] + velocity[1:])
+    half = _half_slope(parameters, w, dt)
+    inputs = np.stack([dt * force, dt * w * np.abs(w), dt * w, dt, np.zeros_like(dt)])
+    inputs[4, 0] = 1.0 + half[0]
+    derivatives = np.zeros((len(dt) + 1, 5))
+    derivatives[0, 4] = 1.0
+    derivatives[1:] = linear_recurrence(
+        (1.0 + half) / (1.0 - half), inputs / (1.0 - half)).T
+    return derivatives
+
+
+def integral(values: Array, dt: Array) -> Array:
+    """Return the integral of values at the nodes, shape (n + 1, ...), from the start."""
+    steps = (0.5 * (values[:-1] + values[1:]).T * dt).T
+    return np.concatenate([np.zeros_like(values[:1]), np.cumsum(steps, axis=0)])
+
+
+def mean_velocity(start: Array, half_step: Array | float, drive: Array,
+                  beta: Array | float, gamma: Array | float) -> Array:
+    """
+    Return the mean velocities over one step each, by the implicit midpoint rule.
+
+    ``w = v + h/2 (u + beta w|w| + gamma w)`` is a quadratic equation with one root of the right
+    sign, so drag of any size is stable. The step ends at ``2 w - v``.
+
+    Parameters
+    ----------
+    start : ndarray
+        Velocities v at the start [m/s or rad/s], of any shape.
+    half_step : float or ndarray
+        Half the length h of the step [s].
+    drive : ndarray
+        u = alpha tau + delta [m/s^2 or rad/s^2].
+    beta, gamma : float or ndarray
+        Drag, not above 0.
+
+    """
+    c, b = start + half_step * drive, 1.0 - half_step * gamma
+    return np.asarray(2.0 * c / (b + np.sqrt(b * b - 4.0 * half_step * beta * np.abs(c))))
+
+
+def linear_recurrence(factor: Array, added: Array) -> Array:
+    """
+    Return ``x[k] = factor[k] x[k - 1] + added[k]``, with 0 before the first.
+
+    All blocks of a trial are solved side by side, as if each began at 0. Their true initial
+    values follow a recurrence of the same kind over the ends of the blocks.
+
+    Parameters
+    ----------
+    factor : ndarray, shape (n,)
+        At most 1 in size for a bounded result.
+    added : ndarray, shape (..., n)
+        One or more series.
+
+    Returns
+    -------
+    x : ndarray, shape (..., n)
+
+    """
+    series, count = added.shape[:-1], len(factor)
+    blocks = -(-count // BLOCK_LENGTH)
+    padded = np.zeros(blocks * BLOCK_LENGTH)
+    padded[:count] = factor
+    x = np.zeros((*series, blocks * BLOCK_LENGTH))
+    x[..., :count] = added
+    # the values of all blocks at one step are adjacent in memory
+    gain = padded.reshape(blocks, BLOCK_LENGTH).T.copy()
+    x = np.moveaxis(x.reshape(*series, blocks, BLOCK_LENGTH), -1, 0).copy()
+    for k in range(1, BLOCK_LENGTH):
+        x[k] += gain[k] * x[k - 1]
+        gain[k] *= gain[k - 1]
+    if blocks > 1:
+        before = linear_recurrence(gain[-1], x[-1])[..., :-1]
+        x[..., 1:] += gain.reshape(
+            BLOCK_LENGTH, *[1] * len(series), blocks)[..., 1:] * before
+    return np.moveaxis(x, 0, -1).reshape(*series, blocks * BLOCK_LENGTH)[..., :count]
+
+
+def _half_slope(parameters: Array, w: Array, dt: Array) -> Array:
+    """Return half the step times the derivative of the acceleration at velocity ``w``."""
+    return np.asarray(0.5 * dt * (2.0 * parameters[1] * np.abs(w) + parameters[2]))
+
+
+def _newton(step: Callable[[Array], tuple[Array, Array]], start: float,
+            count: int) -> tuple[Array, bool]:
+    """
+    Return the velocities of so many steps, and whether Newton's method converged.
+
+    ``step`` returns the velocities after all steps and their slopes by those before.
+    """
+    v = np.full(count + 1, start)
+    for _ in range(MAX_ITERATIONS):
+        after, slope = step(v[:-1])
+        change = linear_recurrence(slope, after - v[1:])
+        v[1:] += change
+        largest = float(np.abs(change).max(initial=0.0))
+        if largest <= TOLERANCE * max(float(np.abs(v).max()), 1e-3):
+            return v, True
+    return v, False
+
+
+def _runge_kutta(beta: float, gamma: float, v: Array, dt: Array,
+                 drive: Array) -> tuple[Array, Array]:
+    """Return the velocities after one step from each of ``v``, and their slopes by it."""
+    rate = slope = rates = slopes = np.zeros_like(v)
+    for share, weight in ((0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)):
+        w = v + share * dt * rate
+        speed = beta * np.abs(w)
+        slope = (2.0 * speed + gamma) * (1.0 + share * dt * slope)
+        rate = drive + (speed + gamma) * w
+        rates, slopes = rates + weight * rate, slopes + weight * slope
+    return v + dt / 6.0 * rates, 1.0 + dt / 6.0 * slopes
+
+
+def _step_by_step(parameters: Sequence[float], start: float, dt: Array,
+                  force: Array) -> Array:
+    velocity = np.full(len(dt) + 1, math.inf)
+    velocity[0] = v = start
+    for k, (h, f) in enumerate(zip(dt.tolist(), force.tolist()), 1):
+        try:
+            v = advance(parameters, v, f, h)
+        except (ValueError, ArithmeticError):  # no finite speed: drag of the wrong sign
+            break
+        if not abs(v) < MAX_VELOCITY:
+            break
+        velocity[k] = v
+    return velocity

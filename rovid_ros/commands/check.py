@@ -23,7 +23,7 @@ from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.settings.scales import Scales
 from rovid_ros.commands.arguments import add_json, add_logs, add_part, positive
 from rovid_ros.commands.check_data import check_data, ERROR, Findings, Observation
-from rovid_ros.commands.progress import Progress
+from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.running import check_written, CommandError, print_written, UsageError
 from rovid_ros.config.input_topics import inputs_of, needs, section, topics_of
 from rovid_ros.config.parameter_file import ParameterFileError, read

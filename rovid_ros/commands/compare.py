@@ -7,14 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Settings
 from rovid_ros.commands.arguments import add_json, add_params_file, add_part
-from rovid_ros.commands.parallel import in_parallel
-from rovid_ros.commands.progress import Progress
+from rovid_ros.commands.long_work import in_parallel_with_progress
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import (
     check_written,
@@ -31,9 +30,6 @@ from rovid_ros.results.text import NONE, number, percent, table, unit
 DESCRIPTION = (
     'Each log is a trial by itself: every method is trained on it, and each model predicts every '
     'log from its thrust alone.')
-
-Given = TypeVar('Given')
-Made = TypeVar('Made')
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -60,7 +56,7 @@ def run(args: argparse.Namespace) -> None:
         trials = read_trials(
             args.logs, validate, settings, partial(warn, args.prog), start=args.start,
             duration=args.duration)
-    models = compare(trials, settings, _on_all_cores)
+    models = compare(trials, settings, in_parallel_with_progress)
     print(comparison_text(models, trials, settings))
     if args.json:
         write_json(args.json, document(models))
@@ -96,18 +92,6 @@ def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Setti
             warn(f'{name}: {line}')
         trials.append(Trial(name, i < len(train), result, feeder, warnings))
     return trials
-
-
-def _on_all_cores(label: str, work: Callable[[Given], Made],
-                  given: Sequence[Given]) -> list[Made]:
-    done = 0
-    with Progress(label, lambda: done / len(given)) as progress:
-        def tick(count: int) -> None:
-            nonlocal done
-            done = count
-            progress.tick()
-
-        return in_parallel(work, given, tick)
 
 
 def document(models: Sequence[Model]) -> dict[str, Any]:

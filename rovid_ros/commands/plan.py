@@ -37,8 +37,8 @@ from rovid_ros.commands.arguments import (
     factor,
     per_dof,
 )
+from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.profiles import profile_text
-from rovid_ros.commands.progress import Progress
 from rovid_ros.commands.running import (
     check_written,
     CommandError,

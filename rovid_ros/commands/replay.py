@@ -22,7 +22,7 @@ from rovid_ros.commands.arguments import (
 )
 from rovid_ros.commands.controls import CONTROL
 from rovid_ros.commands.feeder import Feeder, PipeFeeder
-from rovid_ros.commands.progress import Progress
+from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.replay_checkpoint import ReplayCheckpoint
 from rovid_ros.commands.replay_run import ReplayError, ReplayRun, Result
 from rovid_ros.commands.running import (

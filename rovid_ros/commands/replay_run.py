@@ -12,7 +12,7 @@ from rovid_core.identify.estimate import Estimate
 from rovid_core.settings.run import Settings
 from rovid_ros.commands.controls import CONTROL
 from rovid_ros.commands.feeder import Feeder
-from rovid_ros.commands.progress import Progress
+from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.replay_checkpoint import Read, ReplayCheckpoint
 from rovid_ros.commands.running import Interrupt
 from rovid_ros.files.output_log import OutputFile

@@ -17,8 +17,7 @@ from rovid_core.trials.tuning.log import TuningLog
 from rovid_core.trials.tuning.tune import observed, Score, Stage, tune, Tuned, TuningError
 from rovid_ros.commands.arguments import add_json, add_logs, add_params_file, add_part
 from rovid_ros.commands.feeder import PipeFeeder
-from rovid_ros.commands.parallel import in_parallel
-from rovid_ros.commands.progress import Progress
+from rovid_ros.commands.long_work import in_parallel, Progress
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import (
     check_written,

@@ -10,8 +10,8 @@ from threading import Thread
 
 import pytest
 from rovid_ros import __version__
+from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.main import main
-from rovid_ros.commands.progress import Progress
 from rovid_ros.commands.running import check_written, CommandError, Interrupted, run_to_exit_code
 from rovid_ros.files.whole_files import write_json
 from rovid_ros.results.text import number, percent, table, unit

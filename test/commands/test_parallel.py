@@ -9,12 +9,12 @@ import sys
 import time
 
 import pytest
-from rovid_ros.commands.parallel import in_parallel, WorkerError
+from rovid_ros.commands.long_work import in_parallel, WorkerError
 
 INTERRUPTED = """
 import sys, time
 from rovid_ros.commands.running import run_to_exit_code
-from rovid_ros.commands.parallel import in_parallel
+from rovid_ros.commands.long_work import in_parallel
 def work(k):
     print('begun', flush=True)
     time.sleep(60)

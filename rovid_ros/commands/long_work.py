@@ -1,4 +1,4 @@
-"""The same work on many things, on all cores."""
+"""Work that takes a while: a progress bar, and the same work on many things on all cores."""
 
 from __future__ import annotations
 
@@ -9,16 +9,98 @@ from contextlib import contextmanager
 import multiprocessing
 import os
 import signal
-from typing import Any, TypeVar
+import sys
+import time
+from types import TracebackType
+from typing import Any, TextIO, TypeVar
 
 Given = TypeVar('Given')
 Made = TypeVar('Made')
 
-LOOK = 0.1  # [s] between two looks at what is done
+BAR_WIDTH = 30
+"""[characters]"""
+
+POLL_PERIOD = 0.1
+"""[s] Between two looks at what the workers have done."""
+
+
+class Progress:
+    """
+    A bar on standard error that appears when the work takes over a second.
+
+    Parameters
+    ----------
+    label : str
+        What is being done, in a word or two.
+    fraction : callable
+        Returns how much is done, 0 to 1; called only when the bar is drawn.
+    stream : file, optional
+        Where to draw; nothing is drawn unless it is a terminal.
+    delay : float
+        Time [s] before the bar appears.
+
+    """
+
+    def __init__(self, label: str, fraction: Callable[[], float], *,
+                 stream: TextIO | None = None, delay: float = 1.0) -> None:
+        self._label = label
+        self._fraction = fraction
+        self._stream = sys.stderr if stream is None else stream
+        self._visible = self._stream.isatty()
+        self._start = time.monotonic()
+        self._due = self._start + delay
+        self._width = 0
+
+    def tick(self) -> None:
+        """Draw the bar if it is time to; cheap enough to call for every message."""
+        if not self._visible:
+            return
+        now = time.monotonic()
+        if now < self._due:
+            return
+        self._due = now + 0.1
+        done = min(max(self._fraction(), 0.0), 1.0)
+        full = round(done * BAR_WIDTH)
+        line = f'{self._label}  [{"#" * full}{"." * (BAR_WIDTH - full)}] {100.0 * done:3.0f} %'
+        if done > 0.02:
+            line += f'  {(now - self._start) * (1.0 - done) / done:.0f} s left'
+        self._draw(line)
+
+    def close(self) -> None:
+        """Wipe the bar, so that what follows starts on a clean line."""
+        if self._width:
+            self._draw('')
+            self._stream.write('\r')
+            self._stream.flush()
+
+    def _draw(self, line: str) -> None:
+        self._stream.write(f'\r{line:<{self._width}}')
+        self._stream.flush()
+        self._width = len(line)
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.close()
 
 
 class WorkerError(ValueError):
     """A process that worked on a part is gone; the text is the line to print."""
+
+
+def in_parallel_with_progress(label: str, work: Callable[[Given], Made],
+                              given: Sequence[Given]) -> list[Made]:
+    """Return ``work`` of each, in order, and show a progress bar meanwhile."""
+    done = 0
+    with Progress(label, lambda: done / len(given)) as progress:
+        def tick(count: int) -> None:
+            nonlocal done
+            done = count
+            progress.tick()
+
+        return in_parallel(work, given, tick)
 
 
 def in_parallel(work: Callable[[Given], Made], given: Sequence[Given],
@@ -90,7 +172,7 @@ def _pool(workers: int, work: Callable[[int], Any]) -> Iterator[ProcessPoolExecu
 def _await(futures: Sequence[Future[Any]], tick: Callable[[int], None]) -> None:
     pending = set(futures)
     while pending:
-        done, pending = wait(pending, LOOK)
+        done, pending = wait(pending, POLL_PERIOD)
         for future in done:
             future.result()  # what went wrong ends it at once
         tick(len(futures) - len(pending))

@@ -15,11 +15,11 @@ import sys
 from typing import Any
 
 from rovid_core.identify.estimate import Estimate
+from rovid_core.model.lowpass import LowPass
 from rovid_core.pipeline import steps as pipe
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import DofSettings, Settings
 from rovid_core.trials.score import Score, ScoreLog
-from rovid_core.velocity.lowpass import LowPass
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log

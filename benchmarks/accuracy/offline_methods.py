@@ -19,8 +19,7 @@ import numpy as np
 from rovid_core.identify.estimate import Estimate
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.least_squares import with_acceleration
 from rovid_core.trials.offline import METHODS
 from rovid_core.trials.output_error import information, noise, output_error

@@ -12,7 +12,7 @@ import numpy as np
 from rovid_core.identify.rls import CORNER
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 
 from test.support.online_trials import Trial
 from test.support.trials import Array, NOISE

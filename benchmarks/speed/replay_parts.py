@@ -14,7 +14,7 @@ from typing import Any
 
 from rovid_core.model.samples import Event
 from rovid_core.ordering.event_order import EventOrder
-from rovid_core.pipeline.steps import Pipe
+from rovid_core.pipeline.steps import Pipeline
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
 from rovid_ros.commands.feeder import PipeFeeder
@@ -45,23 +45,20 @@ def parts(path: Path, settings: Settings) -> dict[str, float]:
                          lambda: list(log.messages(topics, 0.0, DURATION, feeder.take)))
     events = [event for message in messages for event in message.data]
     released = timed('put in order', lambda: _ordered(settings, events))
-    bare = _pipe(settings)
-    bare._tracks = []
-    timed('gates and commands', lambda: _fed(bare, released))
-    moving = _pipe(settings)
-    for dof in moving._dofs:
-        dof.step = lambda *_: None  # type: ignore[method-assign]
+    moving = _pipeline(settings)
+    for dof in moving.dofs:
+        dof.add_step = lambda *_: None  # type: ignore[method-assign]
     timed('gates, velocity and thrust', lambda: _fed(moving, released))
-    timed('gates, velocity, thrust and identifiers', lambda: _fed(_pipe(settings), released))
-    scored = Pipe(settings, _ignore, _ignore, ScoreLog(settings))
-    timed('the pipe with the score', lambda: _fed(scored, released))
+    timed('gates, velocity, thrust and identifiers', lambda: _fed(_pipeline(settings), released))
+    scored = Pipeline(settings, _ignore, _ignore, ScoreLog(settings))
+    timed('the pipeline with the score', lambda: _fed(scored, released))
     run = ReplayRun(PipeFeeder(settings), settings, topics)
 
     def replay() -> None:
         for message in messages:
             run.take(message)
 
-    timed('order and pipe as a replay runs them', replay)
+    timed('order and pipeline as a replay runs them', replay)
     return {name: seconds / len(messages) for name, seconds in found.items()}
 
 
@@ -71,14 +68,14 @@ def _ordered(settings: Settings, events: Iterable[Event]) -> list[Event]:
     return [one for event in events for one in order.push(event)[0]] + order.flush()
 
 
-def _pipe(settings: Settings) -> Pipe:
-    return Pipe(settings, _ignore, _ignore)
+def _pipeline(settings: Settings) -> Pipeline:
+    return Pipeline(settings, _ignore, _ignore)
 
 
-def _fed(pipe: Pipe, events: Iterable[Event]) -> None:
+def _fed(pipeline: Pipeline, events: Iterable[Event]) -> None:
     for event in events:
         for sample in event.samples:
-            pipe.handle(event.time, sample)
+            pipeline.add_sample(event.time, sample)
 
 
 def _ignore(*_: str) -> None:

@@ -15,9 +15,9 @@ from statistics import median
 from time import process_time
 
 import numpy as np
+from rovid_core.inputs.units_and_signs import UnsignedCommandCheck
 from rovid_core.pipeline.one_dof import Identification
-from rovid_core.settings.run import IdentifierSettings, Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import IdentifierSettings, Scales, Settings
 
 from benchmarks.accuracy.peers import (
     filterpy_ekf7,
@@ -38,7 +38,7 @@ METHODS: dict[str, IdentifierSettings] = {
     'rls': IdentifierSettings('rls'),
     'ekf': IdentifierSettings('ekf'),
 }
-ALONE, PIPED = 'alone', 'in the pipe'
+ALONE, PIPED = 'alone', 'in the pipeline'
 EKF, UPDATE = 'filterpy EKF, 7 states', 'filterpy EKF, update alone'
 RLS, ADAPT = 'padasip RLS, with its regressors', 'padasip RLS, adapt alone'
 PEERS = {
@@ -58,7 +58,7 @@ Work = Callable[[Trial], float]
 def alone(settings: Settings) -> Work:
     """Return what times the method's own step."""
     def work(one: Trial) -> float:
-        identifier = Identification(settings, 0, _ignore, _ignore).identifier
+        identifier = _dof(settings).identifier
         first, *steps = one.pieces()
         assert isinstance(first, float)
         identifier.restart(first)
@@ -70,9 +70,9 @@ def alone(settings: Settings) -> Work:
 
 
 def piped(settings: Settings) -> Work:
-    """Return what times the step as the pipe calls it: with status and estimate."""
+    """Return what times the step as the pipeline calls it: with status and estimate."""
     def work(one: Trial) -> float:
-        dof = Identification(settings, 0, _ignore, _ignore)
+        dof = _dof(settings)
         first, *steps = one.pieces()
         assert isinstance(first, float)
         dof.identifier.restart(first)
@@ -80,9 +80,14 @@ def piped(settings: Settings) -> Work:
         began = process_time()
         for step in steps:
             time += 100_000_000
-            dof.step(time, step, True)  # type: ignore[arg-type]
+            dof.add_step(time, step, True)  # type: ignore[arg-type]
         return (process_time() - began) / len(steps)
     return work
+
+
+def _dof(settings: Settings) -> Identification:
+    return Identification(
+        settings, 0, UnsignedCommandCheck(settings, _ignore), _ignore, _ignore)
 
 
 def works() -> dict[tuple[str, str], Work]:

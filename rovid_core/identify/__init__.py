@@ -10,8 +10,7 @@ from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.method import Identifier
 from rovid_core.identify.rls import RecursiveLeastSquares
 from rovid_core.model.dofs import Four
-from rovid_core.settings.run import DofSettings, IdentifierSettings, SettingsError
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales, SettingsError
 
 
 def _aid(scales: Scales, settings: IdentifierSettings, raw_gains: Four | None) -> Identifier:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 
 MIN_EXCITATION = 1e-3
 """Mean square of the thrust, in typical forces, below which nothing can be learned."""

@@ -18,7 +18,7 @@ from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four, Three
 from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 
 CORNER = 3.0
 """c [rad/s]: faster than the vehicle, yet slow enough that noise of fixes at 10 Hz stays white."""

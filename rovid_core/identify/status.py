@@ -10,7 +10,7 @@ from rovid_core.identify.excitation import Excitation, Gram, MIN_EXCITATION
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 
 STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invalid')
 

@@ -5,46 +5,45 @@ from __future__ import annotations
 import math
 
 from rovid_core.model.dofs import ANGULAR_DOFS, Vector
-from rovid_core.settings.run import Settings
-from rovid_core.settings.scales import Scales
-from rovid_core.velocity.quaternions import rotation_between
+from rovid_core.model.quaternions import rotation_between
+from rovid_core.settings.run import Scales, Settings
 
 NS = 1e-9
 
-ENOUGH = 20
-"""Innovations from which the scale is known."""
+LEARNED_AFTER = 20
+"""Innovations after which the scale is known."""
 
 GAIN = 0.05
-"""By how much the scale moves with each innovation, relative; more at the beginning."""
+"""Relative change of the scale with each innovation; it is larger at the beginning."""
 
-DOUBT = 0.2
-"""What a refused innovation counts for in that."""
+OUTLIER_WEIGHT = 0.2
+"""Weight of a refused innovation in the learning of the scale."""
 
-AGREEING = 6
+FOLLOW_AFTER = 6
 """So many refused in a row that agree with each other are followed: no echo lasts that long."""
 
 FACTOR = 3.0
-"""By how much typical sizes may be off."""
+"""Factor by which typical sizes may be wrong."""
 
-RESOLUTION = 0.002
+MIN_SCALE = 0.002
 """Least scale, in typical velocities (times 1 s where it is a position)."""
 
-LARGEST = 1e6
-"""Greatest scale; keeps an infinite value from opening the gate for ever."""
+MAX_SCALE = 1e6
+"""Greatest scale; it keeps an infinite value from opening the gate for ever."""
 
-WOBBLE = 10.0
+ANGULAR_ACCELERATION = 10.0
 """[rad/s^2] A small vehicle rolls and pitches so fast, whatever is identified of it."""
 
 PER_MEDIAN = {1: 1.483, 2: 0.849, 3: 0.650}
 """Standard deviation on one axis over the median length, by the number of axes."""
 
 Floats = tuple[float, ...]
-STILL: Vector = (0.0, 0.0, 0.0)
+ZERO: Vector = (0.0, 0.0, 0.0)
 
 
-class Path:
+class Prediction:
     """
-    Where an input is and how it moves.
+    Where an input was last, and how it moves: where it is next follows from that.
 
     Attributes
     ----------
@@ -60,23 +59,33 @@ class Path:
     def __init__(self, time: int, value: Floats) -> None:
         self.time = time
         self.value = value
-        self.rate = STILL
+        self.rate = ZERO
         self.count = 1
 
+    def advance(self, time: int, value: Floats, gain: float, innovation: Vector) -> None:
+        """Go on to a measurement; ``gain`` [1/s] times the innovation changes the rate."""
+        if gain:
+            u, v, w = self.rate
+            x, y, z = innovation
+            self.rate = (u + gain * x, v + gain * y, w + gain * z)
+        self.time, self.value = time, value
+        self.count += 1
 
-class Gate:
+
+class OutlierGate:
     """
     Refuse measurements that do not follow from the ones before.
 
     A position, depth or attitude is predicted with its rate from the last good one; a
-    velocity stays what it was. The median of what they miss by is learned, also from what is
-    refused: that moves it by a step and no further, however wild it is. What misses by more
-    than ``velocity.gate`` standard deviations, and more than the vehicle can accelerate by,
-    is an outlier. Repeats of a value teach nothing, or a coarse sensor would be refused its
-    next step.
+    velocity is predicted to stay what it was. The innovation is the difference between a
+    measurement and its prediction. The gate learns the median length of the innovations, also
+    from refused ones: each moves the median by a small step, however large it is. A measurement
+    is an outlier when its innovation is beyond ``velocity.gate`` standard deviations, and beyond
+    what the vehicle can accelerate by. Repeats of a value teach nothing, or the next step of a
+    coarse sensor would be refused.
 
-    Outliers in a row that follow from each other for ``AGREEING`` times are where the
-    measurement goes on.
+    When ``FOLLOW_AFTER`` outliers in a row follow from each other, the measurement has jumped,
+    and is followed from there.
 
     Parameters
     ----------
@@ -105,34 +114,34 @@ class Gate:
         self._velocity = max((s.velocity for s, _ in known), default=0.5)
         self._acceleration = FACTOR * max((s.force / mass for s, mass in known), default=0.5)
         if is_angular:
-            self._acceleration = max(self._acceleration, WOBBLE)
-        self._least = RESOLUTION * self._velocity
+            self._acceleration = max(self._acceleration, ANGULAR_ACCELERATION)
+        self._min_scale = MIN_SCALE * self._velocity
         self._input = input
         self.change_limits(settings)
         self.restart()
 
     def change_limits(self, settings: Settings) -> None:
-        """Take another timeout, ``velocity.max`` and ``velocity.gate``."""
+        """Use another timeout, ``velocity.max`` and ``velocity.gate``."""
         self._timeout = round(settings.timeout_of(self._input) / NS)
         self._max_speed = settings.max_speed
         self._limit = settings.gate * PER_MEDIAN[self._axes]
 
     def restart(self) -> None:
         """Forget everything."""
-        self._path: Path | None = None
-        self._other: Path | None = None  # that of the outliers
-        self._seen = 0  # [ns] newest measurement, good or not
-        self._scale = 0.0  # median of what predictions miss by
-        self._learned = 0
+        self._good: Prediction | None = None
+        self._outliers: Prediction | None = None
+        self._newest = 0  # [ns] time of the newest measurement, good or not
+        self._scale = 0.0  # median length of the innovations
+        self._innovations = 0
         self._period = 0.0  # [s] between measurements
         self.change: Vector | None = None
 
-    def take_up(self, time: int, value: Floats) -> None:
-        """Go on from a measurement, whatever was before."""
-        self._path, self._other, self._seen = Path(time, value), None, time
+    def restart_from(self, time: int, value: Floats) -> None:
+        """Accept a measurement, whatever was before."""
+        self._good, self._outliers, self._newest = Prediction(time, value), None, time
         self.change = None
 
-    def take(self, time: int, value: Floats) -> str:
+    def check(self, time: int, value: Floats) -> str:
         """
         Judge a measurement.
 
@@ -140,94 +149,93 @@ class Gate:
         -------
         str
             '' if it is good, ``outlier``, ``too_fast`` for one beyond ``velocity.max``, or
-            ``shifted``: it goes on from here.
+            ``shifted`` if the measurement has jumped and is followed from here.
 
         """
-        path = self._path
-        if path is None or time - self._seen > self._timeout or time <= path.time:
-            self.take_up(time, value)
+        good = self._good
+        if good is None or time - self._newest > self._timeout or time <= good.time:
+            self.restart_from(time, value)
             return ''
-        self._seen = time
-        dt = (time - path.time) * NS
-        change = self.change = self._between(path.value, value)
-        x, y, z = rest = _unexpected(change, path.rate, dt)
-        missed = math.sqrt(x * x + y * y + z * z)
-        good = missed <= self._allowed(path, dt) or self._learned < ENOUGH
-        self._learn(dt, missed, good)
-        if good:
-            self._other = None
-            self._advance(path, time, value, dt, rest)
+        self._newest = time
+        dt = (time - good.time) * NS
+        change = self.change = self._change(good.value, value)
+        u, v, w = good.rate
+        x, y, z = innovation = (change[0] - u * dt, change[1] - v * dt, change[2] - w * dt)
+        size = math.sqrt(x * x + y * y + z * z)
+        is_good = size <= self._allowed(good, dt) or self._innovations < LEARNED_AFTER
+        self._learn(dt, size, is_good)
+        if is_good:
+            self._outliers = None
+            good.advance(time, value, self._rate_gain(good, dt), innovation)
             return ''
         speed = math.hypot(*(value if self._is_rate else change))
-        return self._refuse(time, value, 'outlier' if speed <= self._max_speed * (
-            1.0 if self._is_rate else dt) else 'too_fast')
+        if self._outliers_agree(time, value):
+            return 'shifted'
+        return 'outlier' if speed <= self._max_speed * (
+            1.0 if self._is_rate else dt) else 'too_fast'
 
-    def _between(self, a: Floats, b: Floats) -> Vector:
+    def _change(self, a: Floats, b: Floats) -> Vector:
+        """Return the change from one value to another, 0 on axes that do not count."""
         if self._is_rotation:
             return rotation_between(a, b)  # type: ignore[arg-type]
         if self._axes == 1:
             return (b[0] - a[0], 0.0, 0.0)
         return (b[0] - a[0], b[1] - a[1], b[2] - a[2] if self._axes == 3 else 0.0)
 
-    def _allowed(self, path: Path, dt: float) -> float:
-        """Return by how much a measurement may miss what a path predicts."""
+    def _allowed(self, prediction: Prediction, dt: float) -> float:
+        """Return the greatest innovation that is no outlier."""
         period = self._period
         # what was refused in between says nothing: a long burst must not open the gate
-        span = min(dt, 3.0 * period) if self._other is not None else dt
+        span = min(dt, 3.0 * period) if self._outliers is not None else dt
         noise = self._limit * self._scale
         if span > period > 0.0:
             noise *= span / period
         if self._is_rate:
             return noise + 2.0 * self._acceleration * span  # full astern at full speed
-        if path.count == 1:
+        if prediction.count == 1:
             return noise + FACTOR * self._velocity * span
-        # the rate lags behind by 1.75 periods, see _advance
+        # the rate lags behind by 1.75 periods, see _rate_gain
         return noise + self._acceleration * span * (0.5 * span + 1.75 * period)
 
-    def _advance(self, path: Path, time: int, value: Floats, dt: float, rest: Vector) -> None:
-        """Go on to a good measurement; a short interval says little of the rate."""
-        if not self._is_rate:
-            h = dt + 0.5 * self._period
-            share = 1.0 / dt if path.count == 1 else dt / (h * h)
-            u, v, w = path.rate
-            path.rate = (u + share * rest[0], v + share * rest[1], w + share * rest[2])
-        path.time, path.value = time, value
-        path.count += 1
+    def _rate_gain(self, prediction: Prediction, dt: float) -> float:
+        """Return the gain [1/s] of the rate; a short interval says little about it."""
+        if self._is_rate:
+            return 0.0
+        h = dt + 0.5 * self._period
+        return 1.0 / dt if prediction.count == 1 else dt / (h * h)
 
-    def _learn(self, dt: float, missed: float, good: bool) -> None:
+    def _learn(self, dt: float, size: float, is_good: bool) -> None:
+        """Learn the period and the scale from the length of an innovation."""
         period = self._period
-        if self._other is None:
+        if self._outliers is None:
             longest = 2.0 * period or dt
             self._period += ((dt if dt < longest else longest) - period) * (
                 GAIN if period else 1.0)
-        if self.change == STILL:
+        if self.change == ZERO:
             return
-        n = self._learned = self._learned + 1
+        n = self._innovations = self._innovations + 1
         weight = GAIN if n > 60 else 3.0 / n
-        if not good:
-            weight *= DOUBT
+        if not is_good:
+            weight *= OUTLIER_WEIGHT
         if dt > period > 0.0:
-            missed *= period / dt
-        scale = self._scale or missed
-        scale = scale * (1.0 + weight) if missed > scale else scale / (1.0 + weight)
-        self._scale = min(max(scale, self._least), LARGEST)
+            size *= period / dt
+        scale = self._scale or size
+        scale = scale * (1.0 + weight) if size > scale else scale / (1.0 + weight)
+        self._scale = min(max(scale, self._min_scale), MAX_SCALE)
 
-    def _refuse(self, time: int, value: Floats, reason: str) -> str:
-        """Refuse a measurement, unless it is the last of many that agree."""
-        other = self._other
-        if other is not None:
-            dt = (time - other.time) * NS
-            rest = _unexpected(self._between(other.value, value), other.rate, dt)
-            if math.hypot(*rest) <= self._allowed(other, dt):
-                self._advance(other, time, value, dt, rest)
-                if other.count >= AGREEING:
-                    self._path, self._other = other, None
-                    return 'shifted'
-                return reason
-        self._other = Path(time, value)
-        return reason
-
-
-def _unexpected(change: Vector, rate: Vector, dt: float) -> Vector:
-    """Return what a rate leaves of a change."""
-    return (change[0] - rate[0] * dt, change[1] - rate[1] * dt, change[2] - rate[2] * dt)
+    def _outliers_agree(self, time: int, value: Floats) -> bool:
+        """Add an outlier, and tell whether enough of them agree to be followed."""
+        outliers = self._outliers
+        if outliers is not None:
+            dt = (time - outliers.time) * NS
+            x, y, z = self._change(outliers.value, value)
+            u, v, w = outliers.rate
+            innovation = (x - u * dt, y - v * dt, z - w * dt)
+            if math.hypot(*innovation) <= self._allowed(outliers, dt):
+                outliers.advance(time, value, self._rate_gain(outliers, dt), innovation)
+                if outliers.count < FOLLOW_AFTER:
+                    return False
+                self._good, self._outliers = outliers, None
+                return True
+        self._outliers = Prediction(time, value)
+        return False

@@ -1,44 +1,42 @@
-"""What is let in of an input: neither what is stuck nor what does not follow from before."""
+"""Tell when a sensor repeats the very same value, and check each measurement of an input."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from rovid_core.inputs.outlier_gate import Floats, Gate
-from rovid_core.inputs.units_and_signs import Units
+from rovid_core.inputs.outlier_gate import Floats, OutlierGate
+from rovid_core.inputs.units_and_signs import UnitCheck
 from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS
-from rovid_core.settings.run import Settings
-from rovid_core.settings.scales import Scales
-from rovid_core.thrust.force_history import Thrust
+from rovid_core.settings.run import Scales, Settings
 
-STUCK = 10
+STUCK_AFTER = 10
 """Repeats of the very same value in a row, under thrust, of a sensor that is stuck."""
 
-KNOWN = 200
+KNOWN_AFTER = 200
 """Values after which it is known how often a sensor repeats one."""
 
 SELDOM = 0.01
-"""Share of repeats up to which it never does, normally."""
+"""Share of repeats of a sensor that normally never repeats a value."""
 
 WORKING = 0.1
-"""Force that should move the vehicle, in typical ones."""
+"""Force that should move the vehicle, in typical forces."""
 
-STILL = 50
-"""Repeats in a row that are told where the vehicle is driven, if not by a thrust of its own."""
+WARN_AFTER = 50
+"""Repeats in a row for a warning, while the vehicle is driven, but not by a thrust of its own."""
 
-LOOK = 300
-"""Values after which it is told when most of them only repeat the one before, under thrust."""
+WINDOW = 300
+"""Values of which it is asked whether most only repeat the one before, under thrust."""
 
 MOST = 200
-"""Repeats among them that are most."""
+"""Repeats in a window that are most of it."""
 
-TAKEN_ANEW = frozenset({'gap', 'shifted'})
-"""Reasons for which a measurement is not refused: it is where the input goes on."""
+RESTARTS = frozenset({'gap', 'shifted'})
+"""Reasons with which a measurement is used all the same: the input goes on from it."""
 
 
-class Inlet:
+class InputCheck:
     """
-    What is let in of one input.
+    Decide which measurements of one input are used.
 
     Parameters
     ----------
@@ -46,42 +44,38 @@ class Inlet:
         The run.
     input : str
         ``position``, ``depth``, ``attitude``, ``velocity`` or ``angular_velocity``.
-    thrust : Thrust
-        Tells whether the vehicle should be moving.
     warn : callable
-        Told one line whenever the input gets stuck.
+        Called with one line whenever the input gets stuck.
 
     Attributes
     ----------
-    gate : Gate
+    gate : OutlierGate
         Tells the outliers.
 
     """
 
-    def __init__(self, settings: Settings, input: str, thrust: Thrust,
-                 warn: Callable[[str], None]) -> None:
+    def __init__(self, settings: Settings, input: str, warn: Callable[[str], None]) -> None:
         self._input = input
-        self._thrust = thrust
         self._warn = warn
-        self.gate = Gate(settings, input)
-        self._units = Units(settings, input, warn)
-        self._told = False
+        self.gate = OutlierGate(settings, input)
+        self._units = UnitCheck(settings, input, warn)
+        self._has_warned = False
         self.change(settings)
         names = ANGULAR_DOFS if input in ('attitude', 'angular_velocity') else (
             ('heave',) if input == 'depth' else LINEAR_DOFS)
         own = [i for i, d in enumerate(settings.dofs) if d in names]
-        self._all_forces = [
+        self._least_forces = [
             (i, WORKING * Scales.of(settings.dof[d]).force) for i, d in enumerate(settings.dofs)]
         # any thrust will do where none is known to move what it measures
-        self._forces = [self._all_forces[i] for i in own] or self._all_forces
+        self._own_least_forces = [self._least_forces[i] for i in own] or self._least_forces
         self.restart()
 
     def change(self, settings: Settings) -> None:
-        """Take other limits."""
-        self._gated = settings.gate > 0.0
+        """Use other limits."""
+        self._is_gated = settings.gate > 0.0
         self.gate.change_limits(settings)
         self._units.change(settings)
-        if not self._gated:
+        if not self._is_gated:
             self.gate.restart()  # what it last saw must not stand for what comes
 
     def restart(self) -> None:
@@ -89,80 +83,96 @@ class Inlet:
         self.gate.restart()
         self._units.restart()
         self._value: Floats | None = None
-        self._count = self._repeats = self._run = 0
-        self._resting = self._still = 0  # repeats in a row without its own thrust, under others
-        self._looked = self._same = 0
-        self._stuck = False
+        self._count = self._repeats = 0
+        self._driven_run = 0  # repeats in a row under its own thrust
+        self._idle_run = self._moved_run = 0  # in a row without it; of these, under other thrust
+        self._window = self._window_repeats = 0
+        self._is_stuck = False
 
-    def take(self, time: int, value: Floats) -> str:
+    def check(self, time: int, value: Floats, forces: Sequence[float]) -> str:
         """
-        Judge a value at ``time`` [ns].
+        Judge a measurement.
+
+        Parameters
+        ----------
+        time : int
+            [ns]
+        value : tuple of float
+            What was measured.
+        forces : sequence of float
+            The newest commanded force on every DOF of the run [N or N m].
 
         Returns
         -------
         str
-            '' to take it, one of ``TAKEN_ANEW`` to go on from it, or why it is refused.
+            '' to use it, one of ``RESTARTS`` to go on from it, or why it is refused.
 
         """
         self._count += 1
-        self._looked += 1
+        self._window += 1
         if value == self._value:
-            if self._is_stuck():
+            if self._repeats_stuck(forces):
                 return 'stuck'
-            if self._looked >= LOOK:
-                self._look()
+            if self._window >= WINDOW:
+                self._warn_if_repeated()
         else:
             self._value = value
-            self._resting = self._still = 0
-            if self._run:
-                self._repeats += self._run
-                self._run = 0
-            if self._stuck:
-                self._stuck = False
-                self.gate.take_up(time, value)
+            self._idle_run = self._moved_run = 0
+            if self._driven_run:
+                self._repeats += self._driven_run
+                self._driven_run = 0
+            if self._is_stuck:
+                self._is_stuck = False
+                self.gate.restart_from(time, value)
                 return 'gap'
-        reason = self.gate.take(time, value) if self._gated else ''
-        self._units.take(time, value, reason, self.gate.change)
+        reason = self.gate.check(time, value) if self._is_gated else ''
+        self._units.add_sample(time, value, reason, self.gate.change)
         return reason
 
-    def _is_stuck(self) -> bool:
-        """Take a value that is exactly the one before."""
-        if self._stuck:
+    def _repeats_stuck(self, forces: Sequence[float]) -> bool:
+        """Note a repeat of the value before, and tell whether the sensor is stuck."""
+        if self._is_stuck:
             self._count -= 1  # says nothing of how it normally is
             return True
-        if not self._is_driven(self._forces):
+        if not _is_driven(forces, self._own_least_forces):
             self._repeats += 1
-            self._note_still()
+            self._note_idle(forces)
             return False
-        self._run += 1
-        self._same += 1
-        usual = self._count - self._run
-        if self._run < STUCK or usual < KNOWN or self._repeats > SELDOM * usual:
+        self._driven_run += 1
+        self._window_repeats += 1
+        usual = self._count - self._driven_run
+        if (self._driven_run < STUCK_AFTER or usual < KNOWN_AFTER
+                or self._repeats > SELDOM * usual):
             return False
-        self._count, self._run, self._stuck = usual, 0, True
-        self._warn(f'{self._input} is stuck: it has repeated the very same value {STUCK} times '
-                   'under thrust; it is refused until it changes')
+        self._count, self._driven_run, self._is_stuck = usual, 0, True
+        self._warn(f'{self._input} is stuck: it has repeated the very same value {STUCK_AFTER} '
+                   'times under thrust; it is refused until it changes')
         return True
 
-    def _is_driven(self, forces: Sequence[tuple[int, float]]) -> bool:
-        return any(abs(self._thrust.newest(i)) > least for i, least in forces)
-
-    def _note_still(self) -> None:
-        """Tell when a sensor that hardly ever repeats a value does for long."""
-        self._resting += 1
-        if not self._is_driven(self._all_forces):
+    def _note_idle(self, forces: Sequence[float]) -> None:
+        """Warn when a sensor that hardly ever repeats a value does for long."""
+        self._idle_run += 1
+        if not _is_driven(forces, self._least_forces):
             return
-        self._still += 1
-        usual = self._count - self._resting
-        if (self._still == STILL and usual >= KNOWN
-                and self._repeats - self._resting <= SELDOM * usual):
-            self._warn(f'{self._input} may be stuck: it has repeated the very same value {STILL} '
-                       'times while the vehicle was driven, which it hardly ever did before')
+        self._moved_run += 1
+        usual = self._count - self._idle_run
+        if (self._moved_run == WARN_AFTER and usual >= KNOWN_AFTER
+                and self._repeats - self._idle_run <= SELDOM * usual):
+            self._warn(f'{self._input} may be stuck: it has repeated the very same value '
+                       f'{WARN_AFTER} times while the vehicle was driven, which it hardly ever '
+                       'did before')
 
-    def _look(self) -> None:
-        """Say once when most of the last values were only repeats."""
-        if self._same >= MOST and not self._told:
-            self._told = True
+    def _warn_if_repeated(self) -> None:
+        """Warn once when most of the last values were only repeats."""
+        if self._window_repeats >= MOST and not self._has_warned:
+            self._has_warned = True
             self._warn(f'{self._input} mostly repeats its last value under new stamps: it is '
                        'published more often than it is measured, or in coarse steps')
-        self._looked = self._same = 0
+        self._window = self._window_repeats = 0
+
+
+def _is_driven(forces: Sequence[float], least: Sequence[tuple[int, float]]) -> bool:
+    for i, force in least:
+        if abs(forces[i]) > force:
+            return True
+    return False

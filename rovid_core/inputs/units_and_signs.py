@@ -1,4 +1,4 @@
-"""Tell slips of unit, sign and frame from the data, each once, with the key to change."""
+"""Warn of wrong units, signs and frames that show in the data, each once, and name the key."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ from operator import mul, sub
 
 from rovid_core.model.dofs import Vector
 from rovid_core.model.samples import Step
-from rovid_core.settings.run import DofSettings, Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import DofSettings, Scales, Settings
 
 NS = 1e-9
 
 WINDOW = 1_000_000_000
 """[ns] Speeds are taken over at least so long, which leaves the noise behind."""
 
-OFTEN = 0.3
+MANY_TOO_FAST = 0.3
 """Share of attitudes that the gate finds too fast, in a window of such."""
 
-MOST = 10
+WRONG_WINDOWS = 10
 """More of these that were too fast than were not are no accident."""
 
 PULSES = (800.0, 2200.0)
@@ -28,14 +27,14 @@ PULSES = (800.0, 2200.0)
 NEUTRAL = 1500.0
 """[us] No thrust, as a pulse."""
 
-LOOKS = 600
+COMPARE_AFTER = 600
 """Steps after which force and acceleration are compared, and seconds that they take."""
 DURATION = 60.0
 
-CONTRARY, AGREEING = -0.15, 0.1
+CONTRARY, RIGHT = -0.15, 0.1
 """Partial correlation of acceleration and force that is taken for a wrong or a right sign."""
 
-STRETCHES = 3
+WRONG_IN_A_ROW = 3
 """So many in a row have to be wrong."""
 
 EXCITED = 0.1
@@ -50,9 +49,9 @@ UNITS = {
 }
 
 
-class Units:
+class UnitCheck:
     """
-    Tell when an input keeps moving faster than the vehicle can.
+    Warn when an input keeps moving faster than the vehicle can.
 
     Parameters
     ----------
@@ -61,7 +60,7 @@ class Units:
     input : str
         Name of the input.
     warn : callable
-        Told one line, once.
+        Called with one line, once.
 
     """
 
@@ -72,12 +71,12 @@ class Units:
         self.change(settings)
         self._warn = warn
         self._score = 0
-        self._watching = True
+        self._is_active = True
         self._mean = 0.0  # speed where it was too fast
         self.restart()
 
     def change(self, settings: Settings) -> None:
-        """Take another ``velocity.max``."""
+        """Use another ``velocity.max``."""
         self._max_speed = settings.max_speed
 
     def restart(self) -> None:
@@ -86,10 +85,10 @@ class Units:
         self._turned = 0.0
         self._seen = self._too_fast = 0
 
-    def take(self, time: int, value: tuple[float, ...], reason: str,
+    def add_sample(self, time: int, value: tuple[float, ...], reason: str,
              change: Vector | None) -> None:
         """
-        Take a measurement.
+        Add a measurement.
 
         Parameters
         ----------
@@ -103,7 +102,7 @@ class Units:
             Since the last good one; an attitude is followed by it, for it goes round.
 
         """
-        if not self._watching:
+        if not self._is_active:
             return
         self._seen += 1
         self._too_fast += reason == 'too_fast'
@@ -121,7 +120,7 @@ class Units:
             speed = math.hypot(*value)
         elif self._input == 'attitude':
             # turns beyond half a turn look like smaller ones, here and there
-            speed = abs(self._turned) / dt if self._too_fast < OFTEN * self._seen else (
+            speed = abs(self._turned) / dt if self._too_fast < MANY_TOO_FAST * self._seen else (
                 2.0 * self._max_speed)
         else:
             speed = math.dist(value[:self._axes], before[:self._axes]) / dt
@@ -132,8 +131,8 @@ class Units:
         elif speed < math.inf:
             self._score += 1
             self._mean += (speed - self._mean) / self._score
-        if self._score == MOST:
-            self._watching = False
+        if self._score == WRONG_WINDOWS:
+            self._is_active = False
             unit = 'rad/s' if self._input == 'angular_velocity' else 'm/s'
             # how fast an attitude turns cannot be told when it is too fast
             about = '' if self._input == 'attitude' else f' at about {self._mean:.0f} {unit},'
@@ -141,44 +140,44 @@ class Units:
                        f'{UNITS[self._input]}')
 
 
-class Pulses:
+class PulseWidthCheck:
     """
-    Tell when thruster commands are pulse widths, and their middle is taken for thrust.
+    Warn when thruster commands are pulse widths, and their middle is taken for thrust.
 
     Parameters
     ----------
     settings : Settings
         The run.
     warn : callable
-        Told one line, once.
+        Called with one line, once.
 
     """
 
     def __init__(self, settings: Settings, warn: Callable[[str], None]) -> None:
         thrusters = settings.thrusters
-        self._watching = thrusters.offset == 0.0 and thrusters.model in ('linear', 'quadratic')
+        self._is_active = thrusters.offset == 0.0 and thrusters.model in ('linear', 'quadratic')
         self._warn = warn
         self._low, self._high = math.inf, -math.inf
         self._count = 0
 
-    def take(self, values: tuple[float, ...]) -> None:
-        """Take raw commands."""
-        if not self._watching:
+    def add_commands(self, values: tuple[float, ...]) -> None:
+        """Add raw commands."""
+        if not self._is_active:
             return
         self._low, self._high = min(self._low, *values), max(self._high, *values)
         self._count += 1
         if not PULSES[0] <= self._low <= self._high <= PULSES[1]:
-            self._watching = False
-        elif self._count >= LOOKS and self._low < NEUTRAL < self._high:
-            self._watching = False
+            self._is_active = False
+        elif self._count >= COMPARE_AFTER and self._low < NEUTRAL < self._high:
+            self._is_active = False
             self._warn(f'the thruster commands lie between {self._low:g} and {self._high:g}, as '
                        'pulse widths do: set thrusters.offset to what gives no thrust, such as '
                        f'{NEUTRAL:g}')
 
 
-class Sign:
+class SignCheck:
     """
-    Tell when a DOF accelerates against its thrust.
+    Warn when a DOF accelerates against its thrust.
 
     Judged by the partial correlation of acceleration and force at equal velocity, in
     stretches of data one after the other; once it is clearly positive nothing more is.
@@ -192,7 +191,7 @@ class Sign:
     source : str
         The input that measures its velocity.
     warn : callable
-        Told one line, once.
+        Called with one line, once.
 
     """
 
@@ -202,7 +201,7 @@ class Sign:
         self._least = (EXCITED * force) ** 2
         self._source = source
         self._warn = warn
-        self._watching = True
+        self._is_active = True
         self._contrary = 0
         self._begin()
 
@@ -212,9 +211,9 @@ class Sign:
         self._a = self._f = self._v = 0.0
         self._aa = self._ff = self._vv = self._af = self._av = self._fv = 0.0
 
-    def step(self, step: Step) -> None:
-        """Take a step."""
-        if not self._watching:
+    def add_step(self, step: Step) -> None:
+        """Add a step."""
+        if not self._is_active:
             return
         before, v, after = step.velocity
         f, dt = step.force[1], step.dt
@@ -230,10 +229,10 @@ class Sign:
         self._fv += f * v
         self._count += 1
         self._duration += dt
-        if self._count >= LOOKS and self._duration >= DURATION:
-            self._look()
+        if self._count >= COMPARE_AFTER and self._duration >= DURATION:
+            self._compare()
 
-    def _look(self) -> None:
+    def _compare(self) -> None:
         n = self._count
         a, f, v = self._a / n, self._f / n, self._v / n
         aa, ff, vv = self._aa / n - a * a, self._ff / n - f * f, self._vv / n - v * v
@@ -245,13 +244,13 @@ class Sign:
             return
         partial = (af * vv - av * fv) / math.sqrt(rest)
         self._contrary = self._contrary + 1 if partial < CONTRARY else 0
-        if partial > AGREEING:
-            self._watching = False
-        elif self._contrary == STRETCHES:
-            self._watching = False
-            self._tell()
+        if partial > RIGHT:
+            self._is_active = False
+        elif self._contrary == WRONG_IN_A_ROW:
+            self._is_active = False
+            self._warn_of_sign()
 
-    def _tell(self) -> None:
+    def _warn_of_sign(self) -> None:
         depth = {'depth': ', or that of depth.scale', 'attitude': ', or, of a heading that is '
                  'a number, see attitude.heading'}.get(self._source, '')
         frames = '' if self._dof in ('surge', 'roll') else (
@@ -276,16 +275,16 @@ BACK = 0.8
 """Share of a change that the next one takes back at least."""
 
 
-class OneSided:
+class UnsignedCommandCheck:
     """
-    Tell when thruster commands have no sign although the vehicle moves both ways.
+    Warn when thruster commands have no sign although the vehicle moves both ways.
 
     Parameters
     ----------
     settings : Settings
         The run.
     warn : callable
-        Told one line, once.
+        Called with one line, once.
 
     """
 
@@ -296,47 +295,47 @@ class OneSided:
         self._warn = warn
         self._backwards = self._forwards = 0
         # a curve may have its zero anywhere
-        self._watching = settings.thrusters.model in ('linear', 'quadratic')
+        self._is_active = settings.thrusters.model in ('linear', 'quadratic')
 
-    def command(self, values: tuple[float, ...]) -> None:
-        """Take raw commands."""
-        if self._watching and min(values, default=0.0) < self._offset:
-            self._watching = False
+    def add_commands(self, values: tuple[float, ...]) -> None:
+        """Add raw commands."""
+        if self._is_active and min(values, default=0.0) < self._offset:
+            self._is_active = False
 
-    def velocity(self, i: int, velocity: float) -> None:
-        """Take the velocity of DOF number ``i``."""
-        if not self._watching:
+    def add_velocity(self, i: int, velocity: float) -> None:
+        """Add the velocity of DOF number ``i``."""
+        if not self._is_active:
             return
         self._backwards += velocity < self._slow[i]
         self._forwards += velocity > -self._slow[i]
         if min(self._backwards, self._forwards) >= ENOUGH:
-            self._watching = False
+            self._is_active = False
             self._warn('no thruster command was ever negative while the vehicle went '
                        'backwards: if they are magnitudes, give their direction with '
                        'thrusters.sign')
 
 
-class Interleaved:
+class TwoSendersCheck:
     """
-    Tell when thruster commands jump to and fro, as those of two programs on one topic do.
+    Warn when thruster commands jump to and fro, as those of two programs on one topic do.
 
     Parameters
     ----------
     warn : callable
-        Told one line, once.
+        Called with one line, once.
 
     """
 
     def __init__(self, warn: Callable[[str], None]) -> None:
         self._warn = warn
-        self._watching = True
+        self._is_active = True
         self._last: dict[int, tuple[float, ...]] = {}  # by part
         self._change: dict[int, list[float]] = {}
         self._count: dict[int, int] = {}
 
-    def command(self, values: tuple[float, ...], part: int) -> None:
-        """Take raw commands of one topic."""
-        if not self._watching:
+    def add_commands(self, values: tuple[float, ...], part: int) -> None:
+        """Add raw commands of one topic."""
+        if not self._is_active:
             return
         change = list(map(sub, values, self._last.get(part, values)))
         before = self._change.get(part, change)
@@ -345,14 +344,14 @@ class Interleaved:
         count = self._count.get(part, 0) + 1 if taken_back > BACK * square else 0
         self._last[part], self._change[part], self._count[part] = values, change, count
         if count == TO_AND_FRO:
-            self._watching = False
+            self._is_active = False
             self._warn('the thruster commands jump to and fro from each message to the next: do '
                        'two programs publish them?')
 
 
-class TypicalSizes:
+class TypicalSizeCheck:
     """
-    Tell when a DOF's force or velocity is far from the typical one.
+    Warn when a DOF's force or velocity is far from the typical one.
 
     What counts as thrust, as rest and as enough data is measured in typical sizes, whatever
     the method; ``aid`` takes its gains from the data.
@@ -364,7 +363,7 @@ class TypicalSizes:
     settings : DofSettings
         Its typical or initial values.
     warn : callable
-        Told one line, once.
+        Called with one line, once.
 
     """
 
@@ -375,8 +374,8 @@ class TypicalSizes:
         self._steps = 0
         self._squares = [0.0, 0.0]
 
-    def step(self, step: Step) -> None:
-        """Take a step."""
+    def add_step(self, step: Step) -> None:
+        """Add a step."""
         if self._steps >= MANY:
             return
         self._steps += 1

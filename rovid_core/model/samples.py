@@ -69,9 +69,9 @@ class Motion(NamedTuple):
         One value per DOF of the source [m/s or rad/s], in the body frame.
     turn : float
         Angle by which the body turned since the interval before [rad].
-    slips : tuple of float
-        By how much the noise of the attitude puts the way over the interval wrong [m], one
-        per DOF; empty where none was used.
+    path_noise : tuple of float
+        Standard deviation of the path over the interval that comes from the noise of the
+        attitude [m], one per DOF; empty where no attitude was used.
 
     """
 
@@ -80,7 +80,7 @@ class Motion(NamedTuple):
     time: int
     velocity: tuple[float, ...]
     turn: float = 0.0
-    slips: tuple[float, ...] = ()
+    path_noise: tuple[float, ...] = ()
 
 
 class Step(NamedTuple):
@@ -94,7 +94,7 @@ class Step(NamedTuple):
     velocity : tuple of 3 floats
         Filtered velocity at the start, the middle and the end [m/s or rad/s].
     force : tuple of 3 floats
-        Force at the same points, filtered alike [N or N m]. The pipe gives the exact mean
+        Force at the same points, filtered alike [N or N m]. The pipeline gives the exact mean
         over the step three times.
     mean : float
         What was measured, not filtered: the mean velocity over ``interval``, in whose middle
@@ -108,8 +108,9 @@ class Step(NamedTuple):
         Exact mean of the force over each part, not filtered [N or N m].
     turn : float
         Angle by which the body turned since the interval before [rad].
-    slip : float
-        By how much the noise of the attitude puts the way over ``interval`` wrong [m].
+    path_noise : float
+        Standard deviation of the path over ``interval`` that comes from the noise of the
+        attitude [m].
 
     """
 
@@ -121,7 +122,7 @@ class Step(NamedTuple):
     parts: tuple[float, float] = (0.0, 0.0)
     forces: tuple[float, float] = (0.0, 0.0)
     turn: float = 0.0
-    slip: float = 0.0
+    path_noise: float = 0.0
 
 
 def finite(values: tuple[float, ...]) -> bool:

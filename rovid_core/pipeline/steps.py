@@ -1,44 +1,66 @@
-"""Measured motion and thrust into steps of the identifiers, one estimate per step."""
+"""Ordered samples into steps of the identifiers, one estimate per step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 import math
-from typing import cast
+from typing import cast, Protocol
 
 from rovid_core.identify.estimate import Estimate
-from rovid_core.inputs.stuck_values import Inlet, TAKEN_ANEW
+from rovid_core.inputs.stuck_values import InputCheck, RESTARTS
 from rovid_core.model.dofs import Quaternion
+from rovid_core.model.lowpass import LowPass
+from rovid_core.model.quaternions import normalised
 from rovid_core.model.samples import Motion, Sample, Step
-from rovid_core.pipeline.observers import Scorer
 from rovid_core.pipeline.one_dof import Identification
 from rovid_core.settings.run import Settings
-from rovid_core.thrust.command_intake import Commands
-from rovid_core.thrust.force_history import Thrust
-from rovid_core.velocity.attitude_history import World
-from rovid_core.velocity.lowpass import LowPass
-from rovid_core.velocity.quaternions import normalised
-from rovid_core.velocity.velocity_source import MotionSource
+from rovid_core.thrust.force_history import CommandIntake, ForceHistory
+from rovid_core.velocity.attitude_history import SharedMotion
+from rovid_core.velocity.velocity_source import VelocitySource
 
 NS = 1e-9
 
 SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
+"""Inputs that velocities are made of."""
 
 
-class Pipe:
+class Scorer(Protocol):
+    """Keeps what a score needs."""
+
+    def restarted(self, dof: str, time: int, velocity: float) -> None:
+        """Note the velocity from which the steps of a DOF go on after an interruption."""
+
+    def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+        """Add a step and its times [ns]: start, start of the measurement, end."""
+
+    def reference(self, time: int, value: tuple[float, ...]) -> None:
+        """Add a reference velocity (six values)."""
+
+    def changed(self, cutoff: float) -> None:
+        """Note the cutoff [Hz] of the steps from now on."""
+
+
+class Pipeline:
     """
-    What turns ordered samples into estimates.
+    Turn ordered samples into estimates.
 
     Parameters
     ----------
     settings : Settings
         The run.
     reject : callable
-        Told input and reason of everything that is refused.
+        Called with input (or DOF) and reason for everything that is refused.
     warn : callable
-        Told one line about what looks wrong in the data.
+        Called with one line about what looks wrong in the data.
     scorer : Scorer, optional
-        Told every step.
+        Gets every step.
+
+    Attributes
+    ----------
+    dofs : list of Identification
+        In the order of ``settings.dofs``.
+    adapt : bool
+        Whether the parameters are adapted; it can be changed between two samples.
 
     """
 
@@ -46,76 +68,75 @@ class Pipe:
                  warn: Callable[[str], None], scorer: Scorer | None = None) -> None:
         self._settings = settings
         self._reject = reject
-        self._warn = warn
         self._scorer = scorer
         self._max_gap = round(settings.max_gap / NS)
-        self._world = World(settings)
-        self._thrust = Thrust(settings.thrusters, settings.dofs)
-        self._commands = Commands(settings, self._thrust, warn)
+        self._shared = SharedMotion(settings)
+        self._forces = ForceHistory(settings.thrusters, settings.dofs)
+        self._commands = CommandIntake(settings, self._forces, warn)
         used = settings.used_inputs()
-        self._tracks = [  # position and depth need each other, also without a DOF of their own
-            track for track in (Track(settings, name, self._world, warn) for name in SOURCES)
-            if track.source.dofs or track.source.input in used
-            and track.source.input in ('position', 'depth')]
-        self._inlets = {name: Inlet(settings, name, self._thrust, warn)
-                        for name in SOURCES if name in used}
-        self._dofs = [
-            Identification(settings, i, reject, warn) for i in range(len(settings.dofs))]
-        self.identifiers = [dof.identifier for dof in self._dofs]
+        sources = [FilteredSource(settings, name, self._shared, warn) for name in SOURCES]
+        # position and depth need each other, also without a DOF of their own
+        self._sources = [one for one in sources if one.dofs or one.input in used
+                         and one.input in ('position', 'depth')]
+        self._by_input = {one.input: one for one in self._sources}
+        self._checks = {name: InputCheck(settings, name, warn) for name in SOURCES
+                        if name in used}
+        self.dofs = [Identification(settings, i, self._commands.unsigned, reject, warn)
+                     for i in range(len(settings.dofs))]
         self.adapt = settings.enable
 
-    def verdict(self, i: int) -> str:
-        """Return what all data leave open of DOF number ``i``, '' if nothing."""
-        return self._dofs[i].verdict()
-
-    def refresh(self) -> None:
-        """Let the estimates say what the identifiers hold by now; no step has been made."""
-        for dof in self._dofs:
-            dof.refresh()
-
     def change(self, settings: Settings) -> None:
-        """Take other gains and limits; filters, histories and parameters stay."""
+        """Use other gains and limits; filters, histories and parameters stay."""
         gains_change = settings.identifier != self._settings.identifier
         self._settings = settings
         self._max_gap = round(settings.max_gap / NS)
-        self._world.change(settings)
-        self._thrust.change(settings.thrusters.timeout)
+        self._shared.change(settings)
+        self._forces.change(settings.thrusters.timeout)
         self._commands.change(settings)
-        for inlet in self._inlets.values():
-            inlet.change(settings)
-        for track in self._tracks:
-            track.change(settings)
+        for check in self._checks.values():
+            check.change(settings)
+        for source in self._sources:
+            source.change(settings)
         if gains_change:
-            for dof in self._dofs:
+            for dof in self.dofs:
                 dof.change(settings)
-            self.identifiers[:] = [dof.identifier for dof in self._dofs]
         if self._scorer is not None:
             self._scorer.changed(settings.cutoff)
 
     def restart(self) -> None:
-        """Start times, filters and histories anew and keep the parameters."""
-        self._world.restart()
-        self._thrust.restart()
+        """Forget filters and histories, and keep the parameters."""
+        self._shared.restart()
+        self._forces.restart()
         self._commands.restart()
-        for inlet in self._inlets.values():
-            inlet.restart()
-        for track in self._tracks:
-            track.source.restart()
-            track.interrupt()
+        for check in self._checks.values():
+            check.restart()
+        for source in self._sources:
+            source.restart()
+            source.interrupt()
 
     def reset(self) -> None:
         """Go back to the initial parameters; filters and histories stay."""
-        for identifier in self.identifiers:
-            identifier.reset()
+        for dof in self.dofs:
+            dof.identifier.reset()
         self.refresh()
-        for track in self._tracks:
-            track.last = None
+        for source in self._sources:
+            source.last = None
 
-    def handle(self, time: int, sample: Sample) -> list[Estimate] | None:
+    def refresh(self) -> None:
+        """Let the estimates say what the identifiers hold by now, without a step."""
+        for dof in self.dofs:
+            dof.refresh()
+
+    def estimate(self, time: int, stepped: tuple[int, ...] = ()) -> Estimate:
+        """Return all DOFs as they are now."""
+        return Estimate(
+            time=time, dofs=tuple([dof.estimate for dof in self.dofs]), stepped=stepped)
+
+    def add_sample(self, time: int, sample: Sample) -> list[Estimate] | None:
         """
-        Take one sample and return the estimates of the steps that it completes.
+        Add one sample and return the estimates of the steps that it completes.
 
-        None if it was refused.
+        None if the sample was refused.
 
         Parameters
         ----------
@@ -125,21 +146,18 @@ class Pipe:
             What was measured.
 
         """
-        reason = self._take(time, sample)
+        reason = self._add(time, sample)
         if reason:
             self._reject(sample.input, reason)
             return None
         estimates: list[Estimate] = []
-        for track in self._tracks:
-            self._run(track, time, estimates)
+        for source in self._sources:
+            if source.held is not None or source.waiting:
+                self._make_steps(source, time, estimates)
         return estimates
 
-    def estimate(self, time: int, stepped: tuple[int, ...] = ()) -> Estimate:
-        """Return all DOFs as they are now."""
-        return Estimate(time, tuple([dof.estimate for dof in self._dofs]), stepped)
-
-    def _take(self, time: int, sample: Sample) -> str:
-        """Hand a sample to those who use it; return why it was refused, or ''."""
+    def _add(self, time: int, sample: Sample) -> str:
+        """Hand a sample to what uses it; return why it was refused, or ''."""
         value, name = sample.value, sample.input
         total = sum(value)
         # most sums say at once that all is finite, whatever they round to
@@ -147,106 +165,117 @@ class Pipe:
                 # a NaN in a reference stands for a DOF that it does not measure
                 math.isfinite if name != 'reference' else _is_no_infinity, value)):
             return 'non_finite'
-        if name in self._inlets:
-            return self._measure(time, name, value)
+        if name in self._checks:
+            return self._add_measurement(time, name, value)
         if name == 'thrusters':
-            return self._commands.take(time, value, sample.part)
+            return self._commands.add_commands(time, value, sample.part)
         if name == 'sign':
-            self._commands.sign(time, value)
+            self._commands.add_signs(time, value)
         elif self._scorer is not None:
             self._scorer.reference(time, value)
         return ''
 
-    def _measure(self, time: int, name: str, value: tuple[float, ...]) -> str:
+    def _add_measurement(self, time: int, name: str, value: tuple[float, ...]) -> str:
+        """Check a measurement and hand it to its velocity source, or to the attitudes."""
         if name == 'attitude':
             try:
                 value = rotation = normalised(cast(Quaternion, value))
             except (ValueError, OverflowError):
                 return 'not_a_rotation'
-        inlet = self._inlets[name]
-        reason = inlet.take(time, value)
-        anew = reason if reason in TAKEN_ANEW else ''
-        if reason and not anew:
+        check = self._checks[name]
+        reason = check.check(time, value, self._forces.newest)
+        jumped = reason if reason in RESTARTS else ''
+        if reason and not jumped:
             return reason
         if name == 'attitude':
-            if anew:
-                self._world.attitude.take_up(time, rotation)
+            if jumped:
+                self._shared.attitude.restart_from(time, rotation)
             else:
-                self._world.attitude.add(time, rotation, inlet.gate.change)
-        for track in self._tracks:
-            if track.source.input == name:
-                return '' if track.source.add(time, value, anew) else 'overflow'
-        return anew
+                self._shared.attitude.add_sample(time, rotation, check.gate.change)
+        source = self._by_input.get(name)
+        if source is None:
+            return jumped
+        return '' if source.add_sample(time, value, jumped) else 'overflow'
 
-    def _run(self, track: Track, now: int, estimates: list[Estimate]) -> None:
-        while track.held is not None or track.source.is_waiting:
-            motion = track.held or track.source.take(now)
-            track.held = None
+    def _make_steps(self, source: FilteredSource, now: int, estimates: list[Estimate]) -> None:
+        """Make the steps of one source for which all is known by now."""
+        while True:
+            motion = source.held or source.next_velocity(now)
+            source.held = None
             if motion is None:
                 return
             if isinstance(motion, str):
-                self._skip(track, motion)
-            elif not track.indices:
+                self._interrupt(source, motion)
+            elif not source.indices:
                 continue  # measured for the other sources only
-            elif not self._thrust.known(motion.end) and now - motion.end <= self._max_gap:
-                track.held = motion  # the command that ends its span is still to come
+            elif not self._forces.known(motion.end) and now - motion.end <= self._max_gap:
+                source.held = motion  # the command that ends its span is still to come
                 return
             else:
-                self._step(track, motion, estimates)
+                self._make_step(source, motion, estimates)
 
-    def _skip(self, track: Track, reason: str) -> None:
+    def _interrupt(self, source: FilteredSource, reason: str) -> None:
+        """Count why there is no step, and let the next measurement begin anew where it must."""
         if reason == 'first':
             return
-        self._reject(track.source.input, reason)
+        self._reject(source.input, reason)
         if reason == 'gap':
-            track.note_gap()
+            source.note_gap()
         if reason != 'too_fast':  # one wild fix costs one step; the state is still good
-            track.interrupt()
+            source.interrupt()
 
-    def _step(self, track: Track, motion: Motion, estimates: list[Estimate]) -> None:
-        last = track.last
-        if last is not None and motion.time - last.time > track.timeout:
-            self._skip(track, 'gap')
+    def _make_step(self, source: FilteredSource, motion: Motion,
+                   estimates: list[Estimate]) -> None:
+        """Make one step of all DOFs of a source, from the velocity before to this one."""
+        last = source.last
+        if last is not None and motion.time - last.time > source.timeout:
+            self._interrupt(source, 'gap')
             last = None
         time = motion.time
-        missing = self._thrust.missing(last.time if last else time, time)
+        missing = self._forces.missing(last.time if last else time, time)
         if missing:
-            self._skip(track, missing)
+            self._interrupt(source, missing)
             return
-        before = track.velocity.value
+        before = source.velocity.value
         if last is None or before is None:
-            self._take_up(track, motion)
+            self._begin(source, motion)
             return
         begin = last.time
         middle = min(max(motion.start, begin), time)
         span = begin, middle, time
+        # the integral of each force from the first command to each of these times
+        first, second, third = self._forces.integrals(span, source.indices)
         dt, lead, rest = (time - begin) * NS, (middle - begin) * NS, (time - middle) * NS
-        first, second, third = self._thrust.impulses(span, track.indices)
-        after = track.velocity.step(dt, motion.velocity)
-        forces = track.force.step(dt, tuple([(q - p) / dt for p, q in zip(first, third)]))
-        interval, turn, slips = (motion.end - motion.start) * NS, motion.turn, motion.slips
-        for j, i in enumerate(track.indices):
+        after = source.velocity.step(dt, motion.velocity)
+        forces = source.force.step(dt, tuple([(q - p) / dt for p, q in zip(first, third)]))
+        interval = (motion.end - motion.start) * NS
+        for j, i in enumerate(source.indices):
             v, w, f, p, q = before[j], after[j], forces[j], first[j], second[j]
-            step = Step._make((
-                dt, (v, 0.5 * (v + w), w), (f, f, f), motion.velocity[j], interval, (lead, rest),
-                ((q - p) / lead if lead > 0.0 else 0.0,
-                 (third[j] - q) / rest if rest > 0.0 else 0.0),
-                turn, slips[j] if slips else 0.0))
-            self._dofs[i].step(time, step, self.adapt)
-            self._commands.one_sided.velocity(i, w)
+            step = Step(
+                dt=dt,
+                velocity=(v, 0.5 * (v + w), w),
+                force=(f, f, f),
+                mean=motion.velocity[j],
+                interval=interval,
+                parts=(lead, rest),
+                forces=((q - p) / lead if lead > 0.0 else 0.0,
+                        (third[j] - q) / rest if rest > 0.0 else 0.0),
+                turn=motion.turn,
+                path_noise=motion.path_noise[j] if motion.path_noise else 0.0)
+            self.dofs[i].add_step(time, step, self.adapt)
             if self._scorer is not None:
                 self._scorer.stepped(self._settings.dofs[i], span, step)
-        track.last = motion
-        track.warn_if_clamped()
-        estimates.append(self.estimate(time, track.indices))
+        source.last = motion
+        source.warn_if_clamped()
+        estimates.append(self.estimate(time, source.indices))
 
-    def _take_up(self, track: Track, motion: Motion) -> None:
+    def _begin(self, source: FilteredSource, motion: Motion) -> None:
         """Start the filters and v_hat from a measurement."""
-        track.interrupt()
-        velocity = track.velocity.step(0.0, motion.velocity)
-        track.last = motion
-        for i, v in zip(track.indices, velocity):
-            self.identifiers[i].restart(v)
+        source.interrupt()
+        velocity = source.velocity.step(0.0, motion.velocity)
+        source.last = motion
+        for i, v in zip(source.indices, velocity):
+            self.dofs[i].identifier.restart(v)
             if self._scorer is not None:
                 self._scorer.restarted(self._settings.dofs[i], motion.time, v)
 
@@ -255,9 +284,9 @@ def _is_no_infinity(x: float) -> bool:
     return not math.isinf(x)
 
 
-class Track:
+class FilteredSource(VelocitySource):
     """
-    The DOFs of one source: their filters and how far they have come.
+    A velocity source with the filters of its DOFs, and how far their steps have come.
 
     Parameters
     ----------
@@ -265,49 +294,61 @@ class Track:
         The run.
     input : str
         The source.
-    world : World
+    shared : SharedMotion
         What the sources know of each other.
     warn : callable
-        Told one line if the samples come too slowly.
+        Called with one line if the samples come too slowly.
+
+    Attributes
+    ----------
+    indices : tuple of int
+        Numbers of its DOFs in ``settings.dofs``.
+    velocity, force : LowPass
+        Of these DOFs.
+    held : Motion or None
+        A velocity that waits for the force of its span.
+    last : Motion or None
+        Where the next step begins.
+    timeout : int
+        Longest time between two steps [ns].
 
     """
 
-    def __init__(self, settings: Settings, input: str, world: World,
+    def __init__(self, settings: Settings, input: str, shared: SharedMotion,
                  warn: Callable[[str], None]) -> None:
-        self.source = MotionSource(settings, input, world)
-        self.indices = tuple(settings.dofs.index(d) for d in self.source.dofs)
         self.velocity = LowPass(settings.cutoff)
         self.force = LowPass(settings.cutoff)
-        self.held: Motion | None = None  # waits for the force of its span
-        self.last: Motion | None = None  # where the next step begins
+        super().__init__(settings, input, shared)
+        self.indices = tuple(settings.dofs.index(d) for d in self.dofs)
+        self.held: Motion | None = None
+        self.last: Motion | None = None
         self._warn: Callable[[str], None] | None = warn
         self._gaps = 0
-        self.change(settings)
 
     def change(self, settings: Settings) -> None:
-        """Take other limits and another cutoff; the filters go on from where they are."""
-        self.timeout = round(settings.timeout_of(self.source.input) / NS)  # between two steps
-        self.source.change(settings)
+        """Use other limits and another cutoff; the filters go on from where they are."""
+        super().change(settings)
+        self.timeout = round(settings.timeout_of(self.input) / NS)
         self.velocity.retune(settings.cutoff)
         self.force.retune(settings.cutoff)
 
     def interrupt(self) -> None:
-        """Take up from the next measurement."""
+        """Let the next measurement begin anew."""
         self.velocity.restart()
         self.force.restart()
         self.held = self.last = None
 
     def note_gap(self) -> None:
-        """Say once that there are nothing but gaps."""
+        """Warn once when there are nothing but gaps."""
         self._gaps += 1
         if self._warn and self._gaps == 20 and not self.velocity.steps:
-            self._warn(f'the messages of {self.source.input} are further apart than max_gap: '
+            self._warn(f'the messages of {self.input} are further apart than max_gap: '
                        'nothing can be identified from them')
 
     def warn_if_clamped(self) -> None:
-        """Say once that the samples come too slowly for the cutoff."""
-        taken, clamped = self.velocity.steps, self.velocity.clamped
-        if self._warn and taken >= 50 and clamped > taken // 2:
-            self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.source.input}, and '
+        """Warn once when the samples come too slowly for the cutoff."""
+        steps, clamped = self.velocity.steps, self.velocity.clamped
+        if self._warn and steps >= 50 and clamped > steps // 2:
+            self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.input}, and '
                        'clamped to that')
             self._warn = None

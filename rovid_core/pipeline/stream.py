@@ -1,25 +1,59 @@
-"""What the live node, a replay and a simulation all run: order, pipe, counters, controls."""
+"""What the live node, a replay and a simulation all run: order, steps, counters, controls."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 from rovid_core.identify.estimate import Estimate
 from rovid_core.identify.method import Identifier
-from rovid_core.inputs.health import InputHealth
 from rovid_core.model.samples import Event
 from rovid_core.ordering.event_order import EventOrder
-from rovid_core.pipeline.observers import Recorder, Scorer
-from rovid_core.pipeline.steps import Pipe
+from rovid_core.pipeline.steps import Pipeline, Scorer
 from rovid_core.settings.run import Settings
 
 STATE_VERSION = 1
 
-MOST_WARNINGS = 1000
-"""That wait to be taken; of more, the oldest are lost."""
+MAX_WARNINGS = 1000
+"""Warnings that wait to be told; of more, the oldest are lost."""
+
+
+class Recorder(Protocol):
+    """Writes down what the stream consumed, so that it can be replayed to the same bits."""
+
+    def released(self, event: Event) -> None:
+        """Record an event, in the order of release."""
+
+    def controlled(self, name: str, value: str) -> None:
+        """Record a control at its place between the events."""
+
+
+@dataclass
+class InputHealth:
+    """How many samples of an input were used, and the gaps between those that came."""
+
+    count: int = 0
+    last_time: int | None = None  # [ns]
+    longest_gap: float = 0.0  # [s]
+    intervals: int = 0  # between the samples, and how long they are together [s]
+    duration: float = 0.0
+
+    @property
+    def rate(self) -> float:
+        """Return the mean rate [Hz] by event time, 0 before the second sample."""
+        return self.intervals / self.duration if self.intervals else 0.0
+
+    def add_time(self, time: int) -> None:
+        """Add the event time [ns] of a sample."""
+        if self.last_time is not None and time > self.last_time:
+            gap = (time - self.last_time) * 1e-9
+            self.duration += gap
+            self.intervals += 1
+            if gap > self.longest_gap:
+                self.longest_gap = gap
+        self.last_time = time
 
 
 class Stream:
@@ -31,9 +65,9 @@ class Stream:
     settings : Settings
         The run.
     recorder : Recorder, optional
-        Told everything that is consumed.
+        Gets everything that is consumed.
     scorer : Scorer, optional
-        Told every step, to score the model afterwards.
+        Gets every step, to score the model afterwards.
 
     Attributes
     ----------
@@ -55,15 +89,15 @@ class Stream:
         self._recorder = recorder
         self._warnings = deque([
             f'{dof} has no restoring moment in this model: only for a vehicle that is '
-            'neutral in it' for dof in settings.dofs if dof in ('roll', 'pitch')], MOST_WARNINGS)
-        self._pipe = Pipe(settings, self.reject, self._warnings.append, scorer)
+            'neutral in it' for dof in settings.dofs if dof in ('roll', 'pitch')], MAX_WARNINGS)
+        self._pipeline = Pipeline(settings, self.reject, self._warnings.append, scorer)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
         self._order = EventOrder(keys, settings.max_wait, settings.time_jump, self.reject,
                                  self._warnings.append)
 
     def receive(self, event: Event) -> list[Estimate]:
-        """Take an event in any order and return the estimates that it releases."""
+        """Add an event, in any order, and return the estimates that it releases."""
         released, jumped = self._order.push(event)
         if jumped:
             self._jump()
@@ -76,7 +110,7 @@ class Stream:
     def reset(self) -> None:
         """Put the parameters back to their initial values, between two steps."""
         self._note('reset', '')
-        self._pipe.reset()
+        self._pipeline.reset()
 
     def enable(self, adapt: bool) -> None:
         """Adapt the parameters, or freeze them while v_hat goes on."""
@@ -85,7 +119,7 @@ class Stream:
 
     def change(self, settings: Settings, told: str) -> None:
         """
-        Take other gains, limits and ``enable``, between two steps; the estimates stay.
+        Use other gains, limits and ``enable``, between two steps; the estimates stay.
 
         Parameters
         ----------
@@ -94,14 +128,14 @@ class Stream:
             method and integrator, ``cutoff``, ``gate``, ``max_speed``, ``max_gap``, ``max_wait``,
             ``thrusters.timeout``, ``enable``, ``checkpoint_period``.
         told : str
-            What the recorder is told of it, to be repeated in a replay.
+            What the recorder writes down about it, to be repeated in a replay.
 
         """
         self._note('parameters', told)
         self._order.change(settings.max_wait)
-        self._pipe.change(settings)
+        self._pipeline.change(settings)
         self.settings = settings
-        self._pipe.adapt = settings.enable
+        self._pipeline.adapt = settings.enable
 
     def interrupt(self) -> list[Estimate]:
         """Release what is held, and start the histories anew: nothing is heard for a while."""
@@ -114,15 +148,15 @@ class Stream:
     @property
     def adapting(self) -> bool:
         """Tell whether the parameters are being adapted."""
-        return self._pipe.adapt
+        return self._pipeline.adapt
 
     def identifier(self, dof: str) -> Identifier:
         """Return the identifier of a DOF."""
-        return self._pipe.identifiers[self.settings.dofs.index(dof)]
+        return self._pipeline.dofs[self.settings.dofs.index(dof)].identifier
 
     def verdict(self, dof: str) -> str:
         """Return what the data since the start or a reset leave open of a DOF, '' if nothing."""
-        return self._pipe.verdict(self.settings.dofs.index(dof))
+        return self._pipeline.dofs[self.settings.dofs.index(dof)].verdict()
 
     def control(self, name: str, value: str) -> list[Estimate]:
         """
@@ -160,18 +194,18 @@ class Stream:
         return total
 
     def take_warnings(self) -> list[str]:
-        """Return the warnings that have not been taken yet, a line each."""
-        taken = list(self._warnings)
+        """Return the warnings since the last call, a line each."""
+        warnings = list(self._warnings)
         self._warnings.clear()
-        return taken
+        return warnings
 
     def state(self) -> dict[str, Any]:
         """Return the identifiers' state, of plain numbers, strings, lists and dicts."""
         return {
             'version': STATE_VERSION, 'method': self.settings.identifier.method,
             'adapt': self.adapting,
-            'dofs': {dof: {'terms': list(self.settings.dof[dof].terms), **identifier.state()}
-                     for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers)}}
+            'dofs': {name: {'terms': list(self.settings.dof[name].terms),
+                            **self.identifier(name).state()} for name in self.settings.dofs}}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """
@@ -199,14 +233,14 @@ class Stream:
             if dofs[dof].get('terms') != list(self.settings.dof[dof].terms):
                 raise ValueError(f'other terms of {dof}')
         try:
-            for dof, identifier in zip(self.settings.dofs, self._pipe.identifiers):
-                identifier.restore(dofs[dof])
+            for dof in self.settings.dofs:
+                self.identifier(dof).restore(dofs[dof])
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-            for name, identifier in zip(self.settings.dofs, self._pipe.identifiers):
-                identifier.restore(mine['dofs'][name])
+            for name in self.settings.dofs:
+                self.identifier(name).restore(mine['dofs'][name])
             raise ValueError(f'{dof}: {error}') from error
         self._adapt(bool(state.get('adapt', True)))
-        self._pipe.refresh()
+        self._pipeline.refresh()
 
     def _handle(self, events: list[Event]) -> list[Estimate]:
         estimates: list[Estimate] = []
@@ -216,8 +250,8 @@ class Stream:
             time = event.time
             for sample in event.samples:
                 health = self.inputs[sample.input]
-                health.note(time)
-                found = self._pipe.handle(time, sample)
+                health.add_time(time)
+                found = self._pipeline.add_sample(time, sample)
                 if found is not None:
                     health.count += 1
                     estimates += found
@@ -232,15 +266,15 @@ class Stream:
                                  self.settings.reset_on_time_jump else ''))
         self._restart()
         if self.settings.reset_on_time_jump:
-            self._pipe.reset()
+            self._pipeline.reset()
 
     def _restart(self) -> None:
-        self._pipe.restart()
+        self._pipeline.restart()
         for health in self.inputs.values():
             health.last_time = None
 
     def _adapt(self, on: bool) -> None:
-        self._pipe.adapt = on
+        self._pipeline.adapt = on
         self.settings = replace(self.settings, enable=on)
 
     def _note(self, name: str, value: str) -> None:

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS, Quaternion, Vector
 from rovid_core.model.plant import advance, lumped
+from rovid_core.model.quaternions import product, rotate, rotate_back
 from rovid_core.settings.run import Settings, SettingsError, SimulatedDof, ThrusterSettings
 from rovid_core.simulation.coupled_plant import CoupledPlant, is_coupled
 from rovid_core.simulation.profiles import Profile, Sinusoid, Waveform
-from rovid_core.thrust.force_history import Thrust
+from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model, wrench
-from rovid_core.velocity.quaternions import product, rotate, rotate_back
 
 NS = 1e-9
 MAX_STEP = 5_000_000
@@ -37,7 +37,7 @@ class Vehicle:
             lumped(t.mass, t.quadratic_drag, t.linear_drag, t.bias)
             for t in (truth[d] for d in self._dofs)]
         # all commands are given at once, on however many topics they are published
-        self._thrust = Thrust(replace(
+        self._forces = ForceHistory(replace(
             settings.thrusters, timeout=0.0, topics=settings.thrusters.topics[:1]), self._dofs)
         self._commands = ThrusterCommands(
             settings.thrusters, profile_of(truth, profile))
@@ -49,7 +49,7 @@ class Vehicle:
     def command(self, time: int) -> tuple[float, ...]:
         """Command the profile's thrust at ``time`` [ns] and return the raw commands."""
         raw = self._commands.at(time * NS)
-        self._thrust.command(time, raw)
+        self._forces.add_commands(time, raw)
         return raw
 
     def advance(self, time: int) -> None:
@@ -69,7 +69,7 @@ class Vehicle:
             mean = [0.5 * (a + b) for a, b in zip(before, self.velocity)]
             self._move(mean, dt)
             self.time += step
-        self._thrust.forget(self.time)
+        self._forces.forget(self.time)
 
     def _advance_coupled(self, plant: CoupledPlant, force: Sequence[float], dt: float) -> None:
         self._move(plant.advance(self.attitude, force, dt).tolist(), dt)
@@ -80,9 +80,9 @@ class Vehicle:
         self.velocity = [a + b for a, b in zip(plant.velocity.tolist(), (*drift, 0.0, 0.0, 0.0))]
 
     def _force(self, start: int, end: int) -> tuple[float, ...]:
-        if self._thrust.missing(start, end):
+        if self._forces.missing(start, end):
             return (0.0,) * len(self._dofs)
-        a, b = self._thrust.impulses((start, end), range(len(self._dofs)))
+        a, b = self._forces.integrals((start, end))
         dt = (end - start) * NS
         return tuple([(y - x) / dt for x, y in zip(a, b)])
 

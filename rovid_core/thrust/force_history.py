@@ -1,32 +1,36 @@
-"""The force on the body over time, with delay and lag, and its exact impulse."""
+"""The force on the body over time, from thruster commands: direction, curve, delay and lag."""
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 import math
 from typing import Any
 
-from rovid_core.model.dofs import DOFS
-from rovid_core.settings.run import ThrusterSettings
-from rovid_core.thrust.thruster_curve import dot, thruster_model
+from rovid_core.inputs.units_and_signs import (
+    PulseWidthCheck,
+    TwoSendersCheck,
+    UnsignedCommandCheck,
+)
+from rovid_core.settings.run import Settings, ThrusterSettings
+from rovid_core.thrust.thruster_curve import are_commands, wrench_model
 
 NS = 1e-9
-LARGEST_FORCE = 1e12
+MAX_FORCE = 1e12
 """[N or N m] Beyond any vehicle in any unit, and far from overflow."""
 
-MOST_KEPT = 65536
+MAX_KEPT = 65536
 """Commands that are kept, however close their stamps are."""
 
 
-class Thrust:
+class ForceHistory:
     """
     The force on each DOF as a function of time, integrated exactly.
 
     Commands are held (or joined by straight lines), shifted by ``delay`` and passed
-    through a first-order lag; model, lag and allocation are linear in the forces, so the
-    lag works on the body forces. ``impulse`` is the closed-form integral of the result,
-    hence the mean over any span has no discretisation error.
+    through a first-order lag. Lag and allocation are linear in the thrusters' forces, so the
+    lag works on the body forces. ``integrals`` are those of the result in closed form, hence
+    the mean over any span has no discretisation error.
 
     Parameters
     ----------
@@ -35,12 +39,18 @@ class Thrust:
     dofs : sequence of str
         The DOFs whose forces are wanted.
 
+    Attributes
+    ----------
+    newest : tuple of float
+        The newest commanded force on every DOF [N or N m], without delay and lag; 0 before
+        the first command.
+
     """
 
     def __init__(self, settings: ThrusterSettings, dofs: Sequence[str]) -> None:
         self._settings = settings
-        self._rows = [settings.allocation[DOFS.index(d)] for d in dofs]
-        self._model = thruster_model(settings)
+        self._dofs = range(len(dofs))
+        self._wrench = wrench_model(settings, dofs)
         self._delay = round(settings.delay / NS)
         self._lag = settings.time_constant
         self._linear = settings.hold == 'linear'
@@ -48,7 +58,7 @@ class Thrust:
         self.restart()
 
     def change(self, timeout: float) -> None:
-        """Take another timeout [s]; it holds for the commands so far as well."""
+        """Use another timeout [s]; it holds for the commands so far as well."""
         later = round(timeout / NS) - self._timeout
         self._timeout += later
         self._good_until[:] = [time + later for time in self._good_until]
@@ -59,16 +69,17 @@ class Thrust:
         parts = len(self._settings.topics)
         self._raw: list[float | None] = [None] * n
         self._part_times: list[int | None] = [None] * parts
-        # one node per command: its time, force, lagged force and impulse so far, per DOF
+        # one node per command: its time, force, lagged force and integral so far, per DOF
         self._times: list[int] = []
         self._forces: list[tuple[float, ...]] = []
         self._lagged: list[tuple[float, ...]] = []
-        self._impulses: list[tuple[float, ...]] = []
+        self._integrals: list[tuple[float, ...]] = []
         self._good_until: list[int] = []
+        self.newest = (0.0,) * len(self._dofs)
 
-    def command(self, time: int, values: Sequence[float], part: int = 0) -> bool:
+    def add_commands(self, time: int, values: Sequence[float], part: int = 0) -> bool:
         """
-        Take the commands of one message.
+        Add the commands of one message.
 
         Parameters
         ----------
@@ -94,9 +105,8 @@ class Thrust:
         if len(raw) < len(self._raw):
             return True  # some thruster has not been heard yet
         oldest = min(t for t in self._part_times if t is not None)
-        forces = [k * self._model(u) for k, u in zip(self._settings.gain, raw)]
-        tau = tuple([dot(row, forces) for row in self._rows])
-        if not all(-LARGEST_FORCE < f < LARGEST_FORCE for f in tau):
+        tau = self._wrench(raw)
+        if not all(-MAX_FORCE < f < MAX_FORCE for f in tau):
             return False
         self._append(time + self._delay, tau, oldest + self._delay + self._timeout)
         return True
@@ -107,17 +117,18 @@ class Thrust:
                 del column[-1]
         if self._times:
             slope = self._slope(len(self._times) - 1, time, tau)
-            lagged, impulse = self._at(len(self._times) - 1, time, slope)
+            lagged, integral = self._at(len(self._times) - 1, time, slope)
         else:
-            lagged, impulse = tau, (0.0,) * len(tau)
+            lagged, integral = tau, (0.0,) * len(tau)
         self._times.append(time)
         self._forces.append(tau)
+        self.newest = tau
         self._lagged.append(lagged)
-        self._impulses.append(impulse)
+        self._integrals.append(integral)
         self._good_until.append(good_until)
 
     def _columns(self) -> tuple[list[Any], ...]:
-        return (self._times, self._forces, self._lagged, self._impulses, self._good_until)
+        return (self._times, self._forces, self._lagged, self._integrals, self._good_until)
 
     def _slope(self, i: int, time: int, tau: tuple[float, ...]) -> tuple[float, ...] | None:
         if not self._linear:
@@ -127,25 +138,21 @@ class Thrust:
 
     def _at(self, i: int, time: int,
             slope: tuple[float, ...] | None) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return lagged force and impulse at ``time``, after node ``i``."""
+        """Return lagged force and integral at ``time``, after node ``i``."""
         x = (time - self._times[i]) * NS
         lag = self._lag
         if not (lag or slope):  # the usual chain; what is left out below is 0 then
             forces = self._forces[i]
-            return forces, tuple([a + f * x for a, f in zip(self._impulses[i], forces)])
+            return forces, tuple([a + f * x for a, f in zip(self._integrals[i], forces)])
         decay = math.exp(-x / lag) if lag > 0.0 else 0.0
-        lagged, impulses = [], []
+        lagged, integrals = [], []
         for j, f in enumerate(self._forces[i]):
             s = slope[j] if slope else 0.0
             transient = self._lagged[i][j] - f + s * lag if lag > 0.0 else 0.0
             lagged.append(f + s * (x - lag) + transient * decay)
-            impulses.append(self._impulses[i][j] + f * x + s * x * (0.5 * x - lag)
+            integrals.append(self._integrals[i][j] + f * x + s * x * (0.5 * x - lag)
                             + transient * lag * (1.0 - decay))
-        return tuple(lagged), tuple(impulses)
-
-    def newest(self, i: int) -> float:
-        """Return the newest commanded force on DOF number ``i``, 0 before the first."""
-        return self._forces[-1][i] if self._forces else 0.0
+        return tuple(lagged), tuple(integrals)
 
     def known(self, time: int) -> bool:
         """Tell whether the force up to ``time`` [ns] needs no command that is still to come."""
@@ -153,11 +160,8 @@ class Thrust:
             return True
         return bool(self._times) and self._times[-1] >= time
 
-    def impulse(self, time: int) -> tuple[float, ...]:
-        """Return the integral of the force per DOF [N s or N m s] up to ``time`` [ns]."""
-        return tuple(self.impulses((time,), range(len(self._rows)))[0])
-
-    def impulses(self, times: tuple[int, ...], dofs: Iterable[int]) -> list[list[float]]:
+    def integrals(self, times: tuple[int, ...],
+                  dofs: Iterable[int] | None = None) -> list[list[float]]:
         """
         Return the integrals of the force [N s or N m s] from the first command.
 
@@ -166,9 +170,10 @@ class Thrust:
         times : tuple of int
             Up to these [ns], in order.
         dofs : iterable of int
-            Of these DOFs, by their numbers.
+            Of these DOFs, by their numbers; of all unless given.
 
         """
+        dofs = self._dofs if dofs is None else dofs
         nodes, usual = self._times, not (self._lag or self._linear)
         found = []
         i = bisect_right(nodes, times[0])
@@ -177,12 +182,12 @@ class Thrust:
                 i += 1
             if usual:  # what ``_at`` gives, of these DOFs alone
                 x = (time - nodes[i - 1]) * NS
-                so_far, forces = self._impulses[i - 1], self._forces[i - 1]
+                so_far, forces = self._integrals[i - 1], self._forces[i - 1]
                 found.append([so_far[j] + forces[j] * x for j in dofs])
             else:
                 slope = None if i == len(nodes) else self._slope(i - 1, nodes[i], self._forces[i])
-                impulses = self._at(i - 1, time, slope)[1]
-                found.append([impulses[j] for j in dofs])
+                integrals = self._at(i - 1, time, slope)[1]
+                found.append([integrals[j] for j in dofs])
         return found
 
     def missing(self, start: int, end: int) -> str:
@@ -203,12 +208,78 @@ class Thrust:
     def forget(self, time: int) -> None:
         """Drop what is not needed for times from ``time`` [ns] on."""
         i = bisect_right(self._times, time) - 1
-        i = max(i, len(self._times) - MOST_KEPT)
+        i = max(i, len(self._times) - MAX_KEPT)
         if i < 256:  # in lumps: cutting a list costs as much as a step
             return
         for column in self._columns():
             del column[:i]
         # count from here: a sum over hours loses digits
-        first = self._impulses[0]
-        self._impulses[:] = [
-            tuple([a - b for a, b in zip(impulse, first)]) for impulse in self._impulses]
+        first = self._integrals[0]
+        self._integrals[:] = [
+            tuple([a - b for a, b in zip(integral, first)]) for integral in self._integrals]
+
+
+class CommandIntake:
+    """
+    Decide which thruster commands are used, and in which direction.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    history : ForceHistory
+        Gets the commands with their signs.
+    warn : callable
+        Called with one line about what looks wrong in the data.
+
+    Attributes
+    ----------
+    unsigned : UnsignedCommandCheck
+        Needs the velocities as well.
+
+    """
+
+    def __init__(self, settings: Settings, history: ForceHistory,
+                 warn: Callable[[str], None]) -> None:
+        self._history = history
+        self._is_signed = not settings.sign.topic
+        self.unsigned = UnsignedCommandCheck(settings, warn)
+        self._two_senders = TwoSendersCheck(warn)
+        self._pulse_widths = PulseWidthCheck(settings, warn)
+        self.change(settings)
+        self.restart()
+
+    def change(self, settings: Settings) -> None:
+        """Use other timeouts."""
+        self._settings = settings.thrusters
+        self._timeout = round(settings.timeout_of('sign') / NS)
+        # a span begins at most a timeout before a measurement that waited as long for the rest
+        self._memory = 3 * round(settings.longest_timeout / NS)
+
+    def restart(self) -> None:
+        """Forget the direction."""
+        self._signs: tuple[int, tuple[float, ...]] | None = None
+
+    def add_signs(self, time: int, value: tuple[float, ...]) -> None:
+        """Add the direction of the commands from ``time`` [ns] on."""
+        self._signs = time, value
+
+    def add_commands(self, time: int, value: tuple[float, ...], part: int) -> str:
+        """Add commands at ``time`` [ns]; return why they were refused, or ''."""
+        if not self._is_signed:
+            if self._signs is None:
+                return 'no_sign'
+            since, signs = self._signs
+            if time - since > self._timeout:
+                return 'stale_sign'
+            signs = signs if len(signs) > 1 else signs * len(value)
+            if len(signs) > len(value):
+                signs = signs[part:part + 1]
+            value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
+        self._pulse_widths.add_commands(value)  # what is beyond the limit, too
+        if not are_commands(self._settings, value, part):
+            return 'not_a_command'
+        self.unsigned.add_commands(value)
+        self._two_senders.add_commands(value, part)
+        self._history.forget(time - self._memory)
+        return '' if self._history.add_commands(time, value, part) else 'force_out_of_range'

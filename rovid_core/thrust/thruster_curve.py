@@ -9,7 +9,7 @@ import math
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import ThrusterSettings
 
-BEYOND = 2.0
+NO_COMMAND = 2.0
 """What is beyond the limit by this factor is no command, such as 0 in place of PWM."""
 
 
@@ -58,39 +58,46 @@ def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
     return ys[i] + (ys[i + 1] - ys[i]) * (x - xs[i]) / (xs[i + 1] - xs[i])
 
 
-def dot(row: Sequence[float], forces: Sequence[float]) -> float:
-    """Return the product of a row of the allocation with the thrusters' forces."""
-    # sum() rounds differently from Python 3.12 on; a log has to give the same bits on all
-    total = 0.0
-    for a, f in zip(row, forces):
-        total += a * f
-    return total
-
-
-def wrench(settings: ThrusterSettings, commands: Sequence[float],
-           dofs: Sequence[str] = DOFS) -> tuple[float, ...]:
+def wrench_model(settings: ThrusterSettings, dofs: Sequence[str] = DOFS
+                 ) -> Callable[[Sequence[float]], tuple[float, ...]]:
     """
-    Return the body force of raw commands, without delay and lag.
+    Return the body force of raw commands, without delay and lag, as a function.
 
     Parameters
     ----------
     settings : ThrusterSettings
         The chain; its allocation has 6 rows (surge to yaw) and n columns.
-    commands : sequence of float, length n
-        Raw commands, such as currents [A].
     dofs : sequence of str
         The rows that are wanted.
 
     Returns
     -------
-    tuple of float, length len(dofs)
-        Forces [N] and moments [N m] in the body frame.
+    callable
+        From n raw commands, such as currents [A], to the forces [N] and moments [N m] in the
+        body frame, one per DOF.
 
     """
-    model = thruster_model(settings)
-    forces = [k * model(u) for k, u in zip(settings.gain, commands)]
-    return tuple(
-        [dot(settings.allocation[DOFS.index(d)], forces) for d in dofs])
+    model, gains = thruster_model(settings), settings.gain
+    rows = [settings.allocation[DOFS.index(d)] for d in dofs]
+
+    def wrench_of(commands: Sequence[float]) -> tuple[float, ...]:
+        forces = [k * model(u) for k, u in zip(gains, commands)]
+        wrench = []
+        for row in rows:
+            # sum() rounds differently from Python 3.12 on; a log has to give the same bits on all
+            total = 0.0
+            for a, f in zip(row, forces):
+                total += a * f
+            wrench.append(total)
+        return tuple(wrench)
+
+    return wrench_of
+
+
+def wrench(settings: ThrusterSettings, commands: Sequence[float],
+           dofs: Sequence[str] = DOFS) -> tuple[float, ...]:
+    """Return the body force of raw commands; see ``wrench_model``."""
+    return wrench_model(settings, dofs)(commands)
 
 
 def are_commands(settings: ThrusterSettings, raw: Sequence[float], part: int = 0) -> bool:
@@ -112,6 +119,6 @@ def are_commands(settings: ThrusterSettings, raw: Sequence[float], part: int = 0
     if settings.limit == 0.0:
         return True
     gains = settings.gain[part:] if len(settings.topics) > 1 else settings.gain
-    most = BEYOND * settings.limit
+    most = NO_COMMAND * settings.limit
     return all(abs((u - settings.offset) * settings.scale) <= most
                for u, k in zip(raw, gains) if k)

@@ -12,9 +12,9 @@ from typing import cast
 
 import numpy as np
 from rovid_core.model.dofs import Four, PARAMETERS
-from rovid_core.settings.scales import Scales
+from rovid_core.model.lowpass import filtered
+from rovid_core.settings.run import Scales
 from rovid_core.trials.record import Array, Fit, Record
-from rovid_core.velocity.lowpass import filtered
 from scipy.signal import butter, sosfiltfilt
 
 ORDER = 4

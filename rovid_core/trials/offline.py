@@ -8,8 +8,7 @@ from itertools import combinations
 import math
 
 from rovid_core.model.dofs import PARAMETERS
-from rovid_core.settings.run import DofSettings, Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.least_squares import with_acceleration, without_acceleration
 from rovid_core.trials.output_error import output_error
 from rovid_core.trials.record import Fit, Record

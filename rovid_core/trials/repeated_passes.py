@@ -9,7 +9,7 @@ import numpy as np
 from rovid_core.identify.aid.self_tuning import FullGainIdentifier, inverse_gram
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 from rovid_core.trials.record import Array, Fit, Record
 
 PASSES = (7.0, 7.0, 10.0)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from rovid_core.model.lowpass import filtered
 from rovid_core.model.samples import Step
 from rovid_core.model.trajectory import Array, trajectory
 from rovid_core.trials.rows import Rows, Times
-from rovid_core.velocity.lowpass import filtered
 
 NS = 1e-9
 

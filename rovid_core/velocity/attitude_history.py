@@ -1,4 +1,4 @@
-"""What the velocity sources know of each other: attitude, and velocity in the world."""
+"""What the velocity sources need of each other: the attitude, and velocities in the world."""
 
 from __future__ import annotations
 
@@ -7,17 +7,16 @@ from collections import deque
 import math
 
 from rovid_core.model.dofs import Quaternion, Vector
+from rovid_core.model.quaternions import between, rotation_between
 from rovid_core.settings.run import Settings
-from rovid_core.velocity.quaternions import between, rotation_between
 
 NS = 1e-9
 
-
-MOST_KEPT = 65536
+MAX_KEPT = 65536
 """Attitudes and depths that are kept, however close their stamps are."""
 
-HEEDING = ('ekf',)
-"""Methods that ask how the noise of the attitude bends the path."""
+NEED_NOISE = ('ekf',)
+"""Methods that use how the noise of the attitude bends the path."""
 
 SHARE = 0.01
 """Of a new sample in the mean that tells the noise of the attitude."""
@@ -27,36 +26,45 @@ class AttitudeHistory:
     """
     The attitudes of the last moments, interpolated.
 
+    Parameters
+    ----------
+    timeout : int
+        [ns] Between two attitudes that are further apart, nothing is known.
+    memory : int
+        [ns] How far back attitudes are needed.
+    needs_noise : bool
+        Whether ``noise_density`` is computed.
+
     Attributes
     ----------
-    noisy : bool
-        Somebody asks for ``wander``.
-    wander : float
-        Spectral density of their noise on one axis [rad^2 s]: times speed squared it is how
-        fast the variance grows of a path that is turned by them.
+    needs_noise : bool
+        As given.
+    noise_density : float
+        Spectral density of the attitude's noise on one axis [rad^2 s]. Multiplied with the
+        speed squared it is how fast the variance of a path grows that is turned by them.
 
     """
 
-    def __init__(self, timeout: int, memory: int, noisy: bool = True) -> None:
-        self.noisy = noisy
+    def __init__(self, timeout: int, memory: int, needs_noise: bool = True) -> None:
+        self.needs_noise = needs_noise
         self.change(timeout, memory)
         self.restart()
 
     def change(self, timeout: int, memory: int) -> None:
-        """Take other limits [ns]."""
-        self._timeout = timeout  # further apart, nothing is known between two
+        """Use other limits [ns]."""
+        self._timeout = timeout
         self._memory = memory
 
     def restart(self) -> None:
         """Forget all attitudes."""
         self._times: list[int] = []
         self._values: list[Quaternion] = []
-        self._turn: Vector = (0.0, 0.0, 0.0)
-        self.wander = 0.0
+        self._rotation: Vector = (0.0, 0.0, 0.0)  # between the last two attitudes
+        self.noise_density = 0.0
 
-    def add(self, time: int, q: Quaternion, turn: Vector | None = None) -> None:
+    def add_sample(self, time: int, q: Quaternion, rotation: Vector | None = None) -> None:
         """
-        Take an attitude.
+        Add an attitude.
 
         Parameters
         ----------
@@ -64,31 +72,29 @@ class AttitudeHistory:
             After that of the last one [ns].
         q : Quaternion
             Body to world.
-        turn : Vector, optional
+        rotation : Vector, optional
             Rotation from the last one [rad], if it is known already.
 
         """
-        if len(self._times) > 1024:
-            cut = max(bisect_left(self._times, time - self._memory),
-                      len(self._times) - MOST_KEPT)
-            del self._times[:cut], self._values[:cut]
-        # a gap says nothing
-        if self.noisy and self._times and 0 < time - self._times[-1] <= self._timeout:
-            self._note_noise((time - self._times[-1]) * NS,
-                             turn or rotation_between(self._values[-1], q))
-        self._times.append(time)
+        times = self._times
+        if len(times) > 1024:
+            cut = max(bisect_left(times, time - self._memory), len(times) - MAX_KEPT)
+            del times[:cut], self._values[:cut]
+        # a gap says nothing about the noise
+        if self.needs_noise and times and 0 < time - times[-1] <= self._timeout:
+            rotation = rotation or rotation_between(self._values[-1], q)
+            # the second difference of white noise has six times its variance, on three axes
+            square = math.dist(rotation, self._rotation) ** 2 / 18.0
+            self._rotation = rotation
+            self.noise_density += (square * ((time - times[-1]) * NS) - self.noise_density) * (
+                SHARE if self.noise_density else 1.0)
+        times.append(time)
         self._values.append(q)
 
-    def take_up(self, time: int, q: Quaternion) -> None:
-        """Take an attitude that has jumped: between the last one and it nothing is known."""
+    def restart_from(self, time: int, q: Quaternion) -> None:
+        """Add an attitude that has jumped: between the last one and it nothing is known."""
         del self._times[:], self._values[:]
-        self.add(time, q)
-
-    def _note_noise(self, dt: float, turn: Vector) -> None:
-        # the second difference of white noise has six times its variance, on three axes
-        square = math.dist(turn, self._turn) ** 2 / 18.0
-        self._turn = turn
-        self.wander += (square * dt - self.wander) * (SHARE if self.wander else 1.0)
+        self.add_sample(time, q)
 
     def missing(self, time: int) -> str:
         """Return '' if the attitude at ``time`` is known, 'later' if it may become so."""
@@ -111,16 +117,31 @@ class AttitudeHistory:
             self._values[i - 1], self._values[i], (time - before) / (after - before))
 
 
-class World:
-    """What the sources know of each other: the attitude and the world velocity."""
+class SharedMotion:
+    """
+    What the velocity sources know of each other.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+
+    Attributes
+    ----------
+    attitude : AttitudeHistory
+        The attitudes that were accepted.
+    horizontal : tuple of (int, float, float) or None
+        Time [ns] and horizontal velocity in the world [m/s] of the newest position.
+
+    """
 
     def __init__(self, settings: Settings) -> None:
-        self.attitude = AttitudeHistory(0, 0, settings.identifier.method in HEEDING)
+        self.attitude = AttitudeHistory(0, 0, settings.identifier.method in NEED_NOISE)
         self.change(settings)
         self.restart()
 
     def change(self, settings: Settings) -> None:
-        """Take other timeouts."""
+        """Use other timeouts."""
         self._memory = 2 * round(settings.longest_timeout / NS)
         self._position_timeout, self._depth_timeout, attitude = (
             round(settings.timeout_of(name) / NS) for name in ('position', 'depth', 'attitude'))
@@ -129,29 +150,25 @@ class World:
     def restart(self) -> None:
         """Forget everything."""
         self.attitude.restart()
-        self._depths: deque[tuple[int, float]] = deque(maxlen=MOST_KEPT)
-        self._horizontal: tuple[int, float, float] | None = None
+        self._depths: deque[tuple[int, float]] = deque(maxlen=MAX_KEPT)
+        self.horizontal: tuple[int, float, float] | None = None
 
     def forget_depths(self) -> None:
-        """Forget the depths: what comes next has jumped."""
+        """Forget the depths: the next one has jumped."""
         self._depths.clear()
 
-    def note_depth(self, time: int, z: float) -> None:
-        """Take a depth [m, up] that is good."""
+    def add_depth(self, time: int, z: float) -> None:
+        """Add a depth [m, up] that was accepted."""
         self._depths.append((time, z))
         while self._depths[0][0] < time - self._memory:
             self._depths.popleft()
 
-    def note_horizontal(self, time: int, velocity: Vector) -> None:
-        """Take the rate of the position [m/s] where it is good."""
-        self._horizontal = (time, velocity[0], velocity[1])
-
-    def vertical(self, time: int, span: int) -> float | None:
+    def vertical_velocity(self, time: int, span: int) -> float | None:
         """
-        Return the mean rate of the depth [m/s] over ``span`` [ns] up to its newest value.
+        Return the mean vertical velocity [m/s] over ``span`` [ns] up to the newest depth.
 
-        As long a span as that of the position with which it is turned into the body, so that
-        one is no noisier than the other; None where the depth is too old.
+        The position with which it is turned into the body has the same span, so that one is
+        no noisier than the other. None where the depth is too old.
         """
         if len(self._depths) < 2 or time - self._depths[-1][0] > self._depth_timeout:
             return None
@@ -163,8 +180,8 @@ class World:
                 break
         return (z - before) / ((end - start) * NS)
 
-    def horizontal(self, time: int) -> tuple[float, float]:
-        """Return the newest rate of the position [m/s]; 0 where it is too old."""
-        if self._horizontal is None or time - self._horizontal[0] > self._position_timeout:
+    def horizontal_velocity(self, time: int) -> tuple[float, float]:
+        """Return the newest horizontal velocity [m/s]; 0 where it is too old."""
+        if self.horizontal is None or time - self.horizontal[0] > self._position_timeout:
             return (0.0, 0.0)
-        return self._horizontal[1:]
+        return self.horizontal[1:]

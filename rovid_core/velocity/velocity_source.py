@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections import deque
 import math
 
-from rovid_core.model.dofs import ANGULAR_DOFS, DOFS, Quaternion, Vector
+from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS, Quaternion, Vector
+from rovid_core.model.quaternions import rotate, rotate_back, rotation_between
 from rovid_core.model.samples import Motion
 from rovid_core.settings.run import Settings
-from rovid_core.velocity.attitude_history import MOST_KEPT, World
-from rovid_core.velocity.quaternions import rotate, rotate_back, rotation_between
+from rovid_core.velocity.attitude_history import MAX_KEPT, SharedMotion
 
 NS = 1e-9
 
@@ -23,7 +23,7 @@ Fix = tuple[int, tuple[float, ...]]
 """A measurement: time [ns] and value."""
 
 
-class MotionSource:
+class VelocitySource:
     """
     The velocity of some DOFs from one input.
 
@@ -31,9 +31,8 @@ class MotionSource:
     the body with the attitude of its middle; a velocity or angular-velocity sensor gives
     point values. A difference waits until the attitude that it needs is known.
 
-    A measurement that would be too fast is refused and the next is taken against the one
-    before it. If two refused ones agree with each other, the fix itself has shifted, and
-    they are where the source takes up.
+    A measurement that would be too fast is refused, and the next is compared with the one
+    before it.
 
     Parameters
     ----------
@@ -41,41 +40,49 @@ class MotionSource:
         The run.
     input : str
         ``position``, ``depth``, ``attitude``, ``velocity`` or ``angular_velocity``.
-    shared : World
+    shared : SharedMotion
         What the sources know of each other.
+
+    Attributes
+    ----------
+    input : str
+        As given.
+    dofs : tuple of str
+        The DOFs that this input measures.
+    waiting : deque
+        Measurements that no velocity was made of yet.
 
     """
 
-    def __init__(self, settings: Settings, input: str, shared: World) -> None:
+    def __init__(self, settings: Settings, input: str, shared: SharedMotion) -> None:
         self.input = input
         self.dofs = tuple(d for d in settings.dofs if settings.source(d) == input)
-        axes = ANGULAR_DOFS if input in ('attitude', 'angular_velocity') else DOFS[:3]
-        self._axes = [axes.index(d) for d in self.dofs]
+        names = ANGULAR_DOFS if input in ('attitude', 'angular_velocity') else LINEAR_DOFS
+        self._axes = [names.index(d) for d in self.dofs]
         self._is_point = input in ('velocity', 'angular_velocity')
-        self._turned = bool(settings.attitude.topic) and input in ('position', 'depth')
+        self._needs_attitude = bool(settings.attitude.topic) and input in ('position', 'depth')
         self.change(settings)
-        # without an attitude nobody knows where it points, nor is the position turned
-        self._lever = settings.lever_arm if self._turned and input == 'position' and any(
-            settings.lever_arm) else None
+        # without an attitude nobody knows where the lever arm points
+        self._lever = settings.lever_arm if (
+            self._needs_attitude and input == 'position' and any(settings.lever_arm)) else None
         self._shared = shared
         self.restart()
 
     def change(self, settings: Settings) -> None:
-        """Take other limits: timeouts and ``velocity.max``."""
+        """Use other limits: timeouts and ``velocity.max``."""
         self._timeout = round(settings.timeout_of(self.input) / NS)
         self._patience = round(settings.timeout_of('attitude') / NS)
         self._max_speed = settings.max_speed
 
     def restart(self) -> None:
         """Forget all measurements."""
-        self._waiting: deque[tuple[int, tuple[float, ...], str]] = deque()
+        self.waiting: deque[tuple[int, tuple[float, ...], str]] = deque()
         self._last: Fix | None = None
-        self._refused: Fix | None = None
-        self._attitude: Quaternion | None = None  # of the last interval
+        self._attitude: Quaternion | None = None  # in the middle of the last interval
 
-    def add(self, time: int, value: tuple[float, ...], anew: str = '') -> bool:
+    def add_sample(self, time: int, value: tuple[float, ...], jumped: str = '') -> bool:
         """
-        Take a measurement.
+        Add a measurement.
 
         Parameters
         ----------
@@ -83,28 +90,25 @@ class MotionSource:
             [ns]
         value : tuple of float
             What was measured.
-        anew : str
-            A reason to take up from there, '' for none.
+        jumped : str
+            Why no difference to the measurement before may be taken, '' where it may.
 
         Returns
         -------
         bool
-            False if too many wait already for their attitude.
+            False if too many measurements wait already for their attitude.
 
         """
-        if len(self._waiting) >= MOST_KEPT:
+        if len(self.waiting) >= MAX_KEPT:
             return False
-        self._waiting.append((time, value, anew))
+        self.waiting.append((time, value, jumped))
         return True
 
-    @property
-    def is_waiting(self) -> bool:
-        """Tell whether a measurement has not been taken."""
-        return bool(self._waiting)
-
-    def take(self, now: int) -> Motion | str | None:
+    def next_velocity(self, now: int) -> Motion | str | None:
         """
-        Return the next velocity, why a measurement gives none, or None.
+        Return the next velocity, or why the next measurement gives none.
+
+        None if no measurement waits, or the next one has to wait on.
 
         Parameters
         ----------
@@ -113,46 +117,35 @@ class MotionSource:
             ``attitude.timeout`` for its attitude.
 
         """
-        if not self._waiting:
+        if not self.waiting:
             return None
-        time, value, anew = self._waiting[0]
-        if anew:
-            self._waiting.popleft()
-            self._take_up_anew((time, value))
-            return anew
-        if self._is_point:
-            self._waiting.popleft()
-            return self._body(time, time, value) or 'too_fast'
+        time, value, jumped = self.waiting[0]
+        if self._is_point and not jumped:
+            self.waiting.popleft()
+            velocity = tuple([value[i] for i in self._axes])
+            if not self._is_slow(velocity, 0.0):
+                return 'too_fast'
+            return Motion(start=time, end=time, time=time, velocity=velocity)
         last = self._last
-        missing = 'gap' if last else 'first'
-        if last is not None and time - last[0] <= self._timeout:
-            missing = self._missing(last[0], time) if self._turned else ''
+        missing = jumped or ('gap' if last else 'first')
+        if last is not None and not jumped and time - last[0] <= self._timeout:
+            missing = self._missing_attitude(last[0], time) if self._needs_attitude else ''
             if missing == 'later' and now - time <= self._patience:
                 return None
-        self._waiting.popleft()
-        new = time, value
+        self.waiting.popleft()
         if missing or last is None:
-            self._take_up_anew(new)
+            self._attitude = None
+            if self.input == 'depth':
+                self._shared.forget_depths()
+            self._last = time, value
             return 'no_attitude' if missing == 'later' else missing
-        motion = self._difference(last, new)
-        if motion is not None:
-            self._last, self._refused = new, None
-            return motion
-        refused = self._refused
-        if refused and not (self._turned and self._missing(refused[0], time)) and (
-                self._difference(refused, new) is not None):
-            self._take_up_anew(new)
-            return 'shifted'
-        self._refused = new
-        return 'too_fast'
+        motion = self._difference(last, (time, value))
+        if motion is None:
+            return 'too_fast'
+        self._last = time, value
+        return motion
 
-    def _take_up_anew(self, fix: Fix) -> None:
-        self._attitude = None
-        if self.input == 'depth':
-            self._shared.forget_depths()
-        self._last, self._refused = fix, None
-
-    def _missing(self, start: int, end: int) -> str:
+    def _missing_attitude(self, start: int, end: int) -> str:
         """Return '' if the attitudes of an interval are known, or why they are not."""
         missing = self._shared.attitude.missing
         if self._lever is None:
@@ -163,68 +156,68 @@ class MotionSource:
     def _difference(self, last: Fix, new: Fix) -> Motion | None:
         """Return the velocity between two measurements, None if it is too fast."""
         start, end = last[0], new[0]
-        dt = (end - start) * NS
+        dt, middle = (end - start) * NS, (start + end) // 2
         if self.input == 'attitude':
             x, y, z = rotation_between(last[1], new[1])  # type: ignore[arg-type]
-            return self._body(start, end, (x / dt, y / dt, z / dt))
-        velocity = self._world_velocity(last, new, dt)
-        if velocity is None:
-            return None
-        if not self._turned:
-            motion = self._body(start, end, velocity)
+            body = world = (x / dt, y / dt, z / dt)
         else:
-            attitude = self._shared.attitude.at((start + end) // 2)
-            body = rotate_back(attitude, velocity)
-            motion = self._body(start, end, body)
-            if motion is not None and self._shared.attitude.noisy:
-                motion = motion._replace(turn=math.hypot(*rotation_between(
-                    self._attitude or attitude, attitude)), slips=self._slips(body, dt))
-        if motion is None:
+            found = self._world_velocity(last, new, dt)
+            if found is None:
+                return None
+            body = world = found
+            if self._needs_attitude:
+                attitude = self._shared.attitude.at(middle)
+                body = rotate_back(attitude, world)
+        velocity = tuple([body[i] for i in self._axes])
+        if not self._is_slow(velocity, dt):
             return None
-        if self._turned:
+        turn = 0.0
+        path_noise: tuple[float, ...] = ()
+        if self._needs_attitude:
+            if self._shared.attitude.needs_noise:
+                turn = math.hypot(*rotation_between(self._attitude or attitude, attitude))
+                path_noise = self._path_noise(body, dt)
             self._attitude = attitude
         # only now: what is refused must not reach the other sources either
         if self.input == 'depth':
-            if not self._shared.vertical(end, 1):
-                self._shared.note_depth(*_scalar(last))
-            self._shared.note_depth(*_scalar(new))
-        else:
-            self._shared.note_horizontal(end, velocity)
-        return motion
+            if not self._shared.vertical_velocity(end, 1):
+                self._shared.add_depth(start, last[1][0])
+            self._shared.add_depth(end, new[1][0])
+        elif self.input == 'position':
+            self._shared.horizontal = end, world[0], world[1]
+        return Motion(start=start, end=end, time=middle, velocity=velocity, turn=turn,
+                      path_noise=path_noise)
 
     def _world_velocity(self, last: Fix, new: Fix, dt: float) -> Vector | None:
-        world, end = self._shared, new[0]
+        """Return the velocity in the world between two fixes, None if it is too fast."""
+        (start, a), (end, b) = last, new
         if self.input == 'depth':
-            own: tuple[float, ...] = ((new[1][0] - last[1][0]) / dt,)
-            velocity: Vector = (*world.horizontal(end), own[0])
-        else:
-            a, b = self._body_origin(*last), self._body_origin(*new)
-            vertical = world.vertical(end, end - last[0])
-            own = ((b[0] - a[0]) / dt, (b[1] - a[1]) / dt)
-            velocity = (own[0], own[1], (b[2] - a[2]) / dt if vertical is None else vertical)
-        return velocity if self._is_slow(own, dt) else None
-
-    def _body_origin(self, time: int, value: tuple[float, ...]) -> Vector:
-        x, y, z = value
+            up = (b[0] - a[0]) / dt
+            return (*self._shared.horizontal_velocity(end), up) if (
+                self._is_slow((up,), dt)) else None
         if self._lever:
-            lx, ly, lz = rotate(self._shared.attitude.at(time), self._lever)
-            return (x - lx, y - ly, z - lz)
-        return (x, y, z)
+            a, b = self._without_lever(start, a), self._without_lever(end, b)
+        vertical = self._shared.vertical_velocity(end, end - start)
+        x, y = (b[0] - a[0]) / dt, (b[1] - a[1]) / dt
+        if not self._is_slow((x, y), dt):
+            return None
+        return (x, y, (b[2] - a[2]) / dt if vertical is None else vertical)
 
-    def _slips(self, body: Vector, dt: float) -> tuple[float, ...]:
-        variance = self._shared.attitude.wander * dt
+    def _without_lever(self, time: int, value: tuple[float, ...]) -> Vector:
+        """Return where the origin of the body is when the sensor is at ``value``."""
+        assert self._lever is not None
+        lx, ly, lz = rotate(self._shared.attitude.at(time), self._lever)
+        return (value[0] - lx, value[1] - ly, value[2] - lz)
+
+    def _path_noise(self, body: Vector, dt: float) -> tuple[float, ...]:
+        """Return how far the attitude's noise puts the path wrong on each DOF [m]."""
+        variance = self._shared.attitude.noise_density * dt
         square = body[0] * body[0] + body[1] * body[1] + body[2] * body[2]
         return tuple([
             math.sqrt(variance * max(square - body[i] * body[i], 0.0)) for i in self._axes])
 
-    def _body(self, start: int, end: int, velocity: tuple[float, ...]) -> Motion | None:
-        """Return the velocity of the DOFs over an interval, None if it is too fast."""
-        own = tuple([velocity[i] for i in self._axes])
-        if not self._is_slow(own, (end - start) * NS):
-            return None
-        return Motion(start, end, (start + end) // 2, own)
-
     def _is_slow(self, velocity: tuple[float, ...], dt: float) -> bool:
+        """Tell whether a velocity is within ``velocity.max``."""
         limit = self._max_speed
         if 0.0 < dt < SPEED_SPAN:
             limit *= SPEED_SPAN / max(dt, SHORTEST)
@@ -233,7 +226,3 @@ class MotionSource:
             if not -limit <= v <= limit:
                 return False
         return True
-
-
-def _scalar(fix: Fix) -> tuple[int, float]:
-    return (fix[0], fix[1][0])

@@ -19,8 +19,7 @@ from typing import Any
 import numpy as np
 from rovid_core.model.dofs import DOFS, PHYSICAL
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings, SettingsError
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales, Settings, SettingsError
 from rovid_ros.commands.arguments import add_json, add_logs, add_part, positive
 from rovid_ros.commands.check_data import check_data, ERROR, Findings, Observation
 from rovid_ros.commands.long_work import Progress

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from rovid_core.identify.intervals import intervals
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
-from rovid_core.settings.run import Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.output_error import information
 from rovid_ros import __version__
 from rovid_ros.comparison.trials import best_of, finite, Model, Number, Trial

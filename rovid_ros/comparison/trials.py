@@ -20,8 +20,7 @@ from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.model.samples import Step
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales, Settings
 from rovid_core.trials.offline import METHODS as OFFLINE, subsets
 from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog

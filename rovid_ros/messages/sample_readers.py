@@ -9,8 +9,8 @@ from operator import attrgetter
 from typing import Any
 
 from rovid_core.model.dofs import Quaternion
+from rovid_core.model.quaternions import from_yaw, product
 from rovid_core.settings.run import Settings
-from rovid_core.velocity.quaternions import from_yaw, product
 from rovid_ros.messages.field_paths import (
     describe,
     field_names,

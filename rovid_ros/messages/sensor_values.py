@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from rovid_core.model.dofs import Quaternion
+from rovid_core.model.quaternions import from_yaw, product
 from rovid_core.settings.run import Settings
-from rovid_core.velocity.quaternions import from_yaw, product
 
 Values = tuple[float, ...]
 

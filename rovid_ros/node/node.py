@@ -13,7 +13,7 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from rovid_core.identify.estimate import Estimate
 from rovid_core.model.samples import Event
-from rovid_core.pipeline.observers import Scorer
+from rovid_core.pipeline.steps import Scorer
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.commands.controls import apply, changes_of, PARAMETERS, repeat

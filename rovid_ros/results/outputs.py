@@ -15,8 +15,7 @@ from typing import Any
 from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.model.dofs import DOFS, Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
-from rovid_core.settings.run import Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales, Settings
 
 ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
 DIAGNOSTIC_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'

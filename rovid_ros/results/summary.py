@@ -10,8 +10,7 @@ from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.identify.intervals import Interval
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
-from rovid_core.settings.run import Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales, Settings
 
 
 class Scored(Protocol):

@@ -6,9 +6,9 @@ from statistics import median
 
 import pytest
 from rovid_core.model.dofs import PARAMETERS
+from rovid_core.model.lowpass import LowPass
 from rovid_core.pipeline import steps as pipe
 from rovid_core.pipeline.stream import Stream
-from rovid_core.velocity.lowpass import LowPass
 
 from benchmarks.accuracy.adaptive_identifier import tank_scores
 from test.support.surge import (

@@ -5,11 +5,11 @@ import math
 from random import Random
 
 import pytest
+from rovid_core.model.quaternions import from_yaw
 from rovid_core.model.samples import Event, Sample
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import InputSettings
 from rovid_core.velocity.attitude_history import AttitudeHistory
-from rovid_core.velocity.quaternions import from_yaw
 
 from test.support.injected_faults import (
     clean,
@@ -201,8 +201,8 @@ def test_memory_does_not_grow_under_an_hour_of_faults():
 def test_a_gap_says_nothing_of_the_noise_of_the_attitude():
     history, random = AttitudeHistory(1_000_000_000, 2_000_000_000), Random(1)
     for k in range(200):
-        history.add(k * 50_000_000, from_yaw(random.gauss(0.0, 0.002)))
-    before = history.wander
+        history.add_sample(k * 50_000_000, from_yaw(random.gauss(0.0, 0.002)))
+    before = history.noise_density
     assert 0.0 < before < 1e-5
-    history.add(1_700_000_000_000_000_000, from_yaw(1.0))  # the clock has been set
-    assert history.wander == before
+    history.add_sample(1_700_000_000_000_000_000, from_yaw(1.0))  # the clock has been set
+    assert history.noise_density == before

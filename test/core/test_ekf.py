@@ -23,7 +23,7 @@ from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.model.trajectory import trajectory
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 from rovid_core.simulation.sensors import simulate
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from

@@ -7,7 +7,7 @@ import pytest
 from rovid_core.identify.excitation import Excitation, Gram
 from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Step
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 
 TRUTH = lumped(290.0, 290.0, 43.5, 2.9)
 ALL = (True, True, True, True)

@@ -13,8 +13,7 @@ from rovid_core.identify.aid.self_tuning import SelfTuningIdentifier
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Step
-from rovid_core.settings.run import DofSettings, IdentifierSettings, SettingsError
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales, SettingsError
 
 DOF = DofSettings(400.0, 150.0, 20.0, 1.0)
 TRUTH = lumped(290.0, 290.0, 43.5, 2.9)

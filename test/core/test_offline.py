@@ -12,7 +12,7 @@ from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
 from rovid_core.model.trajectory import integral, midpoint_trajectory, sensitivities, trajectory
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.least_squares import with_acceleration
 from rovid_core.trials.offline import METHODS, subsets

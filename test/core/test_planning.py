@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rovid_core.model.plant import lumped
 from rovid_core.model.trajectory import integral, midpoint_trajectory, trajectory
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 from rovid_core.simulation.profiles import Multisine, Sinusoid, Steps, Waveform
 from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.output_error import output_error, Residuals

@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from rovid_core.model.lowpass import filtered, LowPass
 from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
 from rovid_core.model.trajectory import BLOCK_LENGTH, linear_recurrence, trajectory
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import Score, ScoreLog
-from rovid_core.velocity.lowpass import filtered, LowPass
 
 from test.support.surge import surge_settings, SURGE_TRUTH
 

@@ -4,18 +4,18 @@ import ast
 from pathlib import Path
 import re
 
-from rovid_core.inputs.reasons import REASONS
+from rovid_core.inputs.refusals import REASONS
 
 REPOSITORY = Path(__file__).parents[2]
-TELLING = {'reject', '_reject', '_drop', '_skip', '_refuse', '_count', 'RefusedError'}
+TELLING = {'reject', '_reject', '_drop', '_interrupt', '_refuse', '_count', 'RefusedError'}
 """Calls that are given a reason."""
 
 RETURNING = {
-    'gate': ('take', '_refuse'), 'inlet': ('take',), 'commands': ('take',),
-    'pipe': ('_take', '_measure'), 'motion_source': ('take', '_missing', '_body'),
-    'world': ('missing',), 'thrust': ('missing',), 'adaptive_identifier': ('step',),
-    'self_tuning': ('step',),
-    'rls': ('step',), 'extended_kalman': ('step',)}
+    'outlier_gate': ('check',), 'stuck_values': ('check',),
+    'force_history': ('add_commands', 'missing'), 'steps': ('_add', '_add_measurement'),
+    'velocity_source': ('next_velocity',), 'attitude_history': ('missing',),
+    'adaptive_identifier': ('step',), 'self_tuning': ('step',), 'rls': ('step',),
+    'extended_kalman': ('step',)}
 """Functions that return one, or ''."""
 
 NO_REASONS = {'first', 'later'}
@@ -59,7 +59,7 @@ def test_every_reason_has_a_meaning():
 def test_every_meaning_has_a_reason():
     source = ''.join(path.read_text() for package in ('rovid_core', 'rovid_ros')
                      for path in (REPOSITORY / package).rglob('*.py')
-                     if path.name != 'reasons.py')
+                     if path.name != 'refusals.py')
     assert [reason for reason in REASONS if f"'{reason}'" not in source] == []
 
 

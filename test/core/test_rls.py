@@ -11,8 +11,7 @@ from rovid_core.identify.rls import FactoredCovariance, MEMORY, PRIOR, Recursive
 from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Step
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import DofSettings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import DofSettings, Scales
 
 from test.support.surge import (
     HEAVY,

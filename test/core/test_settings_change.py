@@ -11,7 +11,7 @@ from rovid_core.ordering.event_order import EventOrder
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.sensors import simulate
-from rovid_core.thrust.force_history import Thrust
+from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.trials.score import ScoreLog
 
 from test.support.surge import surge_settings
@@ -146,8 +146,8 @@ def test_a_score_knows_which_cutoff_each_step_had(events: list[Event]) -> None:
 
 def test_a_longer_timeout_holds_for_the_commands_so_far() -> None:
     settings = surge_settings().thrusters
-    thrust = Thrust(replace(settings, timeout=0.0), ('surge',))
-    thrust.command(0, (1.0,) * settings.count)
+    thrust = ForceHistory(replace(settings, timeout=0.0), ('surge',))
+    thrust.add_commands(0, (1.0,) * settings.count)
     second = 1_000_000_000
     assert thrust.missing(0, 5 * second) == ''
     thrust.change(10.0)

@@ -9,8 +9,7 @@ from rovid_core.model.dofs import Four
 from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import SimulatedDof
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales, SimulatedDof
 from rovid_core.simulation.sensors import simulate
 
 from test.support.surge import run, surge_log, surge_settings, SURGE_TRUTH as TRUTH, TRAINING

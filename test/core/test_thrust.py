@@ -7,7 +7,7 @@ from hypothesis import given, strategies as st
 import numpy as np
 import pytest
 from rovid_core.settings.run import SettingsError, ThrusterSettings
-from rovid_core.thrust.force_history import Thrust
+from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench
 
 from test.support.memory import lengths
@@ -22,9 +22,9 @@ MS = 1_000_000
 
 
 def chain(**changes):
-    thrust = Thrust(replace(TWO, **changes), ('surge', 'yaw'))
+    thrust = ForceHistory(replace(TWO, **changes), ('surge', 'yaw'))
     for time, values in COMMANDS:
-        assert thrust.command(time * MS, values)
+        assert thrust.add_commands(time * MS, values)
     return thrust
 
 
@@ -57,7 +57,7 @@ def brute_force(hold, delay, lag, start, end):
 def test_impulse_is_the_exact_integral(hold, delay, lag):
     thrust = chain(hold=hold, delay=delay, time_constant=lag)
     for start, end in ((0.05, 0.12), (0.11, 0.3), (0.05, 0.5)):
-        a, b = thrust.impulse(round(start * 1e9)), thrust.impulse(round(end * 1e9))
+        a, b = thrust.integrals((round(start * 1e9),))[0], thrust.integrals((round(end * 1e9),))[0]
         expected = brute_force(hold, delay, lag, start, end)
         assert [y - x for x, y in zip(a, b)] == pytest.approx(expected, abs=5e-3)
 
@@ -79,24 +79,24 @@ def test_linear_hold_waits_for_the_next_command():
 
 
 def test_one_topic_per_thruster_needs_all_of_them():
-    thrust = Thrust(replace(TWO, topics=('/a', '/b')), ('surge', 'yaw'))
-    thrust.command(0, (1.0,), 0)
+    thrust = ForceHistory(replace(TWO, topics=('/a', '/b')), ('surge', 'yaw'))
+    thrust.add_commands(0, (1.0,), 0)
     assert thrust.missing(0, 1) == 'no_thrust'
-    thrust.command(5 * MS, (2.0,), 1)
-    assert thrust.impulse(15 * MS) == pytest.approx((0.0, 10e-3 * 20.0))
-    thrust.command(15 * MS, (2.0,), 0)  # both at one instant: the later message completes it
-    thrust.command(15 * MS, (0.0,), 1)
-    assert thrust.impulse(25 * MS)[0] == pytest.approx(10e-3 * 80.0)
+    thrust.add_commands(5 * MS, (2.0,), 1)
+    assert thrust.integrals((15 * MS,))[0] == pytest.approx((0.0, 10e-3 * 20.0))
+    thrust.add_commands(15 * MS, (2.0,), 0)  # both at one instant: the later message completes it
+    thrust.add_commands(15 * MS, (0.0,), 1)
+    assert thrust.integrals((25 * MS,))[0][0] == pytest.approx(10e-3 * 80.0)
 
 
 def test_forgetting_changes_no_span():
     def span(thrust):
-        a, b = thrust.impulse(9_000_500_000), thrust.impulse(9_100_000_000)
+        a, b = thrust.integrals((9_000_500_000,))[0], thrust.integrals((9_100_000_000,))[0]
         return [y - x for x, y in zip(a, b)]
 
-    thrust = Thrust(replace(TWO, time_constant=0.1), ('surge', 'yaw'))
+    thrust = ForceHistory(replace(TWO, time_constant=0.1), ('surge', 'yaw'))
     for k in range(1000):
-        thrust.command(k * 10 * MS, (math.sin(0.1 * k), math.cos(0.1 * k)))
+        thrust.add_commands(k * 10 * MS, (math.sin(0.1 * k), math.cos(0.1 * k)))
     before = span(thrust)
     thrust.forget(9_000_000_000)
     assert span(thrust) == pytest.approx(before, rel=1e-9)
@@ -150,9 +150,9 @@ def test_wrench_of_a_port_thruster_turns_to_starboard():
 @given(st.lists(st.floats(), min_size=2, max_size=2))
 def test_a_wild_command_never_poisons_the_impulse(values):
     thrust = chain()
-    thrust.command(430 * MS, values)
-    thrust.command(440 * MS, (1.0, 1.0))
-    assert all(math.isfinite(x) for x in thrust.impulse(500 * MS))
+    thrust.add_commands(430 * MS, values)
+    thrust.add_commands(440 * MS, (1.0, 1.0))
+    assert all(math.isfinite(x) for x in thrust.integrals((500 * MS,))[0])
 
 
 @pytest.mark.parametrize(('changes', 'key'), [

@@ -12,10 +12,9 @@ import pytest
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales, Settings
 from rovid_core.simulation.sensors import simulate
-from rovid_core.thrust.force_history import Thrust
+from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.trials.tuning.blocks import edges
 from rovid_core.trials.tuning.choice import choose, nearest
 from rovid_core.trials.tuning.commanded import Commanded
@@ -73,17 +72,17 @@ def test_the_force_of_a_log_is_that_of_the_pipe(
         surge: Settings, linear: bool, lag: float) -> None:
     chain = replace(surge.thrusters, delay=0.12, time_constant=lag,
                     hold='linear' if linear else 'previous')
-    thrust = Thrust(chain, ('surge',))
-    plain = Thrust(replace(chain, delay=0.0, time_constant=0.0), ('surge',))
+    thrust = ForceHistory(chain, ('surge',))
+    plain = ForceHistory(replace(chain, delay=0.0, time_constant=0.0), ('surge',))
     times = np.cumsum(np.array([30, 70, 50, 400, 20, 50, 50])) * 1_000_000
     commands = [0.3, -1.0, 0.5, 2.0, 2.0, 0.0, 1.0]
     for time, u in zip(times.tolist(), commands):
-        thrust.command(time, (u, u, 0.0))
-        plain.command(time, (u, u, 0.0))
+        thrust.add_commands(time, (u, u, 0.0))
+        plain.add_commands(time, (u, u, 0.0))
     forces = np.array([[80.0 * u for u in commands]])
     at = np.arange(int(times[0]) + 120_000_000, int(times[-1]), 7_000_000)
     impulse = Commanded(times, forces, linear).impulse(0, at, 0.12, lag)
-    expected = np.array([thrust.impulse(t)[0] for t in at.tolist()])
+    expected = np.array([thrust.integrals((t,))[0][0] for t in at.tolist()])
     np.testing.assert_allclose(impulse - impulse[0], expected - expected[0], atol=1e-9)
 
 

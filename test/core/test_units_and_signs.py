@@ -5,9 +5,9 @@ import math
 from random import Random
 
 import pytest
-from rovid_core.inputs.units_and_signs import Interleaved
+from rovid_core.inputs.units_and_signs import TwoSendersCheck
+from rovid_core.model.quaternions import from_yaw
 from rovid_core.settings.run import InputSettings
-from rovid_core.velocity.quaternions import from_yaw
 
 from test.support.injected_faults import clean, run, spoilt, vehicle
 
@@ -92,19 +92,19 @@ def test_a_jump_of_the_fix_is_no_unit():
 @pytest.mark.parametrize('parts', [1, 2])
 def test_commands_of_two_programs_are_told_once(parts):
     told = []
-    watch = Interleaved(told.append)
+    check = TwoSendersCheck(told.append)
     for k in range(400):
         for part in range(parts):
             own = 5.0 * math.sin(0.02 * k + part)
-            watch.command((own, -own) if k % 2 else (0.0, 0.0), part)
+            check.add_commands((own, -own) if k % 2 else (0.0, 0.0), part)
     assert len(told) == 1
     assert 'two programs' in told[0]
 
 
 def test_commands_of_one_program_are_not_taken_for_those_of_two():
     told, random = [], Random(1)
-    watch = Interleaved(told.append)
+    check = TwoSendersCheck(told.append)
     for k in range(20_000):  # of noise, of steps, of none
         noise = random.gauss(0.0, 1.0) if k < 15_000 else 0.0
-        watch.command((noise, 3.0 * (k // 5 % 2)), 0)
+        check.add_commands((noise, 3.0 * (k // 5 % 2)), 0)
     assert told == []

@@ -16,7 +16,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
-from rovid_core.inputs.reasons import REASONS
+from rovid_core.inputs.refusals import REASONS
 from rovid_core.pipeline.stream import Stream
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.messages.convert import Converter

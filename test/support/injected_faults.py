@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from random import Random
 
-from rovid_core.inputs.reasons import REASONS
+from rovid_core.inputs.refusals import REASONS
 from rovid_core.model.samples import Event, Sample
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import IdentifierSettings, Settings

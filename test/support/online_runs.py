@@ -17,8 +17,7 @@ from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Step
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import DofSettings, IdentifierSettings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales
 
 from benchmarks.accuracy.peers import PEERS
 from test.support import surge as cases

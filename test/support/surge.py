@@ -16,12 +16,12 @@ from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
     InputSettings,
+    Scales,
     Settings,
     SimulatedDof,
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_core.settings.scales import Scales
 from rovid_core.simulation.sensors import Measurement, simulate
 from rovid_core.trials.score import Score
 

@@ -17,8 +17,7 @@ from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
 from rovid_core.identify.intervals import NO_UNCERTAINTY, Uncertainty
 from rovid_core.model.dofs import Four, PARAMETERS, Three
 from rovid_core.model.samples import finite, Step
-from rovid_core.settings.run import SettingsError
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales, SettingsError
 
 MAX_PIECES = 100
 """A step that would have to be divided into more pieces is refused."""

@@ -32,7 +32,7 @@ from rovid_core.identify.excitation import (
 )
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import finite, Step
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 
 Array = NDArray[np.float64]
 Bounds = tuple[Four, Four]

@@ -35,7 +35,7 @@ from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 
 FIRST_NOISE = 0.02
 """Noise of a measurement to begin with, in typical velocities (times 1 s)."""

@@ -108,7 +108,7 @@ class StepFilter:
         self._path += step.mean * step.interval / self._velocity
         if step.turn:
             # the noise of the fix between two intervals does not cancel when they are turned
-            self.filter.widen(((step.turn * turned)**2 + (step.slip / self._velocity)**2,))
+            self.filter.widen(((step.turn * turned)**2 + (step.path_noise / self._velocity)**2,))
         return None if first else (POSITION, path)
 
     def _predict(self, start: float, end: float, noise: float) -> None:

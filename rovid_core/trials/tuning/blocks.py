@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from rovid_core.model.lowpass import MOST_TURN
 from rovid_core.model.trajectory import Array
 from rovid_core.trials.tuning.commanded import Commanded
 from rovid_core.trials.tuning.log import Stretch
-from rovid_core.velocity.lowpass import MOST_TURN
 
 NS = 1e-9
 FOLDS = 8

@@ -8,8 +8,7 @@ import math
 
 import numpy as np
 from rovid_core.model.trajectory import Array
-from rovid_core.settings.run import DofSettings, Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.tuning.blocks import Blocks, blocks, edges, FOLDS
 from rovid_core.trials.tuning.commanded import Commanded
 from rovid_core.trials.tuning.log import Stretch, TuningLog

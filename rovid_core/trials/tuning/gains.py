@@ -16,11 +16,11 @@ from rovid_core.identify.aid.adaptive_identifier import (
     rates,
 )
 from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
+from rovid_core.model.lowpass import filtered
 from rovid_core.model.samples import Step
 from rovid_core.model.trajectory import Array
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 from rovid_core.trials.tuning.log import Stretch
-from rovid_core.velocity.lowpass import filtered
 
 NS = 1e-9
 DIVIDED = 0.005

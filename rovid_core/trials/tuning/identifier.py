@@ -10,8 +10,7 @@ import numpy as np
 from rovid_core.identify import make_identifier
 from rovid_core.model.samples import Step
 from rovid_core.model.trajectory import Array
-from rovid_core.settings.run import Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.tuning.blocks import edges, FOLDS
 from rovid_core.trials.tuning.choice import Change, Each, nearest, Stage, sure_error
 from rovid_core.trials.tuning.commanded import Commanded

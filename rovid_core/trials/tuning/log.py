@@ -12,7 +12,7 @@ from rovid_core.model.dofs import DOFS
 from rovid_core.model.samples import Event
 from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
-from rovid_core.thrust.force_history import LARGEST_FORCE
+from rovid_core.thrust.force_history import MAX_FORCE
 from rovid_core.thrust.thruster_curve import are_commands, wrench
 from rovid_core.trials.score import ScoreLog
 from rovid_core.trials.tuning.commanded import Commanded
@@ -103,7 +103,7 @@ class TuningLog(ScoreLog):
         if len(raw) < len(self._raw):
             return
         forces = wrench(self._settings.thrusters, raw, self._settings.dofs)
-        if not all(abs(f) < LARGEST_FORCE for f in forces):
+        if not all(abs(f) < MAX_FORCE for f in forces):
             return
         if self._times and self._times[-1] == time:  # another topic of the same instant
             self._times.pop()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from rovid_core.model.trajectory import Array, mean_velocity
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import Scales
 from rovid_core.trials.tuning.blocks import Blocks, FOLDS
 from rovid_core.trials.tuning.simulation import Normal, simulate, smoothed
 

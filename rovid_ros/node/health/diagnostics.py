@@ -14,7 +14,7 @@ import math
 from typing import Any
 
 from rovid_core.identify.estimate import DofEstimate
-from rovid_core.inputs.reasons import REASONS
+from rovid_core.inputs.refusals import REASONS
 from rovid_core.model.dofs import PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_ros import __version__

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
-from rovid_core.inputs.reasons import TAKEN
+from rovid_core.inputs.refusals import STILL_USED
 from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 
@@ -83,7 +83,7 @@ class Recent:
     def refused(self, name: str = '') -> Counts:
         """Return what was refused, of one input or DOF or of all, the most frequent first."""
         found = difference(self._past[0][1], self._past[-1][1], name)
-        return {key: count for key, count in found.items() if key[1] not in TAKEN}
+        return {key: count for key, count in found.items() if key[1] not in STILL_USED}
 
     def taken(self, name: str) -> int:
         """Return how many samples of an input were used."""

@@ -1,4 +1,4 @@
-"""Why something was refused, for people: every reason that is counted, and what it means."""
+"""Why samples and steps are refused: every reason that is counted, and what it means."""
 
 from __future__ import annotations
 
@@ -45,5 +45,5 @@ REASONS = {
 }
 """Reason -> what it means. Those from ``shifted`` on lose a step, not the measurement."""
 
-TAKEN = frozenset({'zero_stamp'})
-"""What is counted, and taken all the same."""
+STILL_USED = frozenset({'zero_stamp'})
+"""Reasons that are counted although the sample is used."""

@@ -74,9 +74,9 @@ def run(args: argparse.Namespace) -> None:
         if getattr(args, name) is not None and not args.logs:
             raise UsageError(f'--{name} goes with a LOG')
     check_written([args.json], [*args.logs, args.params_file])
-    outcome = check(args.params_file, Request(
-        args.logs, args.start or 0.0, args.duration, args.live, args.timeout or 5.0,
-        args.namespace))
+    outcome = check(
+        args.params_file, args.logs, start=args.start or 0.0, duration=args.duration,
+        live=args.live, timeout=args.timeout or 5.0, namespace=args.namespace)
     print(outcome.text)
     if args.json:
         write_json(args.json, outcome.document)
@@ -84,18 +84,6 @@ def run(args: argparse.Namespace) -> None:
     if outcome.errors:
         raise CommandError(f'{args.params_file}: {outcome.verdict}')
     print(outcome.verdict)
-
-
-@dataclass(frozen=True)
-class Request:
-    """What to check against; the command line has the meaning of each."""
-
-    logs: Sequence[Path] = ()
-    start: float = 0.0
-    duration: float | None = None
-    live: bool = False
-    timeout: float = 5.0
-    namespace: str = ''
 
 
 @dataclass(frozen=True)
@@ -108,9 +96,26 @@ class Outcome:
     document: dict[str, Any]
 
 
-def check(path: Path, request: Request) -> Outcome:
+def check(path: Path, logs: Sequence[Path] = (), *, start: float = 0.0,
+          duration: float | None = None, live: bool = False, timeout: float = 5.0,
+          namespace: str = '') -> Outcome:
     """
     Check a parameter file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    logs : sequence of Path
+        Logs to check it against, joined in time order.
+    start, duration : float
+        Part of the logs to use [s].
+    live : bool
+        Whether to check it against the ROS graph instead.
+    timeout : float
+        How long to listen there [s].
+    namespace : str
+        Of the node there; relative topics are in it.
 
     Raises
     ------
@@ -122,15 +127,15 @@ def check(path: Path, request: Request) -> Outcome:
     settings = _read_settings(path, findings)
     seen: Observation | None = None
     if settings is not None:
-        alone = not request.live and not request.logs
+        alone = not live and not logs
         _check_settings(settings, findings, find_spec('rclpy') is not None if alone else None)
-        if request.live:
-            seen = _check_live(settings, findings, request)
-        elif request.logs:
-            seen = _check_log(settings, findings, request)
+        if live:
+            seen = _check_live(settings, findings, timeout, namespace)
+        elif logs:
+            seen = _check_log(settings, findings, logs, start, duration)
     return Outcome(
         _text(path, settings, findings), findings.count(ERROR), findings.verdict(), {
-            'file': str(path), 'logs': [str(log) for log in request.logs], 'live': request.live,
+            'file': str(path), 'logs': [str(log) for log in logs], 'live': live,
             'errors': findings.count(ERROR), 'findings': findings.document(),
             **(seen.document() if seen else {})})
 
@@ -298,14 +303,15 @@ def unwritable(path: Path) -> str:
     return ''
 
 
-def _check_log(settings: Settings, findings: Findings, request: Request) -> Observation | None:
+def _check_log(settings: Settings, findings: Findings, logs: Sequence[Path], start: float,
+               duration: float | None) -> Observation | None:
     """Read a log once and say how it fits; return None if it cannot be read."""
     try:
-        with Log(request.logs) as log:
+        with Log(logs) as log:
             seen = Observation(settings)
             topics = _readable_topics(log, seen.converter, settings, findings)
             with Progress('check', lambda: log.progress) as progress:
-                for message in log.messages(topics, request.start, request.duration):
+                for message in log.messages(topics, start, duration):
                     seen.add_message(topics[message.topic], message.data, message.time)
                     progress.tick()
             seen.finish()
@@ -357,18 +363,20 @@ def _hint(log: Log, name: str, type_name: str, there: Sequence[str]) -> str:
         f'; {same[0]} has that type' if len(same) == 1 else '')
 
 
-def _check_live(settings: Settings, findings: Findings, request: Request) -> Observation:
+def _check_live(settings: Settings, findings: Findings, timeout: float,
+                namespace: str) -> Observation:
+    """Listen to the graph and say how it fits."""
     try:
         from rovid_ros.node.live_check import LiveCheck
     except ImportError as error:
         raise CommandError(
             f'--live needs ROS 2, which is not installed here: {error}') from None
     try:
-        live = LiveCheck(settings, findings, request.namespace)
+        live = LiveCheck(settings, findings, namespace)
     except (RuntimeError, ValueError) as error:  # of rcl: an impossible domain or namespace
         raise CommandError(f'--live: {str(error).splitlines()[0]}') from None
     try:
-        return live.run(request.timeout)
+        return live.run(timeout)
     finally:
         live.close()
 

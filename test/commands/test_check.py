@@ -9,7 +9,7 @@ from typing import Any
 
 from mcap.reader import make_reader
 import pytest
-from rovid_ros.commands.check import check, Outcome, Request
+from rovid_ros.commands.check import check, Outcome
 from rovid_ros.commands.check_data import ERROR, Finding, OK, WARNING
 from rovid_ros.commands.main import main
 from rovid_ros.commands.simulate import simulate_log
@@ -61,8 +61,8 @@ def write(path: Path, changes: dict[str, Any] | None = None) -> Path:
     return path
 
 
-def checked(folder: Path, changes: dict[str, Any] | None = None, **request: Any) -> Outcome:
-    return check(write(folder / 'parameters.yaml', changes), Request(**request))
+def checked(folder: Path, changes: dict[str, Any] | None = None, **options: Any) -> Outcome:
+    return check(write(folder / 'parameters.yaml', changes), **options)
 
 
 def findings(outcome: Outcome, *levels: str) -> list[Finding]:
@@ -180,7 +180,7 @@ def test_a_check_makes_and_changes_nothing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('name', ['jhurov.yaml', 'bluerov2_tank.yaml'])
 def test_the_shipped_files_are_well(name: str, repository: Path) -> None:
-    outcome = check(repository / 'config' / name, Request())
+    outcome = check(repository / 'config' / name)
     assert not findings(outcome, WARNING, ERROR), outcome.text
 
 
@@ -328,7 +328,7 @@ def test_it_refuses_what_a_replay_refuses(tmp_path: Path, log: Path) -> None:
     file, result = write(tmp_path / 'p.yaml'), tmp_path / 'result.json'
     assert main(['replay', str(other), '--params-file', str(file), '--json', str(result)]) == 0
     replayed = json.loads(result.read_text())
-    document = check(file, Request([other])).document
+    document = check(file, [other]).document
     assert document['steps'] == replayed['steps']
     counts: dict[str, int] = {}
     for name, count in document['rejected'].items():
@@ -339,7 +339,7 @@ def test_it_refuses_what_a_replay_refuses(tmp_path: Path, log: Path) -> None:
 
 def test_the_tank_logs_fit_their_file(data: Path, repository: Path) -> None:
     for log in sorted((data / 'bluerov2_tank').glob('*.mcap')):
-        outcome = check(repository / 'config' / 'bluerov2_tank.yaml', Request([log]))
+        outcome = check(repository / 'config' / 'bluerov2_tank.yaml', [log])
         assert outcome.errors == 0, outcome.text
         warned = {one.subject for one in findings(outcome, WARNING)}
         # one log never turns, and in one the vehicle turns faster than velocity.max

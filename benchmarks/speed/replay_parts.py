@@ -18,7 +18,6 @@ from rovid_core.pipeline.steps import Pipeline
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
 from rovid_ros.commands.feeder import PipeFeeder
-from rovid_ros.commands.replay_run import ReplayRun
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
@@ -52,11 +51,11 @@ def parts(path: Path, settings: Settings) -> dict[str, float]:
     timed('gates, velocity, thrust and identifiers', lambda: _fed(_pipeline(settings), released))
     scored = Pipeline(settings, _ignore, _ignore, ScoreLog(settings))
     timed('the pipeline with the score', lambda: _fed(scored, released))
-    run = ReplayRun(PipeFeeder(settings), settings, topics)
+    whole = PipeFeeder(settings)
 
     def replay() -> None:
         for message in messages:
-            run.take(message)
+            whole.feed(message)
 
     timed('order and pipeline as a replay runs them', replay)
     return {name: seconds / len(messages) for name, seconds in found.items()}

@@ -1,17 +1,16 @@
-"""``rovid replay``: recorded logs through the very pipe that the live node runs."""
+"""``rovid replay``: recorded logs through the very pipeline that the live node runs."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 import json
 from pathlib import Path
 
-from rovid_core.pipeline.stream import Stream
+from rovid_core.identify.estimate import Estimate
 from rovid_core.settings.run import Settings
-from rovid_core.trials.score import ScoreLog
 from rovid_ros.commands.arguments import (
     add_json,
     add_logs,
@@ -23,8 +22,6 @@ from rovid_ros.commands.arguments import (
 from rovid_ros.commands.controls import CONTROL
 from rovid_ros.commands.feeder import Feeder, PipeFeeder
 from rovid_ros.commands.long_work import Progress
-from rovid_ros.commands.replay_checkpoint import ReplayCheckpoint
-from rovid_ros.commands.replay_run import ReplayError, ReplayRun, Result
 from rovid_ros.commands.running import (
     check_written,
     CommandError,
@@ -37,15 +34,23 @@ from rovid_ros.commands.running import (
     UsageError,
     warn as warn_on_stderr,
 )
-from rovid_ros.files.output_log import OutputFile, part_of
+from rovid_ros.files.state_file import restore, save
 from rovid_ros.files.whole_files import write_json
-from rovid_ros.logs.log import Log, RECORD
+from rovid_ros.logs.log import Log, LogMessage, Maker, RECORD
+from rovid_ros.logs.writer import OutputLog, unfinished
 from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.types import Decoder, WireType
+from rovid_ros.results.outputs import LATCHED, Output, Outputs
+from rovid_ros.results.summary import Result, summary
 from rovid_ros.results.text import report
 
 DESCRIPTION = (
     'Prints the parameters of each degree of freedom, how well they predict the log, and what '
     'was refused.')
+
+
+class ReplayError(ValueError):
+    """A log that gives nothing to identify from; the text is the line to print."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -60,12 +65,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     add_json(command, 'result')
     add_part(command)
     command.add_argument(
-        '--checkpoint', type=Path, metavar='STATE.json',
-        help='save the state every checkpoint.period and at the end or Ctrl-C; where the file is '
-             'there, go on from it')
-    command.add_argument(
-        '--append', action='store_true',
-        help='with --checkpoint: the state is of earlier logs, and these follow them')
+        '--state', type=Path, metavar='STATE.json',
+        help='begin from this saved state where the file is there, and leave it behind at the '
+             'end; the node saves the same file (checkpoint.path)')
     command.add_argument(
         '--ros', action='store_true', help='go through the real node and publish')
     command.add_argument(
@@ -77,28 +79,25 @@ def run(args: argparse.Namespace) -> None:
     """Run ``rovid replay``."""
     if args.rate is not None and not args.ros:
         raise UsageError('--rate goes with --ros')
-    if args.checkpoint and args.ros:
-        raise UsageError('--checkpoint does not go with --ros')
-    if args.append and not args.checkpoint:
-        raise UsageError('--append goes with --checkpoint')
-    unfinished = part_of(args.output) if args.output else None
-    check_written([*{args.output, unfinished}, args.json, args.checkpoint],
-                  [*args.logs, args.params_file])
+    part = unfinished(args.output) if args.output else None
+    check_written([*{args.output, part}, args.json, args.state], [*args.logs, args.params_file])
     settings = read_settings(args.params_file, args.method)
-    checkpoint = ReplayCheckpoint(
-        args.checkpoint, args.append, settings.checkpoint_period) if args.checkpoint else None
+    begin = args.state if args.state and args.state.exists() else None
 
     with located_errors(args.params_file):
-        # a state that can be gone on from holds the steps so far, which then are not in a file
-        feeder = _node(args, settings) if args.ros else PipeFeeder(
-            settings, ScoreLog(settings, spill=checkpoint is None))
+        feeder = _node(args, settings) if args.ros else PipeFeeder(settings)
         result = replay(
             args.logs, settings, feeder, output=args.output, start=args.start,
-            duration=args.duration, checkpoint=checkpoint, warn=partial(warn_on_stderr, args.prog))
+            duration=args.duration, state=begin, warn=partial(warn_on_stderr, args.prog))
+    if args.state:
+        print(f'begins from {args.state}\n' if begin else
+              f'begins from the initial values, as {args.state} was not there\n')
     print(report(result))  # first: it is not lost where the JSON cannot be written
     if args.json:
         write_json(args.json, result.document())
-    print_written(args.output, args.json)
+    if args.state:  # last: a replay that fails can be run again from the same state
+        save(args.state, settings, feeder.stream.state())
+    print_written(args.output, args.json, args.state)
 
 
 def _node(args: argparse.Namespace, settings: Settings) -> Feeder:
@@ -116,10 +115,9 @@ def _node(args: argparse.Namespace, settings: Settings) -> Feeder:
 
 def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
            output: Path | None = None, start: float = 0.0, duration: float | None = None,
-           checkpoint: ReplayCheckpoint | None = None,
-           warn: Callable[[str], None] = lambda line: None) -> Result:
+           state: Path | None = None, warn: Callable[[str], None] = lambda line: None) -> Result:
     """
-    Feed logs through the pipe.
+    Feed logs through the pipeline.
 
     Parameters
     ----------
@@ -133,8 +131,8 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
         MCAP file for the output topics; NAME.part.mcap until it is finished.
     start, duration : float
         Part of the log to use [s], from its beginning.
-    checkpoint : ReplayCheckpoint, optional
-        What to go on from, and where to save what another call can go on from.
+    state : Path, optional
+        A saved state to begin from, instead of the one that the node recorded in its own log.
     warn : callable
         Gets the warnings, one line each.
 
@@ -142,8 +140,8 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
     ------
     LogError, FieldError, ReplayError
         If a log cannot be read, lacks what the settings name, or gives no step.
-    CheckpointError, OutputError
-        If what there is to go on from does not fit, or its output is not there any more.
+    StateError
+        If the saved state is damaged or belongs to another configuration.
     Interrupted
         On Ctrl-C and SIGTERM, after the output has been closed properly.
 
@@ -151,38 +149,129 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
     with ExitStack() as stack:
         stack.callback(feeder.close)
         log = stack.enter_context(Log(logs))
-        run = ReplayRun(feeder, settings, _topics(log, feeder.converter, settings, warn))
-        if checkpoint is not None:
-            checkpoint.begin(log, (start, duration), feeder, run.read, run.memory(), output)
-            run.go_on()
-        if log.recorded and not run.read.messages:
-            _restore(log, feeder.stream)
-        interrupt = stack.enter_context(Interrupt(part_of(output) if output else None))
+        run = _Replay(feeder, settings, _topics(log, feeder.converter, settings, warn))
+        if state is not None:
+            restore(state, feeder.stream)
+        elif log.recorded:
+            _restore_recorded(log, feeder)
+        if not feeder.stream.adapting:
+            feeder.control('enable', 'false')  # so that a node tells it
+        interrupt = stack.enter_context(Interrupt(unfinished(output) if output else None))
         if output is not None:
-            run.writer = OutputFile(output, checkpoint.written if checkpoint else (0, 0))
-            stack.enter_context(run.writer)
+            run.output = OutputLog(output)
+            stack.enter_context(run.output)
         begin = log.start + round(start * 1e9)
         span = min((log.end - begin) * 1e-9, duration or float('inf')) or 1.0
-        progress = stack.enter_context(Progress('replay', lambda: run.until(begin) / span))
+        progress = stack.enter_context(
+            Progress('replay', lambda: (run.last - begin) * 1e-9 / span))
         wanted = [*run.topics, CONTROL] if log.recorded else [*run.topics]
-        messages = log.messages(wanted, start, duration, run.maker)
-        run.take_all(messages, interrupt, progress, checkpoint)
+        run.read(log.messages(wanted, start, duration, run.maker), interrupt, progress)
     if interrupt.asked:
-        raise Interrupted(_interrupted(run, output, checkpoint), interrupt.code)
+        part = unfinished(output) if output else None
+        kept = f'; {part} holds what came of it' if part and part.exists() else ''
+        raise Interrupted(
+            f'interrupted after {run.duration:.1f} s of the log{kept}', interrupt.code)
     for line in (*log.warnings, *feeder.stream.take_warnings()):
         warn(line)
-    result = run.result((*(checkpoint.earlier if checkpoint else ()), *logs))
-    if run.writer is not None:
-        run.writer.finish()
+    result = run.result(logs)
+    if run.output is not None:
+        run.output.finish()
     return result
 
 
-def _interrupted(run: ReplayRun, output: Path | None, checkpoint: ReplayCheckpoint | None) -> str:
-    """Return what is left of an interrupted replay."""
-    part = part_of(output) if output else None
-    kept = f'; {part} holds what came of it' if part and part.exists() else ''
-    more = f'; {checkpoint.path} is where it goes on' if checkpoint else ''
-    return f'interrupted after {run.duration:.1f} s of the log{kept}{more}'
+class _Replay:
+    """What was read from the logs so far, and what came out."""
+
+    def __init__(self, feeder: Feeder, settings: Settings, topics: Mapping[str, str]) -> None:
+        self.topics = topics
+        self.output: OutputLog | None = None
+        self.last = 0  # [ns] when the newest message was received
+        self._first = 0  # [ns] when the first one was
+        self._messages = 0
+        self._steps = 0
+        self._feeder = feeder
+        self._settings = settings
+        self._outputs = Outputs(settings)
+
+    @property
+    def duration(self) -> float:
+        """Return the time [s] from the first message to the last."""
+        return (self.last - self._first) * 1e-9
+
+    def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
+        """Return what makes the data of the messages of a topic."""
+        if topic == CONTROL:
+            return lambda data, time: decode(data)
+        return self._feeder.take(self.topics[topic], wire, decode)
+
+    def read(self, messages: Iterable[LogMessage], interrupt: Interrupt,
+             progress: Progress) -> None:
+        """Feed messages up to the last one or to a signal."""
+        for message in messages:
+            if interrupt.asked:
+                return
+            self._feed(message)
+            progress.tick()
+        if not interrupt.asked:
+            self._write(self._feeder.finish())
+
+    def result(self, logs: Sequence[Path]) -> Result:
+        """Return the result, or refuse a log that gave none."""
+        stream = self._feeder.stream
+        estimate = stream.estimate
+        if estimate is None:
+            raise ReplayError(f'{", ".join(map(str, logs))}: no step: {self._why_no_step()}')
+        scores = {dof.dof: self._feeder.scores.score(dof.dof, dof.parameters)
+                  for dof in estimate.dofs}
+        verdicts = {dof.dof: stream.verdict(dof.dof) for dof in estimate.dofs}
+        return Result(
+            tuple(logs), self._settings, self._steps, self._messages, self.duration,
+            summary(self._settings, estimate, scores, verdicts), dict(stream.rejected))
+
+    def _feed(self, message: LogMessage) -> None:
+        """Feed one message and write what it released."""
+        if self._messages == 0:
+            self._first = message.time
+        self.last = max(self.last, message.time)
+        self._messages += 1
+        if message.topic == CONTROL:
+            name, value = _control(message)
+            try:
+                self._write(self._feeder.control(name, value))
+            except (ValueError, RecursionError) as error:
+                raise ReplayError(f'{CONTROL}: {error}') from None
+            if name == 'reset':
+                self._write_topics(self._outputs.reset(), self.last)  # as the node does
+        else:
+            topic = self.topics[message.topic]
+            if topic != message.topic:
+                message = message._replace(topic=topic)
+            self._write(self._feeder.feed(message))
+
+    def _write(self, estimates: Sequence[Estimate]) -> None:
+        """Count the estimates and write the output topics."""
+        self._steps += len(estimates)
+        if self.output is not None:
+            for estimate in estimates:
+                self._write_topics(self._outputs.messages(estimate), estimate.time)
+
+    def _write_topics(self, outputs: Sequence[Output], time: int) -> None:
+        if self.output is not None:
+            for out in outputs:
+                self.output.write(f'/{out.topic}', out.type, out.fields, self.last, time,
+                                  latched=out.topic in LATCHED)
+
+    def _why_no_step(self) -> str:
+        stream = self._feeder.stream
+        parts = [*self._feeder.converter.details.values()]
+        for name in self._settings.used_inputs():
+            refused = ', '.join(f'{count:,} {reason}' for (which, reason), count
+                                in sorted(stream.rejected.items()) if which == name)
+            parts.append(f'{name} {stream.inputs[name].count:,} taken'
+                         + (f', refused {refused}' if refused else ''))
+        steps = ', '.join(f'{which}: {count:,} {reason}' for (which, reason), count
+                          in sorted(stream.rejected.items()) if which not in stream.inputs)
+        return '; '.join([*parts, steps] if steps else parts)
 
 
 def _topics(log: Log, converter: Converter, settings: Settings,
@@ -205,11 +294,20 @@ def _topics(log: Log, converter: Converter, settings: Settings,
     return names
 
 
-def _restore(log: Log, stream: Stream) -> None:
+def _restore_recorded(log: Log, feeder: Feeder) -> None:
     """Begin where the node began when it recorded this log."""
     state = log.metadata[RECORD].get('state')
     if state:
         try:
-            stream.restore(json.loads(state))
+            feeder.stream.restore(json.loads(state))
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
             raise ReplayError(f'the state that the recording began with: {error}') from None
+
+
+def _control(message: LogMessage) -> tuple[str, str]:
+    """Return name and value of a recorded control."""
+    try:
+        control = json.loads(message.data.data)
+        return str(control['control']), str(control['value'])
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        raise ReplayError(f'{CONTROL}: has what is no control of a node') from None

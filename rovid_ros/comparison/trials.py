@@ -25,8 +25,8 @@ from rovid_core.trials.offline import METHODS as OFFLINE, subsets
 from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.commands.feeder import PipeFeeder
-from rovid_ros.commands.replay_run import Result
 from rovid_ros.logs.log import LogMessage
+from rovid_ros.results.summary import Result
 
 PAPER = 'aid'
 """The paper's method, of which the report draws the figures."""

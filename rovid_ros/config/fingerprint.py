@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from rovid_core.settings.run import Settings
-from rovid_ros.config.keys import Key, KEYS
-
-_NO_NUMBERS = ('record.path', 'checkpoint.path', 'checkpoint.period')
+from rovid_ros.config.keys import KEYS
 
 _FORCE = ('names', 'offset', 'scale', 'deadband', 'limit', 'model', 'gain', 'reverse',
           'polynomial', 'table_command', 'table_force', 'delay', 'time_constant', 'hold',
@@ -20,30 +18,19 @@ _UNITS = ('dofs', 'identifier.method', 'frames', 'depth.scale', 'attitude.unit',
 LONGEST = 60  # characters of a value in a message
 
 
-def decides_bits(key: Key, settings: Settings) -> bool:
-    """Tell whether a key can change what a replay gives."""
-    if key.name.startswith('simulation.'):  # W is measured against it
-        return settings.simulation.publish_w
-    return not (key.name in _NO_NUMBERS or key.name.endswith(('.qos', '.dry_mass')))
-
-
-def decides_parameters(key: Key, settings: Settings) -> bool:
+def fingerprint(settings: Settings) -> dict[str, Any]:
     """
-    Tell whether a key gives the identified parameters their meaning.
+    Return the keys that give the identified parameters their meaning, with their values.
 
-    Method, degrees of freedom and terms, what a force and a length are, and the initial and
-    typical values, which identifiers count in. Topics, gains and limits can change.
+    These are the method, the degrees of freedom and their terms, what a force and a length are,
+    and the initial and typical values, which the identifiers count in. Topics, gains and limits
+    can change.
     """
-    return key.name in _UNITS or key.name.partition('.')[0] in settings.dofs and (
-        '.initial.' in key.name or '.typical.' in key.name or key.name.endswith('.terms'))
-
-
-def fingerprint(settings: Settings,
-                decides: Callable[[Key, Settings], bool]) -> dict[str, Any]:
-    """Return the values of the keys that decide, as JSON has them."""
     values = {}
     for key in KEYS:
-        if key.setting and decides(key, settings):
+        if key.name in _UNITS or key.name.partition('.')[0] in settings.dofs and (
+                '.initial.' in key.name or '.typical.' in key.name
+                or key.name.endswith('.terms')):
             value = _value(settings, key.setting)
             if value is not None:
                 values[key.name] = value

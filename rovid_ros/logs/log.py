@@ -99,11 +99,6 @@ class Log:
         return [*self._warnings, *chain(*(one.warnings for one in self._containers))]
 
     @property
-    def files(self) -> list[tuple[str, Path]]:
-        """Return the name of every file and where it can be read, unpacked, in time order."""
-        return [(container.name, container.path) for container in self._containers]
-
-    @property
     def progress(self) -> float:
         """Return the fraction, 0 to 1, of what was asked for that has been read."""
         return self._position

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Any
 
 from mcap.writer import CompressionType, Writer
+from rovid_ros.files.whole_files import sync_folder
 from rovid_ros.logs.container import LogError
 from rovid_ros.messages.types import build, standard_types, TypeUnknownError
 
@@ -175,3 +176,47 @@ class LogWriter:
             definition = store.generate_msgdef(type, ros_version=2)[0]
         number: int = self._writer.register_schema(type, 'ros2msg', definition.encode())
         return number
+
+
+class OutputLog(LogWriter):
+    """
+    A log that is written to ``NAME.part.mcap`` and gets its name when it is finished.
+
+    A run that is killed or interrupted leaves what was there under the name as it was, and what
+    it wrote itself beside it. A device or a pipe is written to as it is.
+
+    Parameters
+    ----------
+    path : Path
+        The name that it gets.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = Path(os.path.realpath(path)) if path.is_symlink() else path
+        self._part = unfinished(path)
+        super().__init__(self._part)
+
+    def finish(self) -> None:
+        """Give it its name, whole and on the disk."""
+        self.close()
+        if self._part != self._path:
+            with self._part.open('rb') as file:
+                os.fsync(file.fileno())
+            self._part.replace(self._path)
+            sync_folder(self._path.parent)
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Close the file; a part without a message is removed."""
+        self.close()
+        if self._part != self._path and not self._channels:
+            self._part.unlink(missing_ok=True)
+
+
+def unfinished(path: Path) -> Path:
+    """Return where an output log is written until it is finished."""
+    place = Path(os.path.realpath(path)) if path.is_symlink() else path
+    if place.exists() and not place.is_file():
+        return place
+    return place.with_name(f'{place.stem}.part{place.suffix}')

@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_ros.files.state_file import is_record, load, save
+from rovid_ros.files.state_file import is_record, restore, save
 from rovid_ros.node.files import claim, prepare
 
 
@@ -50,8 +50,7 @@ class Checkpoint:
         if not self._settings.checkpoint_path or not self.path.exists():
             return None
         try:
-            state = load(self.path, self._settings)
-            self._stream.restore(state)
+            state = restore(self.path, self._stream)
         except ValueError as error:
             self._misfit = True
             self._log.error(

@@ -85,8 +85,6 @@ class IdentifierNode(ParameterNode):
         if not self._live:
             settings = replace(settings, record_path='', checkpoint_path='')
         self._prepare(settings)
-        if self.stream.adapting and not settings.enable:  # what was restored was adapting
-            self.stream.enable(False)
         if self.changes:
             apply(self.stream, self.changes)
         self.note({'enable': self.stream.adapting})

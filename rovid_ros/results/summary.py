@@ -1,9 +1,11 @@
-"""The last estimate as plain JSON."""
+"""What a replay gave, and the last estimate as plain JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 import math
+from pathlib import Path
 from typing import Any, Protocol
 
 from rovid_core.identify.estimate import DofEstimate, Estimate
@@ -11,6 +13,48 @@ from rovid_core.identify.intervals import Interval
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
+
+
+@dataclass(frozen=True)
+class Result:
+    """
+    What a replay gave.
+
+    Attributes
+    ----------
+    logs : tuple of Path
+        What was read.
+    settings : Settings
+        The run.
+    steps : int
+        Number of estimates, each of which the node would publish.
+    messages : int
+        Number of messages read.
+    duration : float
+        Time [s] from the first of them to the last.
+    dofs : dict
+        Per DOF, as in the JSON: see :func:`summary`.
+    rejected : dict
+        (input, reason) -> how many.
+
+    """
+
+    logs: tuple[Path, ...]
+    settings: Settings
+    steps: int
+    messages: int
+    duration: float
+    dofs: Mapping[str, Mapping[str, Any]]
+    rejected: Mapping[tuple[str, str], int]
+
+    def document(self) -> dict[str, Any]:
+        """Return what ``--json`` writes."""
+        reasons: dict[str, int] = {}
+        for (_, reason), count in sorted(self.rejected.items()):
+            reasons[reason] = reasons.get(reason, 0) + count
+        return {
+            'method': self.settings.identifier.method, 'steps': self.steps,
+            'duration_s': self.duration, 'rejected': reasons, 'dofs': self.dofs}
 
 
 class Scored(Protocol):

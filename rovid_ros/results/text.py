@@ -9,7 +9,7 @@ import textwrap
 from typing import Any
 
 from rovid_core.model.dofs import ANGULAR_DOFS, PARAMETERS, PHYSICAL
-from rovid_ros.commands.replay_run import Result
+from rovid_ros.results.summary import Result
 
 NONE = '-'
 

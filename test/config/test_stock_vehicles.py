@@ -17,12 +17,12 @@ from rovid_core.settings.run import Settings
 from rovid_core.thrust.thruster_curve import thruster_model, wrench
 from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.commands.replay import replay
-from rovid_ros.commands.replay_run import Result
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types
+from rovid_ros.results.summary import Result
 
 REPOSITORY = Path(__file__).parents[2]
 ARDUSUB = REPOSITORY / 'config/bluerov2_ardusub.yaml'

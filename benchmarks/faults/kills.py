@@ -2,9 +2,9 @@
 ``kill -9`` at random moments: what is left on the disk, and what the next run makes of it.
 
 ``python -m benchmarks.faults.kills [--count N] [--seed N]`` prints the table.
-A fault is a checkpoint
-that does not load, a log that does not open, a partial file in the place of a good one, a
-folder that fills up, or a result that is not that of a run without kills.
+A fault is a saved state that does not load or is neither the one before a replay nor the one
+after it, a log that does not open, a partial file in the place of a good one, a folder that fills
+up, or a result that is not that of a run without kills.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ import sys
 from tempfile import TemporaryDirectory
 import time
 
-from rovid_ros.commands.replay_checkpoint import read_state
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
+from rovid_ros.files.state_file import load as load_state
 
 from benchmarks.faults.kill_tally import configured, environment, Tally
 
@@ -31,7 +31,7 @@ MOST_FILES = 8
 
 class Replays:
     """
-    Replays of one log that are killed and gone on from.
+    Replays of one log that are killed and run again, each from the same saved state.
 
     Parameters
     ----------
@@ -46,20 +46,25 @@ class Replays:
         self.folder = folder
         self.tally = Tally()
         self._config = configured(folder / 'vehicle.yaml')
+        self._settings = settings_from(load(self._config))
         self._log = folder / 'log.mcap'
-        simulate_log(settings_from(load(self._config)), self._log, duration, seed=1)
+        simulate_log(self._settings, self._log, duration, seed=1)
         self._output, self._json, self._state = (
             folder / name for name in ('out.mcap', 'out.json', 'state.json'))
         self._part = folder / 'out.part.mcap'
+        assert self._start().wait() == 0
+        self._before = self._state.read_bytes()
         began = time.monotonic()
-        assert self._start(checkpoint=False).wait() == 0
+        assert self._start().wait() == 0
         self.duration = time.monotonic() - began
+        self._after = self._state.read_bytes()
         self._good = self._output.read_bytes(), self._json.read_bytes()
         self._count = len(self.tally.opened(self._output, 1))
+        self._state.write_bytes(self._before)
         self.tally = Tally()
 
     def kill(self, delay: float) -> None:
-        """Start or go on, kill it after so many seconds, and look at what is there."""
+        """Start, kill it after so many seconds, and look at what is there."""
         process = self._start()
         try:
             process.wait(delay)
@@ -78,23 +83,24 @@ class Replays:
         self.tally.check(self._start().wait() == 0, 'the run after it failed')
         self._check_end()
 
-    def _start(self, checkpoint: bool = True) -> subprocess.Popen[bytes]:
+    def _start(self) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
             [sys.executable, '-m', 'rovid_ros.commands', 'replay', self._log, '--params-file',
-             self._config, '--output', self._output, '--json', self._json,
-             *(['--checkpoint', self._state] if checkpoint else [])],
-            env=environment(), stdout=subprocess.DEVNULL)
+             self._config, '--output', self._output, '--json', self._json, '--state',
+             self._state], env=environment(), stdout=subprocess.DEVNULL)
 
     def _look(self) -> None:
-        tally, written = self.tally, 0
-        if self._state.exists():
-            try:
-                written = read_state(self._state)['output'][0]
-                tally.states += 1
-            except ValueError as error:
-                tally.check(False, f'{self._state.name}: {error}')
+        tally = self.tally
+        try:
+            load_state(self._state, self._settings)
+            tally.states += 1
+        except ValueError as error:
+            tally.check(False, str(error))
+        tally.check(self._state.read_bytes() in (self._before, self._after),
+                    f'{self._state.name} is neither the old nor the new one')
+        self._state.write_bytes(self._before)
         if self._part.exists():
-            tally.opened(self._part, written)
+            tally.opened(self._part, 0)
         self._check_good()
         names = sorted(path.name for path in self.folder.iterdir())
         tally.leftovers = max(tally.leftovers, sum(name.startswith('.') for name in names))
@@ -112,7 +118,9 @@ class Replays:
     def _check_end(self) -> None:
         self.tally.finished += 1
         self._check_good()
-        self._state.unlink(missing_ok=True)
+        self.tally.check(self._state.read_bytes() == self._after,
+                         f'{self._state.name} is not that of a run without kills')
+        self._state.write_bytes(self._before)
 
 
 def replay_kills(folder: Path, count: int, seed: int, duration: float = 60.0) -> Tally:

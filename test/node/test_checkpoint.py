@@ -13,7 +13,7 @@ from rovid_core.settings.run import (
     Settings,
     ThrusterSettings,
 )
-from rovid_ros.files.state_file import CheckpointError, load, save
+from rovid_ros.files.state_file import load, save, StateError
 
 STATE = {'a': [0.1 + 0.2, 5e-324], 'b': {'c': 'text'}}
 
@@ -63,7 +63,7 @@ THRUSTERS = settings().thrusters
 def test_another_configuration_is_refused(other: Settings, text: str, tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
     save(path, settings(), STATE)
-    with pytest.raises(CheckpointError) as refused:
+    with pytest.raises(StateError) as refused:
         load(path, other)
     assert f'was made with {text}' in str(refused.value)
     assert ', configured is ' in str(refused.value)
@@ -92,10 +92,10 @@ def test_what_killed_processes_left_is_removed(tmp_path: Path) -> None:
 def test_another_file_is_refused(content: str, tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
     path.write_text(content)
-    with pytest.raises(CheckpointError, match=r'checkpoint\.json'):
+    with pytest.raises(StateError, match=r'checkpoint\.json'):
         load(path, settings())
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError):
+    with pytest.raises(StateError):
         load(tmp_path / 'none.json', settings())

@@ -5,6 +5,7 @@ import json
 import math
 from pathlib import Path
 import random
+import shutil
 import signal
 
 import pytest
@@ -22,6 +23,7 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
+from rovid_ros.logs.writer import LogWriter
 from rovid_ros.node.transport.publishers import latched
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from rovid_ros.results.summary import summary
@@ -45,6 +47,7 @@ from test.support.live_node import (
     Raw,
     replayed,
     simulated,
+    Status,
     told,
     TYPES,
     VALUES,
@@ -276,6 +279,48 @@ def test_save_and_go_on(messages: list[Raw], peer: Peer, start: Start, tmp_path:
     assert json.loads(path.read_text())['settings']['dofs'] == ['surge', 'yaw']
     assert json.loads((path.parent / 'checkpoint-1.json').read_text()) == saved
     assert 'checkpoint-1.json' in node.output
+
+
+def test_dives_live_and_replayed_go_on_from_each_other(
+        messages: list[Raw], peer: Peer, start: Start, tmp_path: Path) -> None:
+    def dive(name: str, part: list[Raw], state: Path) -> list[list[Status]]:
+        """Return what a replay of some messages says of them, from a state that it replaces."""
+        log = tmp_path / f'{name}.mcap'
+        with LogWriter(log) as writer:
+            for raw in part:
+                writer.write_raw(raw.topic, raw.type, raw.cdr, raw.time)
+        return replayed_record(log, VALUES, options=['--state', str(state)])
+
+    live, same = tmp_path / 'live.json', tmp_path / 'same.json'
+    dive('first', messages[:300], live)
+    shutil.copy(live, same)
+
+    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    node = start({'checkpoint.path': str(live)})
+    peer.advertise(TYPES)
+    peer.publish(messages[300:600])
+    peer.settle(estimates, 50)
+    assert node.stop() == 0
+    peer.settle(estimates)
+    assert_same(heard(estimates), dive('second', messages[300:600], same))
+    assert json.loads(live.read_text()) == json.loads(same.read_text())
+
+    assert_same(dive('third', messages[600:], live), dive('again', messages[600:], same))
+    assert live.read_bytes() == same.read_bytes()
+
+
+def test_a_replay_through_the_node_leaves_the_same_state(
+        messages: list[Raw], environment: dict[str, str], tmp_path: Path) -> None:
+    log = tmp_path / 'log.mcap'
+    with LogWriter(log) as writer:
+        for raw in messages[:300]:
+            writer.write_raw(raw.topic, raw.type, raw.cdr, raw.time)
+    states = [tmp_path / 'alone.json', tmp_path / 'ros.json']
+    for _ in range(2):
+        alone, ros = (replayed_record(log, VALUES, chosen, ['--state', str(state)])
+                      for state, chosen in zip(states, (None, environment)))
+        assert_same(alone, ros)
+        assert states[0].read_bytes() == states[1].read_bytes()
 
 
 def test_a_damaged_checkpoint_is_kept(peer: Peer, start: Start, tmp_path: Path) -> None:

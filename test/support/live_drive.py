@@ -1,6 +1,6 @@
 """What the live tests share: the node started and stopped, a vehicle driven, a record replayed."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import math
 from pathlib import Path
@@ -79,11 +79,13 @@ def assert_same(got: list[list[Status]], expected: list[list[Status]]) -> None:
 
 
 def replayed_record(record: Path, values: dict[str, Any],
-                    environment: dict[str, str] | None = None) -> list[list[Status]]:
+                    environment: dict[str, str] | None = None,
+                    options: Sequence[str] = ()) -> list[list[Status]]:
     """Return what ``rovid replay`` makes of a record; with an environment, ``--ros`` in it."""
     file = write_parameters(record.with_suffix('.yaml'), values)
     output = record.with_suffix('.output.mcap')
-    arguments = ['replay', str(record), '--params-file', str(file), '--output', str(output)]
+    arguments = ['replay', str(record), '--params-file', str(file), '--output', str(output),
+                 *options]
     if environment is None:
         assert main(arguments) == 0
     else:  # ROS begins only once in a process

@@ -37,7 +37,7 @@ from rovid_ros.commands.arguments import (
     per_dof,
 )
 from rovid_ros.commands.long_work import Progress
-from rovid_ros.commands.profiles import profile_text
+from rovid_ros.commands.profile_text import profile_text
 from rovid_ros.commands.running import (
     check_written,
     CommandError,

@@ -21,7 +21,7 @@ from rovid_core.simulation.sensors import Measurement, simulate
 from rovid_core.simulation.vehicle import profile_of, shortfall
 from rovid_ros.commands.arguments import add_params_file, duration, mcap, seed
 from rovid_ros.commands.long_work import Progress
-from rovid_ros.commands.profiles import GRAMMAR, parse_profile, profile_text
+from rovid_ros.commands.profile_text import GRAMMAR, parse_profile, profile_text
 from rovid_ros.commands.running import (
     check_written,
     Interrupt,

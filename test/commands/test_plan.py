@@ -10,7 +10,7 @@ import pytest
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.plant import lumped
 from rovid_ros.commands.main import main
-from rovid_ros.commands.profiles import parse_profile
+from rovid_ros.commands.profile_text import parse_profile
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -14,7 +14,7 @@ from rovid_core.simulation.sensors import simulate
 from rovid_core.simulation.vehicle import profile_of, shortfall, ThrusterCommands
 from rovid_core.thrust.thruster_curve import wrench
 from rovid_ros.commands.main import main
-from rovid_ros.commands.profiles import GRAMMAR, parse_profile, profile_text
+from rovid_ros.commands.profile_text import GRAMMAR, parse_profile, profile_text
 from rovid_ros.commands.simulate import plan_trials, profile_warnings
 from rovid_ros.logs.log import Log, LogMessage
 

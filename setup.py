@@ -68,7 +68,7 @@ setup(
     },
     entry_points={
         'console_scripts': [
-            'identifier_node = rovid_ros.node.main:main',
+            'identifier_node = rovid_ros.node.__main__:main',
             'rovid = rovid_ros.commands.main:main',
         ],
     },

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 from rovid_ros.config.parameter_file import load
-from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.node.transport.publishers import latched, reliable
 from rovid_ros.results.outputs import LATCHED, TOPICS
 

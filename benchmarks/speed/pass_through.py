@@ -6,16 +6,16 @@ import sys
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rovid_ros.node.parameters import read_files
-from rovid_ros.node.stop import Stop
-from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.__main__ import StopRequest
+from rovid_ros.node.process import read_files
+from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.node.transport.publishers import best_effort, DEPTH, reliable
 from std_msgs.msg import Float64MultiArray
 
 
 def main() -> None:
     """Run until SIGINT."""
-    stop = Stop()
+    stop = StopRequest()
     arguments, values = read_files(sys.argv)
     rclpy.init(args=arguments, signal_handler_options=rclpy.signals.SignalHandlerOptions.NO)
     node = rclpy.create_node('pass_through')
@@ -33,7 +33,7 @@ def main() -> None:
                                  take, best_effort(DEPTH))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    while not stop.asked:
+    while not stop.received:
         executor.spin_once(timeout_sec=0.1)
     rclpy.try_shutdown()
 

@@ -106,9 +106,9 @@ def _node(args: argparse.Namespace, settings: Settings) -> Feeder:
         import rclpy  # noqa: F401
     except ImportError as error:
         raise CommandError(f'--ros needs ROS 2, which is not installed here: {error}') from None
-    from rovid_ros.node.log_feeder import NodeFeeder
+    from rovid_ros.node.log_player import LogPlayer
     try:
-        return NodeFeeder(read_values(args.params_file, args.method), settings, args.rate)
+        return LogPlayer(read_values(args.params_file, args.method), settings, args.rate)
     except RuntimeError as error:  # of rcl, such as for an impossible ROS_DOMAIN_ID
         raise CommandError(f'--ros: {error}') from None
 

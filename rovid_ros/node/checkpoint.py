@@ -9,7 +9,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.files.state_file import is_record, restore, save
-from rovid_ros.node.files import claim, prepare
+from rovid_ros.files.whole_files import claim, prepare
 
 
 class Checkpoint:

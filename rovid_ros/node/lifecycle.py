@@ -1,4 +1,4 @@
-"""A managed node: its transitions succeed, or say in one line why not and change nothing."""
+"""A managed node: a transition succeeds, or logs in one line why not and changes nothing."""
 
 from __future__ import annotations
 
@@ -27,56 +27,56 @@ class ManagedNode(LifecycleNode):
     """
     A node with the life cycle of ROS 2.
 
-    What derives from it says what the transitions do. One that raises has failed: one line is
-    logged, and the node is back where it was.
+    Derived classes define what the transitions do. A transition that raises has failed: one
+    line is logged, and the node returns to the state that it came from.
 
     Parameters
     ----------
     name : str
         Of the node.
     overrides : list of Parameter
-        Of ROS' own parameters.
+        Values of the parameters that rclpy itself declares.
 
     Attributes
     ----------
     active : bool
         Whether it is in the state ``active``.
-    made : ExitStack
-        How to let go of what ``configure`` makes.
+    resources : ExitStack
+        Closes all that ``configure`` makes.
 
     """
 
     def __init__(self, name: str, overrides: list[Parameter[Any]]) -> None:
         super().__init__(name, parameter_overrides=overrides)
         self.active = False
-        self.made = ExitStack()
+        self.resources = ExitStack()
         self._failure: Exception | None = None
         self._starting = False
-        self._answer_all_requests()
+        self._guard_requests()
 
     @property
     def label(self) -> str:
-        """Return the name of its state, as far as it is configured."""
+        """Return the name of the state of a configured node."""
         return 'active' if self.active else 'inactive'
 
     def configure(self) -> None:
-        """Make all that the node needs; ``made`` undoes it, even if it comes halfway only."""
+        """Make all that the node needs; if it raises, its ``resources`` are closed."""
         raise NotImplementedError
 
     def activate(self) -> None:
-        """Begin, or leave nothing behind."""
+        """Start to use the inputs; a failure must leave nothing behind."""
         raise NotImplementedError
 
     def deactivate(self) -> None:
-        """Stop, and keep what was found."""
+        """Stop to use the inputs; the estimate stays."""
         raise NotImplementedError
 
     def finish(self) -> object:
-        """Send and write what is held, before all is let go of; whatever the state is."""
+        """Publish and write what is held, in any state, before the resources are closed."""
         raise NotImplementedError
 
     def start(self) -> None:
-        """Configure and activate; raises what a transition failed by."""
+        """Configure and activate; raises the error that a transition failed with."""
         self._starting = True
         for trigger in (self.trigger_configure, self.trigger_activate):
             if trigger() != SUCCESS:
@@ -86,44 +86,44 @@ class ManagedNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Configure."""
-        return self._done('configure', self.configure, self.made.close)
+        return self._transition('configure', self.configure, self.resources.close)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Activate."""
-        return self._done('activate', self._begin)
+        return self._transition('activate', self._activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Deactivate."""
-        return self._done('deactivate', self._stop)
+        return self._transition('deactivate', self._deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Clean up."""
-        return self._done('cleanup', self._end)
+        return self._transition('cleanup', self._end)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Shut down, from any state."""
-        return self._done('shutdown', self._end)
+        return self._transition('shutdown', self._end)
 
-    def _begin(self) -> None:
+    def _activate(self) -> None:
         self.activate()
         self.active = True
 
-    def _stop(self) -> None:
+    def _deactivate(self) -> None:
         self.deactivate()
         self.active = False
 
     def _end(self) -> None:
         if self.active:
-            self._stop()
+            self._deactivate()
         self.finish()
-        self.made.close()
+        self.resources.close()
 
-    def _done(self, name: str, action: Callable[[], None],
-              undo: Callable[[], None] = lambda: None) -> TransitionCallbackReturn:
+    def _transition(self, name: str, action: Callable[[], None],
+                    undo: Callable[[], None] = lambda: None) -> TransitionCallbackReturn:
         self._failure = None
         try:
             action()
-        except Exception as error:  # rclpy would drop it without a word
+        except Exception as error:  # rclpy would drop it silently
             self._failure = error
             undo()
             if not self._starting:
@@ -131,8 +131,8 @@ class ManagedNode(LifecycleNode):
             return FAILURE
         return SUCCESS
 
-    def _answer_all_requests(self) -> None:
-        """Answer a request that does not fit the state with no; some rclpy die of it."""
+    def _guard_requests(self) -> None:
+        """Refuse a request that does not fit the state; some versions of rclpy die of it."""
         for service in self.services:
             if service.srv_type is ChangeState:
                 service.callback = _guarded(service.callback)
@@ -142,7 +142,7 @@ def _guarded(callback: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     def answer(request: Any, response: Any) -> Any:
         try:
             return callback(request, response)
-        except RuntimeError:  # rcl has said why
+        except RuntimeError:  # rcl has logged the reason
             response.success = False
             return response
 

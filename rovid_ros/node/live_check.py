@@ -15,7 +15,7 @@ from rovid_ros.commands.check_data import check_data, Findings, Observation
 from rovid_ros.config.input_topics import inputs_of, section
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.node.health.graph import graph_states, TopicState
-from rovid_ros.node.transport.subscriptions import message_class, qos
+from rovid_ros.node.transport.inputs import message_class, qos
 
 NAME = 'rovid_check'
 
@@ -75,9 +75,10 @@ class LiveCheck:
             self._broken.add(topic)
             return
         self._node.create_subscription(
-            cls, topic, partial(self._take, topic, cls), qos(self._settings, topic), raw=True)
+            cls, topic, partial(self._on_message, topic, cls), qos(self._settings, topic),
+            raw=True)
 
-    def _take(self, topic: str, cls: type[Any], cdr: bytes) -> None:
+    def _on_message(self, topic: str, cls: type[Any], cdr: bytes) -> None:
         try:
             message = deserialize_message(cdr, cls)
         except RuntimeError:  # a peer with another definition

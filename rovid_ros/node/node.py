@@ -1,4 +1,4 @@
-"""The live node: subscriptions in, the pipe, publishers out."""
+"""The live node: messages in, the stream, topics out; its services and transitions."""
 
 from __future__ import annotations
 
@@ -20,33 +20,32 @@ from rovid_ros.commands.controls import apply, changes_of, PARAMETERS, repeat
 from rovid_ros.config.input_topics import inputs_of
 from rovid_ros.messages.convert import Converter
 from rovid_ros.node.checkpoint import Checkpoint
-from rovid_ros.node.health.console import Report
+from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import NODE_NAME, ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
-from rovid_ros.node.services import Services
-from rovid_ros.node.transport.intake import Intake
-from rovid_ros.node.transport.message_classes import definition
+from rovid_ros.node.transport.encoding import definition
+from rovid_ros.node.transport.inputs import InputDecoder, message_classes, Subscriptions
 from rovid_ros.node.transport.publishers import Publishers
-from rovid_ros.node.transport.subscriptions import message_classes, Subscriptions
 from rovid_ros.results.outputs import Outputs
+from std_srvs.srv import SetBool, Trigger
 
 
 class IdentifierNode(ParameterNode):
     """
     The identifier as a managed ROS 2 node.
 
-    Configured it has its outputs and services, active its inputs. With ``autostart`` it is
-    active once it is made.
+    ``configure`` makes its outputs and services, ``activate`` its inputs. With the parameter
+    ``autostart`` it is active as soon as it is made.
 
     Parameters
     ----------
     values : mapping, optional
-        Parameters by dotted key, as a parameter file gives them; ``-p`` overrides win.
+        Parameters by dotted key, as in a parameter file; ``-p`` overrides win.
     live : bool
-        False: no subscriptions, no recording and no checkpoint; the owner feeds it. It
-        always starts by itself.
+        False: no subscriptions, no recording and no checkpoint; the owner calls
+        ``add_message``. Such a node always starts by itself.
     scorer : Scorer, optional
-        Told every step.
+        Gets every step.
 
     Attributes
     ----------
@@ -66,93 +65,52 @@ class IdentifierNode(ParameterNode):
         self._configured = False
         self._live = live
         self._scorer = scorer
-        self._period: Timer | None = None
+        self._save_timer: Timer | None = None
         super().__init__(NODE_NAME, values or {}, autostart=not live)
 
     @property
     def settings(self) -> Settings:
-        """Return what the node runs with; live parameters change it."""
+        """Return the present settings; live parameters change them."""
         return self.stream.settings
 
     @property
-    def heard(self) -> list[Subscription[Any]]:
-        """Return the subscriptions of the inputs, none while it is not active."""
-        return self._in.subscriptions if self.active and self._live else []
+    def input_subscriptions(self) -> list[Subscription[Any]]:
+        """Return the subscriptions of the inputs, none while the node is not active."""
+        return self._inputs.subscriptions if self.active and self._live else []
 
     def configure(self) -> None:
-        """Make all but the inputs."""
-        settings = self.initial()
+        """Make everything but the inputs."""
+        settings = self.initial_settings()
         if not self._live:
             settings = replace(settings, record_path='', checkpoint_path='')
         self._prepare(settings)
         if self.changes:
             apply(self.stream, self.changes)
-        self.note({'enable': self.stream.adapting})
-        self._open()
+        self.show_changes({'enable': self.stream.adapting})
+        self._join_graph()
 
     def activate(self) -> None:
-        """Subscribe."""
-        self._in = Subscriptions(
-            self, self.settings, self._classes, self.converter.topics, self._take,
+        """Subscribe to the inputs."""
+        self._inputs = Subscriptions(
+            self, self.settings, self._classes, self.converter.topics, self._add_batch,
             self.stream.reject)
-        self._report.activated()
-        self._introduce()
+        self._health.expect_inputs()
+        self._log_inputs()
 
     def deactivate(self) -> None:
-        """Publish what is held and hear nothing more; the estimate stays."""
-        self._in.drain()
-        self._tell(self.stream.interrupt())
-        self._out.catch_up(self._outputs)
-        self._in.close()
+        """Publish what is held and unsubscribe; the estimate stays."""
+        self._inputs.receive_all()
+        self._publish(self.stream.interrupt())
+        self._output_topics.publish_latched(self._outputs)
+        self._inputs.close()
         if self.settings.checkpoint_path:
             self._checkpoint.save()
         if self._recorder:
             self._recorder.flush()
 
-    def _prepare(self, settings: Settings) -> None:
-        """Make everything that can be refused; nothing is visible outside yet."""
-        self._recorder = Recorder(
-            Path(settings.record_path), definition,
-            self.get_logger().error) if settings.record_path else None
-        self.stream = Stream(settings, recorder=self._recorder, scorer=self._scorer)
-        self.converter = Converter(settings, self.stream.reject)
-        self._classes = message_classes(settings, self.converter) if self._live else {}
-        self._report = Report(self, self.stream, self._recorder, live=self._live)
-        self._intake = Intake(self.stream, self.converter, self._classes, self._report.arrivals,
-                              self.get_logger(), keep=self._recorder is not None)
-        self._outputs = Outputs(settings)
-        self._checkpoint = Checkpoint(settings, self.stream, self.get_logger())
-        restored = self._checkpoint.restore()
-        if self._recorder:
-            self._recorder.open(restored)
-            self.made.callback(self._recorder.close)
-            self.get_logger().info(f'recording to {self._recorder.path}')
-
-    def _open(self) -> None:
-        """Appear in the graph."""
-        self._out = Publishers(self)
-        self.made.callback(self._out.close)
-        self._add_timer(1.0, self._each_second)
-        self._save_again_and_again()
-        self.made.callback(Services(self, self, self.settings.checkpoint_path).close)
-        self._configured = True
-        self.made.callback(setattr, self, '_configured', False)
-
-    def _add_timer(self, period: float, act: Callable[[], None]) -> Timer:
-        timer = self.create_timer(period, act, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.made.callback(self.destroy_timer, timer)
-        return timer
-
-    def _save_again_and_again(self) -> None:
-        if self._period is not None:
-            self.destroy_timer(self._period)
-        self._period = self._add_timer(
-            self.settings.checkpoint_period, self._each_period) if (
-                self.settings.checkpoint_path) else None
-
-    def feed(self, topic: str, message: Any, receive_time: int) -> list[Estimate]:
+    def add_message(self, topic: str, message: Any, receive_time: int) -> list[Estimate]:
         """
-        Take a message and publish the estimates that it releases.
+        Process a message and publish the estimates that it releases.
 
         Parameters
         ----------
@@ -166,102 +124,163 @@ class IdentifierNode(ParameterNode):
         Returns
         -------
         estimates : list of Estimate
-            What was published; none while it is not active.
+            What was published; none while the node is not active.
 
         """
         if not self.active:
             return []
-        return self._publish(self._intake.events(topic, message, receive_time))
+        return self._add_events(self._decoder.events(topic, message, receive_time))
 
-    def control(self, name: str, value: str) -> list[Estimate]:
-        """Do again what was done to a node when a log was recorded; publish and return."""
+    def repeat_control(self, name: str, value: str) -> list[Estimate]:
+        """Repeat a control that was recorded in a log; return the estimates it releases."""
         if not self.active:
             return []
-        estimates = self._tell(repeat(self.stream, name, value))
+        estimates = self._publish(repeat(self.stream, name, value))
         if name == 'reset':
-            self._show_initial()
+            self._publish_initial()
         if name == PARAMETERS:
-            self.note(changes_of(value))
-        self.note({'enable': self.stream.adapting})
+            self.show_changes(changes_of(value))
+        self.show_changes({'enable': self.stream.adapting})
         return estimates
 
-    def take(self) -> None:
-        """Take what waits on the inputs, and publish the estimates that it releases."""
-        self._in.take()
+    def receive(self) -> None:
+        """Process the messages that wait on the inputs, and publish the estimates."""
+        self._inputs.receive()
 
     def finish(self) -> list[Estimate]:
         """Publish what is held, save the state and end the record; for the end of a run."""
         if not self._configured:
             return []
         if self.active:
-            self._in.drain()
-        estimates = self._tell(self.stream.finish())
-        self._out.catch_up(self._outputs)
+            self._inputs.receive_all()
+        estimates = self._publish(self.stream.finish())
+        self._output_topics.publish_latched(self._outputs)
         if self.settings.checkpoint_path:
             self._checkpoint.save()
         if self._recorder:
             self._recorder.close()
-        self._report.finish()
-        self._out.wait(1.0)
+        self._health.finish()
+        self._output_topics.wait(1.0)
         return estimates
 
-    def reset(self) -> None:
-        """Go back to the initial values."""
-        self.stream.reset()
-        self._show_initial()
+    def current_settings(self) -> Settings:
+        """Return the settings that a change applies to."""
+        return self.settings if self._configured else super().current_settings()
 
-    def enable(self, adapt: bool) -> None:
-        """Adapt the parameters, or freeze them."""
-        self.stream.enable(adapt)
-        self.note({'enable': adapt})
-
-    def save(self) -> str:
-        """Save the state; return why not, or ''."""
-        return self._checkpoint.save()
-
-    def present(self) -> Settings:
-        """Return the settings that a change is judged with."""
-        return self.settings if self._configured else super().present()
-
-    def change(self, changes: Mapping[str, Any]) -> None:
+    def apply_changes(self, changes: Mapping[str, Any]) -> None:
         """Go on with other values of live parameters."""
         if self._configured:
             apply(self.stream, changes)
-            self._tell([])
+            self._publish([])
         if self._configured and 'checkpoint.period' in changes:
-            self._save_again_and_again()
+            self._start_saving()
 
-    def _take(self, batch: dict[str, list[Received]]) -> None:
-        self._publish(self._intake.merged(batch))
+    def _prepare(self, settings: Settings) -> None:
+        """Make everything that can be refused; nothing is visible outside yet."""
+        self._recorder = Recorder(
+            Path(settings.record_path), definition,
+            self.get_logger().error) if settings.record_path else None
+        self.stream = Stream(settings, recorder=self._recorder, scorer=self._scorer)
+        self.converter = Converter(settings, self.stream.reject)
+        self._classes = message_classes(settings, self.converter) if self._live else {}
+        self._health = HealthMonitor(self, self.stream, self._recorder, live=self._live)
+        self._decoder = InputDecoder(
+            self.stream, self.converter, self._classes, self._health.arrivals,
+            self.get_logger(), keep=self._recorder is not None)
+        self._outputs = Outputs(settings)
+        self._checkpoint = Checkpoint(settings, self.stream, self.get_logger())
+        restored = self._checkpoint.restore()
+        if self._recorder:
+            self._recorder.open(restored)
+            self.resources.callback(self._recorder.close)
+            self.get_logger().info(f'recording to {self._recorder.path}')
 
-    def _publish(self, events: Iterable[Event]) -> list[Estimate]:
-        return [estimate for event in events for estimate in self._tell(
+    def _join_graph(self) -> None:
+        """Make publishers, timers and services."""
+        self._output_topics = Publishers(self)
+        self.resources.callback(self._output_topics.close)
+        self._add_timer(1.0, self._on_second)
+        self._start_saving()
+        self._add_service(Trigger, '~/reset', self._on_reset)
+        self._add_service(SetBool, '~/enable', self._on_enable)
+        self._add_service(Trigger, '~/save', self._on_save)
+        self._configured = True
+        self.resources.callback(setattr, self, '_configured', False)
+
+    def _add_timer(self, period: float, callback: Callable[[], None]) -> Timer:
+        timer = self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.resources.callback(self.destroy_timer, timer)
+        return timer
+
+    def _add_service(self, kind: type[Any], name: str, callback: Callable[[Any, Any], Any]
+                     ) -> None:
+        service = self.create_service(kind, name, callback)
+        self.resources.callback(self.destroy_service, service)
+
+    def _start_saving(self) -> None:
+        """Save the state every ``checkpoint.period`` from now on."""
+        if self._save_timer is not None:
+            self.destroy_timer(self._save_timer)
+        self._save_timer = self._add_timer(
+            self.settings.checkpoint_period, self._on_save_timer) if (
+                self.settings.checkpoint_path) else None
+
+    def _add_batch(self, batch: dict[str, list[Received]]) -> None:
+        self._add_events(self._decoder.batch_events(batch))
+
+    def _add_events(self, events: Iterable[Event]) -> list[Estimate]:
+        return [estimate for event in events for estimate in self._publish(
             self.stream.receive(event))]
 
-    def _tell(self, estimates: list[Estimate]) -> list[Estimate]:
-        self._out.tell(self._outputs, estimates)
-        self._report.told(estimates)
+    def _publish(self, estimates: list[Estimate]) -> list[Estimate]:
+        self._output_topics.publish_estimates(self._outputs, estimates)
+        self._health.add_estimates(estimates)
         return estimates
 
-    def _show_initial(self) -> None:
-        """Let the latched parameters be those that a reset went back to."""
+    def _publish_initial(self) -> None:
+        """Latch the initial parameters after a reset."""
         for output in self._outputs.reset():
-            self._out.publish(output)
+            self._output_topics.publish(output)
 
-    def _each_second(self) -> None:
-        self._out.catch_up(self._outputs)
-        self._out.publish(self._report.each_second(self.label))
+    def _on_second(self) -> None:
+        self._output_topics.publish_latched(self._outputs)
+        self._output_topics.publish(self._health.update(self.label))
         if self._recorder:
             self._recorder.flush()
 
-    def _each_period(self) -> None:
+    def _on_save_timer(self) -> None:
         self._checkpoint.save()
 
-    def _introduce(self) -> None:
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response
+                  ) -> Trigger.Response:
+        self.stream.reset()
+        self._publish_initial()
+        response.success, response.message = True, 'back at the initial values'
+        self.get_logger().info(f'~/reset: {response.message}')
+        return response
+
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response
+                   ) -> SetBool.Response:
+        self.stream.enable(request.data)
+        self.show_changes({'enable': request.data})
+        response.success = True
+        response.message = 'adapting' if request.data else 'frozen'
+        self.get_logger().info(f'~/enable: {response.message}')
+        return response
+
+    def _on_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        failed = self._checkpoint.save()
+        response.success = not failed
+        response.message = failed or f'saved to {self.settings.checkpoint_path}'
+        self.get_logger().info(f'~/save: {response.message}')
+        return response
+
+    def _log_inputs(self) -> None:
+        """Log the topics of the inputs and the source of each DOF's velocity."""
         log = self.get_logger()
         for topic, type_name in self.converter.topics.items():
             names = ' and '.join(inputs_of(self.settings, topic))
             log.info(f'{names}: {self.resolve_topic_name(topic)} ({type_name})')
         for dof in self.settings.dofs:
             log.info(f'{dof}: velocity from {self.settings.source(dof)}')
-        self._tell([])  # the warnings so far
+        self._publish([])  # logs the warnings so far

@@ -1,11 +1,12 @@
-"""The node as a process: command line, a clean end."""
+"""The node as a process: its command line, its parameter files and a clean end."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 import sys
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import rclpy
 from rclpy.exceptions import (
@@ -19,16 +20,19 @@ from rclpy.logging import set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rovid_ros.commands.running import AT_FAULT, DONE, printable, USAGE, UsageError
+from rovid_ros.config.parameter_file import load
 from rovid_ros.node.lifecycle import one_line
-from rovid_ros.node.parameters import NODE_NAME, read_files
-from rovid_ros.node.stop import Stop
-from rovid_ros.node.transport.wait import Wait
+from rovid_ros.node.parameters import NODE_NAME, RCLPY_PARAMETERS
+from rovid_ros.node.transport.wait import WaitLoop
+
+if TYPE_CHECKING:
+    from rovid_ros.node.__main__ import StopRequest
 
 
 def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
-        stop: Stop) -> int:
+        stop: StopRequest) -> int:
     """
-    Run a node until a signal.
+    Run a node until a signal comes.
 
     Parameters
     ----------
@@ -36,25 +40,25 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
         Makes the node from the values of the parameter files.
     arguments : sequence of str
         Command line, the program's name first.
-    stop : Stop
-        Says when a signal came.
+    stop : StopRequest
+        Says whether a signal has come.
 
     Returns
     -------
     code : int
         0 after SIGINT or SIGTERM, 1 for a wrong configuration, 2 for a command line that
-        cannot be read; both are told in one line.
+        cannot be read. Either error is printed as one line.
 
     """
-    if stop.asked:
-        stop.ignore()
+    if stop.received:
+        stop.ignore_signals()
         return DONE
     try:
         rest, values = read_files(arguments)
-        # what rcl has to say against the command line is said once, below
+        # rcl would log its complaints about the command line too; they are printed below
         set_logger_level('rcl', LoggingSeverity.FATAL)
-        _parse(rest)
-        # its own handlers would end the context before the last estimates are out
+        _check_arguments(rest)
+        # rclpy's own handlers would end the context before the last estimates are out
         rclpy.init(args=list(rest), signal_handler_options=SignalHandlerOptions.NO)
         set_logger_level('rcl', LoggingSeverity.UNSET)
         node = make(values)
@@ -70,8 +74,79 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
     return DONE
 
 
-def _parse(arguments: Sequence[str]) -> None:
-    """Refuse what rcl cannot read, and all that is not its own but ``--help``."""
+def read_files(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
+    """
+    Read the parameter files of the command line with the reader that all commands use.
+
+    rcl's own reader turns an empty list into nothing, dies of a list with integers and
+    doubles, and names neither file nor key in its errors.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Command line, with ``--ros-args``.
+
+    Returns
+    -------
+    rest : list of str
+        The command line without the parameter files; the parameters that rclpy itself
+        declares come first, as ``-p`` arguments.
+    values : dict
+        The other parameters of the files by dotted key; a later file wins.
+
+    Raises
+    ------
+    ParameterFileError
+        If a file cannot be read; the error names file and line.
+
+    """
+    rest, files = _split_off_files(arguments)
+    name, namespace = _full_name(rest)
+    values: dict[str, Any] = {}
+    for file in files:
+        values.update(load(file, name, namespace))
+    # as overrides given to the node these would win over the command line
+    own = [f'{key}:={str(values.pop(key)).lower()}' for key in RCLPY_PARAMETERS
+           if isinstance(values.get(key), bool)]
+    if own:
+        rest[1:1] = ['--ros-args', *(word for one in own for word in ('-p', one)), '--']
+    return rest, values
+
+
+def _split_off_files(arguments: Sequence[str]) -> tuple[list[str], list[Path]]:
+    """Return the arguments without ``--params-file FILE``, and those files."""
+    rest: list[str] = []
+    files: list[Path] = []
+    in_ros = False
+    tokens = iter(arguments)
+    for token in tokens:
+        if token in ('--ros-args', '--'):
+            in_ros = token == '--ros-args'
+        if in_ros and token == '--params-file':
+            file = next(tokens, None)
+            if file is not None:
+                files.append(Path(file))
+                continue
+        rest.append(token)
+    return rest, files
+
+
+def _full_name(arguments: Sequence[str]) -> tuple[str, str]:
+    """Return name and namespace of the node after the remapping rules."""
+    name, namespace = NODE_NAME, '/'
+    for flag, rule in zip(arguments, arguments[1:]):
+        if flag not in ('-r', '--remap'):
+            continue
+        source, _, target = rule.removeprefix(f'{NODE_NAME}:').partition(':=')
+        if source in ('__node', '__name'):
+            name = target
+        elif source == '__ns':
+            namespace = f'/{target.strip("/")}'
+    return name, namespace
+
+
+def _check_arguments(arguments: Sequence[str]) -> None:
+    """Refuse what rcl cannot read, and every argument besides rcl's own and ``--help``."""
     try:
         rest = remove_ros_args(list(arguments))[1:]
     except RuntimeError as error:
@@ -84,17 +159,18 @@ def _parse(arguments: Sequence[str]) -> None:
         raise UsageError(f'unknown arguments {unknown}; takes --ros-args --params-file FILE')
 
 
-def _spin(node: Any, stop: Stop) -> None:
+def _spin(node: Any, stop: StopRequest) -> None:
+    """Run the node until a signal comes, then finish and destroy it."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     woken = node.create_guard_condition(lambda: None)
-    stop.wakes(woken.trigger)
-    wait = Wait(node, executor)
+    stop.call_on_signal(woken.trigger)
+    loop = WaitLoop(node, executor)
     try:
-        while not stop.asked:
-            wait.turn()
+        while not stop.received:
+            loop.wait_and_run()
     finally:
-        stop.ignore()  # a second one must not break this off
+        stop.ignore_signals()  # a second one must not interrupt the end
         node.finish()
         executor.remove_node(node)
         node.destroy_node()

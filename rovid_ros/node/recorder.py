@@ -12,9 +12,8 @@ from typing import Any
 from rovid_core.model.samples import Event
 from rovid_ros import __version__
 from rovid_ros.commands.controls import CONTROL
-from rovid_ros.files.whole_files import sync_folder
+from rovid_ros.files.whole_files import claim, prepare, sync_folder
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.node.files import claim, prepare
 
 
 @dataclass
@@ -44,7 +43,7 @@ class Received:
 
 class Recorder:
     """
-    Write what the stream consumes.
+    Writes the messages that the stream consumes.
 
     A file that cannot be written any more (a full disk) ends the recording, not the node. What
     was flushed outlasts the process at once and a loss of power a moment later: a thread of its

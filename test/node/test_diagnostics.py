@@ -20,13 +20,17 @@ from rovid_core.inputs.refusals import REASONS
 from rovid_core.pipeline.stream import Stream
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.messages.convert import Converter
-from rovid_ros.node.health.console import LimitedWarnings, MOST, RefusalLines, Report
+from rovid_ros.node.health.console import (
+    HealthMonitor,
+    MAX_WARNINGS,
+    RefusalSummary,
+    WarningLimiter,
+)
 from rovid_ros.node.health.diagnostics import diagnostics, NodeState
 from rovid_ros.node.health.graph import graph_states, TopicState
-from rovid_ros.node.health.levels import of_input, Situation
-from rovid_ros.node.health.recent import Arrivals, Recent
+from rovid_ros.node.health.levels import Arrivals, HealthData, input_level, RecentCounts
 from rovid_ros.node.node import IdentifierNode
-from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.node.transport.publishers import best_effort, reliable
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
 
@@ -61,7 +65,7 @@ class Watched:
         self.stream = Stream(self.settings)
         self.converter = Converter(self.settings, self.stream.reject)
         self.arrivals = Arrivals()
-        self.recent = Recent(self.stream, 0.0)
+        self.recent = RecentCounts(self.stream, 0.0)
         self.topics: dict[str, TopicState] = {
             topic: TopicState(topic, topic, (), name, 1) for topic, name in TYPES.items()}
         self.steps: dict[str, float] = {}
@@ -74,7 +78,7 @@ class Watched:
             self.now = raw.time
             message = deserialize_message(raw.cdr, import_type(raw.type))
             events = self.converter.events(raw.topic, message, raw.time)
-            self.arrivals.note(raw.topic, raw.time, events)
+            self.arrivals.add(raw.topic, raw.time, events)
             for event in events:
                 for estimate in self.stream.receive(event):
                     for index in estimate.stepped:
@@ -84,17 +88,17 @@ class Watched:
     def later(self, seconds: float) -> None:
         self.now += round(seconds * 1e9)
         self.steady += seconds
-        self.recent.tick(self.steady)
+        self.recent.update(self.steady)
 
     @property
-    def situation(self) -> Situation:
-        return Situation(self.settings, self.stream, self.arrivals, self.recent, self.topics,
+    def health(self) -> HealthData:
+        return HealthData(self.settings, self.stream, self.arrivals, self.recent, self.topics,
                          self.now, self.steady, self.steps)
 
     def statuses(self, **state: Any) -> dict[str, Status]:
         """Return the statuses of a message by the part that they are about."""
         node = NodeState(NAME, **{'uptime': self.steady, **state})
-        fields = diagnostics(self.situation, node).fields
+        fields = diagnostics(self.health, node).fields
         return {status['name'].removeprefix(f'{NAME}: '): (
                     status['hardware_id'], status['level'], status['message'],
                     {entry['key']: entry['value'] for entry in status['values']})
@@ -160,7 +164,7 @@ def test_a_silent_input_and_its_dofs_are_stale(messages: list[Raw]) -> None:
     for _ in range(10):
         run.later(0.5)
         for topic in TYPES.keys() - {'/position'}:  # the others go on
-            run.arrivals.note(topic, run.now)
+            run.arrivals.add(topic, run.now)
     run.now = last + round(5.2e9)
     statuses = run.statuses()
     hardware, level, message, _ = statuses['position']
@@ -189,12 +193,12 @@ def test_messages_that_are_all_refused(messages: list[Raw]) -> None:
     run.feed(messages[:200])
     for _ in range(9):
         run.later(1.0)
-    run.recent = Recent(run.stream, run.steady)
+    run.recent = RecentCounts(run.stream, run.steady)
     for raw in messages[200:]:
-        run.arrivals.note(raw.topic, raw.time)
+        run.arrivals.add(raw.topic, raw.time)
         run.now = max(run.now, raw.time)
     for _ in range(40):
-        run.arrivals.note('/position', run.now)
+        run.arrivals.add('/position', run.now)
         run.stream.reject('position', 'non_finite')
     run.later(0.5)
     _, level, message, values = run.statuses()['position']
@@ -228,12 +232,12 @@ def test_a_command_that_holds_for_ever(messages: list[Raw]) -> None:
 def test_the_inputs_are_waited_for_from_the_activation_on(
         ros_node: Node, capfd: pytest.CaptureFixture[str]) -> None:
     now = [0.0]
-    report = Report(ros_node, Stream(SETTINGS), steady=lambda: now[0])
+    monitor = HealthMonitor(ros_node, Stream(SETTINGS), steady=lambda: now[0])
     now[0] = 60.0
-    report.activated()
+    monitor.expect_inputs()
     for seconds, is_told in ((60.5, False), (66.0, True)):
         now[0] = seconds
-        report.each_second()
+        monitor.update()
         assert ('inputs: none' in capfd.readouterr().err) is is_told
 
 
@@ -262,7 +266,7 @@ def test_stamps_of_another_clock(messages: list[Raw]) -> None:
     run = Watched()
     run.feed(messages)
     for topic in TYPES:
-        run.arrivals.note(topic, run.now + round(100e9))
+        run.arrivals.add(topic, run.now + round(100e9))
     run.now += round(100e9)
     _, level, message, _ = run.statuses()['position']
     assert level == WARN
@@ -292,7 +296,7 @@ def test_files_that_are_not_written(messages: list[Raw], tmp_path: Path) -> None
 
 
 def test_simulated_time_has_to_begin() -> None:
-    assert of_input(Watched().situation, 'position')[1].endswith('/clock')
+    assert input_level(Watched().health, 'position')[1].endswith('/clock')
 
 
 # --- the lines of the log
@@ -300,7 +304,7 @@ def test_simulated_time_has_to_begin() -> None:
 
 def test_what_was_refused_is_one_line_in_ten_seconds() -> None:
     stream = Stream(SETTINGS)
-    lines = RefusalLines(stream, 0.0)
+    lines = RefusalSummary(stream, 0.0)
     told = []
     for second in range(1, 61):
         if 10 < second <= 40:
@@ -318,7 +322,7 @@ def test_what_was_refused_is_one_line_in_ten_seconds() -> None:
 
 def test_a_line_of_many_reasons_stays_short() -> None:
     stream = Stream(SETTINGS)
-    lines = RefusalLines(stream, 0.0)
+    lines = RefusalSummary(stream, 0.0)
     for name in stream.inputs:
         for reason in REASONS:
             stream.reject(name, reason)
@@ -328,14 +332,14 @@ def test_a_line_of_many_reasons_stays_short() -> None:
 
 
 def test_warnings_are_never_a_flood() -> None:
-    warnings = LimitedWarnings()
+    warnings = WarningLimiter()
     told = []
     for tick in range(10_000):  # a hundred seconds
         told += warnings.allowed([f'stamp {tick}', 'time jumped back'], tick / 100.0)
     assert len(told) <= 11 * 10
     assert told.count('time jumped back') == 10  # once a period
     assert '1990 more warnings were not logged' not in told
-    assert f'{2000 - 1000 - (MOST - 1)} more warnings were not logged' in told
+    assert f'{2000 - 1000 - (MAX_WARNINGS - 1)} more warnings were not logged' in told
     assert warnings.allowed(['another'], 1000.0)[-1] == 'another'
 
 
@@ -347,13 +351,14 @@ def test_a_hostile_stream_is_not_a_flood_in_the_log(
     first, last = messages[:40], messages[-40:]
     for _ in range(60):
         for raw in (*last, *first):
-            node.feed(raw.topic, deserialize_message(raw.cdr, import_type(raw.type)), raw.time)
+            message = deserialize_message(raw.cdr, import_type(raw.type))
+            node.add_message(raw.topic, message, raw.time)
     node.finish()
     node.destroy_node()
     rclpy.shutdown()
     lines = [line for line in capfd.readouterr().err.splitlines() if 'WARN' in line]
     assert any('time jumped back' in line for line in lines)
-    assert len(lines) <= MOST + 2
+    assert len(lines) <= MAX_WARNINGS + 2
     assert any('refused in the last' in line for line in lines)
 
 

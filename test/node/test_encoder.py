@@ -9,11 +9,11 @@ rclpy = pytest.importorskip('rclpy')
 
 from rclpy.serialization import deserialize_message
 from rovid_ros.messages.types import build, standard_types
-from rovid_ros.node.transport.encoding import encoded
-from rovid_ros.node.transport.message_classes import fill, import_type
+from rovid_ros.node.transport.encoding import encoded, import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 
 from test.support.live_node import Peer
+from test.support.ros_messages import fill
 
 NUMBER = st.floats(allow_nan=False)
 NUMBERS = st.lists(NUMBER, max_size=5)

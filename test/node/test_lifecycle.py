@@ -18,7 +18,7 @@ from rclpy.serialization import deserialize_message
 from rovid_ros.commands.controls import CONTROL
 from rovid_ros.logs.log import Log
 from rovid_ros.node.node import IdentifierNode
-from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.node.transport.publishers import latched
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
@@ -295,7 +295,7 @@ def test_what_is_inactive_uses_nothing(waiting: IdentifierNode, messages: list[R
     assert waiting.trigger_configure() == SUCCESS
     for raw in messages[:100]:
         message = deserialize_message(raw.cdr, import_type(raw.type))
-        assert waiting.feed(raw.topic, message, raw.time) == []
+        assert waiting.add_message(raw.topic, message, raw.time) == []
     assert waiting.stream.inputs['position'].count == 0
     assert waiting.finish() == []
 

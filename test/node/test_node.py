@@ -23,19 +23,14 @@ from rovid_core.settings.run import SettingsError
 from rovid_ros.commands.controls import CONTROL
 from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameters import settings_from
+from rovid_ros.files.whole_files import prepare
 from rovid_ros.logs.log import Log
 from rovid_ros.messages.field_paths import FieldError
-from rovid_ros.node.files import prepare
-from rovid_ros.node.log_feeder import NodeFeeder
+from rovid_ros.node.log_player import LogPlayer
 from rovid_ros.node.node import IdentifierNode
-from rovid_ros.node.parameters import read_files
+from rovid_ros.node.process import read_files
 from rovid_ros.node.recorder import Received, Recorder
-from rovid_ros.node.transport.message_classes import (
-    definition,
-    fill,
-    import_type,
-    MessageTypeError,
-)
+from rovid_ros.node.transport.encoding import definition, import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import best_effort, latched
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
@@ -51,6 +46,7 @@ from test.support.live_node import (
     TYPES,
     VALUES,
 )
+from test.support.ros_messages import fill
 
 
 @pytest.fixture(scope='module')
@@ -138,7 +134,7 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
     given = []
     with Log([log]) as source:
         for message in source.messages(list(TYPES)):
-            given += run.node.feed(message.topic, message.data, message.time)
+            given += run.node.add_message(message.topic, message.data, message.time)
     given += run.node.finish()
     run.peer.settle(estimates)
     settings = settings_from(VALUES)
@@ -153,13 +149,13 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
 
 def test_a_replay_that_is_behind_tells_ages_in_its_own_time(log: Path) -> None:
     """Services and timers get their turn, and the node's clock is the log's."""
-    feeder = NodeFeeder(VALUES, settings_from(VALUES), rate=1e6)  # never caught up with
+    player = LogPlayer(VALUES, settings_from(VALUES), rate=1e6)  # never caught up with
     peer = Peer()
     health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
     with Log([log]) as source:
         messages = list(source.messages(list(TYPES)))
     for message in messages:
-        feeder.feed(message)
+        player.feed(message)
         time.sleep(2.0 / len(messages))
     peer.until(lambda: health, 1.0)
     for status in health[-1].status[1:5]:
@@ -168,13 +164,14 @@ def test_a_replay_that_is_behind_tells_ages_in_its_own_time(log: Path) -> None:
         assert abs(float(values['age [s]'])) < 1.0  # not the years since the log
     assert messages[0].time // 10**9 <= health[-1].header.stamp.sec <= messages[-1].time // 10**9
     peer.close()
-    feeder.close()
+    player.close()
 
 
 def test_a_late_subscriber_gets_the_last_parameters(ros: None, messages: list[Raw]) -> None:
     run = Running(live=False)
     for raw in messages[:300]:
-        run.node.feed(raw.topic, deserialize_message(raw.cdr, import_type(raw.type)), raw.time)
+        message = deserialize_message(raw.cdr, import_type(raw.type))
+        run.node.add_message(raw.topic, message, raw.time)
     assert run.node.stream.estimate is not None
     expected = [value for dof in run.node.stream.estimate.dofs for value in dof.parameters]
     until = time.monotonic() + 1.5  # nobody has heard them: they are out within a second

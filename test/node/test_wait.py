@@ -16,9 +16,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.publisher import Publisher
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.node.node import IdentifierNode
-from rovid_ros.node.transport import intake
+from rovid_ros.node.transport import inputs
 from rovid_ros.node.transport.publishers import latched
-from rovid_ros.node.transport.wait import Wait
+from rovid_ros.node.transport.wait import WaitLoop
 from std_srvs.srv import SetBool
 
 
@@ -49,9 +49,9 @@ class Turning:
         self._thread.start()
 
     def _run(self) -> None:
-        wait = Wait(self.node, self.executor)
+        loop = WaitLoop(self.node, self.executor)
         while not self._ends:
-            wait.turn()
+            loop.wait_and_run()
             self.turns += 1
 
     def end(self) -> None:
@@ -85,13 +85,13 @@ def messages(tmp_path_factory: pytest.TempPathFactory) -> list[Raw]:
 def test_inputs_do_not_go_through_the_executor(
         messages: list[Raw], monkeypatch: pytest.MonkeyPatch) -> None:
     decoded: list[type[Any]] = []
-    decode = intake.deserialize_message
+    decode = inputs.deserialize_message
 
     def counted(cdr: bytes, cls: type[Any]) -> Any:
         decoded.append(cls)
         return decode(cdr, cls)
 
-    monkeypatch.setattr(intake, 'deserialize_message', counted)
+    monkeypatch.setattr(inputs, 'deserialize_message', counted)
     with turning() as run:
         received: list[Any] = []
         receive = run.node.stream.receive
@@ -149,12 +149,12 @@ def test_nothing_is_polled() -> None:
 
 def test_subscriptions_come_and_go(messages: list[Raw]) -> None:
     with turning({'autostart': False}) as run:
-        assert list(run.node.heard) == []
+        assert list(run.node.input_subscriptions) == []
         run.end()
         assert run.node.trigger_configure().name == run.node.trigger_activate().name == 'SUCCESS'
-        assert {one.topic_name for one in run.node.heard} == set(TYPES)
+        assert {one.topic_name for one in run.node.input_subscriptions} == set(TYPES)
         run.node.trigger_deactivate()
-        assert list(run.node.heard) == []
+        assert list(run.node.input_subscriptions) == []
 
 
 def test_a_lost_subscriber_costs_nothing(
@@ -173,7 +173,7 @@ def test_a_lost_subscriber_costs_nothing(
         monkeypatch.setattr(Publisher, 'publish', noted)
         run.peer.advertise(TYPES)
         run.peer.publish(messages)
-        run.peer.until(lambda: run.node.take() or run.node.stream.inputs['position'].count > 50)
+        run.peer.until(lambda: run.node.receive() or run.node.stream.inputs['position'].count > 50)
         assert sent == []
         for _ in range(2):
             for timer in run.node.timers:

@@ -13,7 +13,7 @@ from rcl_interfaces.srv import ListParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
-from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.node.transport.publishers import reliable
 import yaml
 

@@ -1,4 +1,4 @@
-"""What the node tells people: ``/diagnostics`` and the lines of its log."""
+"""What the node reports once a second: ``/diagnostics`` and the lines of its log."""
 
 from __future__ import annotations
 
@@ -12,15 +12,23 @@ from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import topics_of
 from rovid_ros.node.health.diagnostics import ACTIVE, diagnostics, NodeState
 from rovid_ros.node.health.graph import graph_states
-from rovid_ros.node.health.levels import hertz, of_input, Situation
-from rovid_ros.node.health.recent import Arrivals, Counts, difference, in_words, Recent
+from rovid_ros.node.health.levels import (
+    Arrivals,
+    Counts,
+    counts_text,
+    difference,
+    HealthData,
+    input_level,
+    rate_text,
+    RecentCounts,
+)
 from rovid_ros.node.recorder import Recorder
 from rovid_ros.results.outputs import OK, Output
 
 
-class Report:
+class HealthMonitor:
     """
-    Watch a stream and say how it does.
+    Observes a stream and reports how it does.
 
     Parameters
     ----------
@@ -52,55 +60,55 @@ class Report:
         self._recorder = recorder
         self._live = live
         self._steady = steady
-        self._start = self._heard_since = now = steady()
-        self._recent = Recent(stream, now)
-        self._refusals = RefusalLines(stream, now)
-        self._warnings = LimitedWarnings()
+        self._start = self._expected_since = now = steady()
+        self._recent = RecentCounts(stream, now)
+        self._refusals = RefusalSummary(stream, now)
+        self._warnings = WarningLimiter()
         self._summary = StartupSummary(stream.settings)
         self._steps: dict[str, float] = {}
         self._told: set[tuple[str, str, int]] = set()  # topic, problem, publishers
 
-    def activated(self) -> None:
-        """Look for the inputs from now on."""
-        self._heard_since = self._steady()
+    def expect_inputs(self) -> None:
+        """Count the time until the inputs come from now on."""
+        self._expected_since = self._steady()
 
-    def told(self, estimates: Sequence[Estimate]) -> None:
-        """Take what was published, and log the warnings that the stream has."""
+    def add_estimates(self, estimates: Sequence[Estimate]) -> None:
+        """Note the steps of estimates, and log the warnings that the stream has."""
         now = self._steady()
         for estimate in estimates:
             for index in estimate.stepped:
                 self._steps[self._stream.settings.dofs[index]] = now
         self._warn(self._stream.take_warnings(), now)
 
-    def each_second(self, state: str = ACTIVE) -> Output:
+    def update(self, state: str = ACTIVE) -> Output:
         """Log what is due and return the message for ``/diagnostics``."""
         now = self._steady()
-        self._recent.tick(now)
+        self._recent.update(now)
         topics = graph_states(self._stream.settings, self._node) if self._live else {}
-        at = Situation(
+        data = HealthData(
             self._stream.settings, self._stream, self.arrivals, self._recent, topics,
             self._node.get_clock().now().nanoseconds, now, self._steps)
         if self._live and state == ACTIVE:
-            self._introduce(at, now - self._heard_since)
+            self._report_inputs(data, now - self._expected_since)
         self._warn([], now)
-        self._tell_refused(self._refusals.due(now))
+        self._log_refused(self._refusals.due(now))
         recorder = self._recorder
-        return diagnostics(at, NodeState(
+        return diagnostics(data, NodeState(
             self._node.get_fully_qualified_name(), state, now - self._start,
             str(recorder.path) if recorder else '', recorder.is_open if recorder else True))
 
     def finish(self) -> None:
         """Log what is left to tell."""
-        self._tell_refused(self._refusals.due(self._steady(), end=True))
+        self._log_refused(self._refusals.due(self._steady(), end=True))
 
-    def _introduce(self, at: Situation, elapsed: float) -> None:
+    def _report_inputs(self, data: HealthData, elapsed: float) -> None:
         """Say once what is wrong with the publishers of each topic, and the summary."""
-        for topic, state in at.topics.items():
+        for topic, state in data.topics.items():
             case = topic, state.problem, state.publishers
             if state.text and state.publishers + state.is_wrong and case not in self._told:
                 self._told.add(case)
                 self._log.warning(f'{" and ".join(state.inputs)}: {state.text}')
-        line, complete = self._summary.due(at, elapsed)
+        line, complete = self._summary.due(data, elapsed)
         if line and complete:
             self._log.info(line)
         elif line:
@@ -110,7 +118,7 @@ class Report:
         for line in self._warnings.allowed(lines, now):
             self._log.warning(line)
 
-    def _tell_refused(self, line: str) -> None:
+    def _log_refused(self, line: str) -> None:
         if line:
             self._log.warning(line)
 
@@ -137,60 +145,60 @@ class StartupSummary:
         self._settings = settings
         self._missing: set[str] | None = None  # when it was last said
 
-    def due(self, at: Situation, elapsed: float) -> tuple[str, bool]:
+    def due(self, data: HealthData, elapsed: float) -> tuple[str, bool]:
         """
         Return the line, '' while there is nothing to say, and whether all inputs are there.
 
         Parameters
         ----------
-        at : Situation
-            What is there.
+        data : HealthData
+            What has come so far.
         elapsed : float
             Time since the start [s].
 
         """
-        missing = {name for name in self._settings.used_inputs() if not _is_there(at, name)}
+        missing = {name for name in self._settings.used_inputs() if not _is_there(data, name)}
         if self._missing is None:
-            has_rates = all(at.arrivals.count(topic) >= ENOUGH for topic in at.topics)
+            has_rates = all(data.arrivals.count(topic) >= ENOUGH for topic in data.topics)
             if elapsed < LATEST and (missing or not has_rates):
                 return '', False
         elif not self._missing - missing:  # none of the missing has come
             return '', False
         # only ever fewer, so that what comes and goes does not fill the log
         self._missing = missing if self._missing is None else self._missing & missing
-        return _line(at, missing), not missing
+        return _line(data, missing), not missing
 
 
-def _is_there(at: Situation, name: str) -> bool:
-    topics = topics_of(at.settings, name)
-    return all(at.arrivals.count(topic) for topic in topics) and (
-        at.recent.taken(name) > 0 or not at.recent.refused(name))
+def _is_there(data: HealthData, name: str) -> bool:
+    topics = topics_of(data.settings, name)
+    return all(data.arrivals.count(topic) for topic in topics) and (
+        data.recent.used(name) > 0 or not data.recent.refused(name))
 
 
-def _line(at: Situation, missing: set[str]) -> str:
+def _line(data: HealthData, missing: set[str]) -> str:
     found, lost = [], []
-    for name in at.settings.used_inputs():
+    for name in data.settings.used_inputs():
         if name in missing:
-            level, message = of_input(at, name)
+            level, message = input_level(data, name)
             lost.append(f'{name} ({message})' if level != OK else name)
             continue
-        topics = topics_of(at.settings, name)
-        rate = hertz(min(at.arrivals.rate(topic) for topic in topics))
-        kinds = {at.topics[topic].type.rpartition('/')[2] for topic in topics
-                 if topic in at.topics}
+        topics = topics_of(data.settings, name)
+        rate = rate_text(min(data.arrivals.rate(topic) for topic in topics))
+        kinds = {data.topics[topic].type.rpartition('/')[2] for topic in topics
+                 if topic in data.topics}
         found.append(f'{name} {rate}' + (f' ({", ".join(sorted(kinds))})' if kinds else ''))
     line = f'inputs: {", ".join(found) or "none"}'
     return f'{line}; missing: {", ".join(lost)}' if lost else line
 
 
 PERIOD = 10.0
-"""[s] From one line about what was refused to the next; the unit of all limits here."""
+"""[s] Between two lines about what was refused; the limits of all lines are per period."""
 
-MOST = 10
-"""Lines of warning in one period."""
+MAX_WARNINGS = 10
+"""Largest number of warnings in one period."""
 
 
-class RefusalLines:
+class RefusalSummary:
     """
     One line per period about what was refused in it, none when nothing was.
 
@@ -215,11 +223,11 @@ class RefusalLines:
             return ''
         counts = difference(self._before, self._stream.rejected)
         self._since, self._before = now, dict(self._stream.rejected)
-        return f'refused in the last {elapsed:.0f} s: {in_words(counts)}' if counts else ''
+        return f'refused in the last {elapsed:.0f} s: {counts_text(counts)}' if counts else ''
 
 
-class LimitedWarnings:
-    """Let a warning through once a period, and at most ``MOST`` of them all."""
+class WarningLimiter:
+    """Lets the same warning through once a period, and at most ``MAX_WARNINGS`` in all."""
 
     def __init__(self) -> None:
         self._since = float('-inf')
@@ -247,7 +255,7 @@ class LimitedWarnings:
         for line in lines:
             if line in self._told:
                 continue
-            if len(self._told) >= MOST:
+            if len(self._told) >= MAX_WARNINGS:
                 self._withheld += 1
                 continue
             self._told.add(line)

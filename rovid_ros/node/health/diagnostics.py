@@ -1,5 +1,5 @@
 """
-What ``/diagnostics`` says, in the form of ROS' own ``diagnostic_updater``.
+The messages of ``/diagnostics``, in the form of ROS' own ``diagnostic_updater``.
 
 Names are ``<full name of the node>: <part>``, as it writes them with ``use_fqn``, so that two
 vehicles stay apart. All statuses have one ``hardware_id``, which tools group by: without one
@@ -19,14 +19,14 @@ from rovid_core.model.dofs import PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_ros import __version__
 from rovid_ros.config.input_topics import topics_of
-from rovid_ros.node.files import age
+from rovid_ros.files.whole_files import age
 from rovid_ros.node.health.levels import (
-    estimate_of,
-    of_dof,
-    of_input,
-    of_rejected,
-    Situation,
-    Verdict,
+    dof_level,
+    HealthData,
+    input_level,
+    last_estimate,
+    LevelAndMessage,
+    rejected_level,
 )
 from rovid_ros.results.outputs import (
     DIAGNOSTIC_TYPE,
@@ -71,32 +71,32 @@ class NodeState:
     recording: bool = True
 
 
-def diagnostics(at: Situation, node: NodeState) -> Output:
+def diagnostics(data: HealthData, node: NodeState) -> Output:
     """Return the health of the node as a message for ``/diagnostics``."""
-    settings = at.settings
-    parts = [(name, of_input(at, name), _input(at, name))
+    settings = data.settings
+    parts = [(name, input_level(data, name), _input(data, name))
              for name in settings.used_inputs()]
-    parts.append(('rejected', of_rejected(at), {
-        f'{name}.{reason}': n for (name, reason), n in sorted(at.stream.rejected.items())}))
-    parts += [(dof, of_dof(at, dof), _dof(at, dof)) for dof in settings.dofs]
+    parts.append(('rejected', rejected_level(data), {
+        f'{name}.{reason}': n for (name, reason), n in sorted(data.stream.rejected.items())}))
+    parts += [(dof, dof_level(data, dof), _dof(data, dof)) for dof in settings.dofs]
     if node.state != ACTIVE:
         parts = [(name, (STALE, f'the node is {node.state}'), values)
                  for name, _, values in parts]
-    verdict, values = _state(at, node, {name: verdict for name, verdict, _ in parts})
+    verdict, values = _state(data, node, {name: verdict for name, verdict, _ in parts})
     hardware = settings.hardware_id or node.name
     statuses = [
         {'level': level, 'name': f'{node.name}: {name}', 'message': message,
          'hardware_id': hardware, 'values': key_values(values)}
         for name, (level, message), values in [('state', verdict, values), *parts]]
     return Output('/diagnostics', DIAGNOSTIC_TYPE, {
-        'header': header(at.now, ''), 'status': statuses})
+        'header': header(data.now, ''), 'status': statuses})
 
 
-def _state(at: Situation, node: NodeState, others: dict[str, Verdict]
-           ) -> tuple[Verdict, dict[str, Any]]:
+def _state(data: HealthData, node: NodeState, others: dict[str, LevelAndMessage]
+           ) -> tuple[LevelAndMessage, dict[str, Any]]:
     """Return the status of the node as a whole, which is as bad as the worst of the others."""
-    settings = at.settings
-    doing = 'adapting' if at.stream.adapting else 'frozen'
+    settings = data.settings
+    doing = 'adapting' if data.stream.adapting else 'frozen'
     problems = [(WARN if level == STALE else level, name)
                 for name, (level, _) in others.items() if level != OK]
     saved = age(settings.checkpoint_path)
@@ -118,45 +118,47 @@ def _state(at: Situation, node: NodeState, others: dict[str, Verdict]
         'recording path': node.record or 'none', 'version': __version__}
 
 
-def _input(at: Situation, name: str) -> dict[str, Any]:
-    settings, health = at.settings, at.stream.inputs[name]
+def _input(data: HealthData, name: str) -> dict[str, Any]:
+    settings, health = data.settings, data.stream.inputs[name]
     given = settings.thrusters if name == 'thrusters' else settings.input(name)
     topics = topics_of(settings, name)
-    states = [at.topics[topic] for topic in topics if topic in at.topics]
+    states = [data.topics[topic] for topic in topics if topic in data.topics]
     values: dict[str, Any] = {
         'topic': ', '.join([state.name for state in states] or topics),
         'type': given.type, 'field': given.field or '(all of it)',
         'count': health.count,
-        'rate [Hz]': _number(min(at.arrivals.rate(topic) for topic in topics)),
+        'rate [Hz]': _number(min(data.arrivals.rate(topic) for topic in topics)),
         'longest gap [s]': _number(health.longest_gap)}
-    if health.last_time is not None and at.now:
-        values['age [s]'] = _number((at.now - health.last_time) / 1e9)
+    if health.last_time is not None and data.now:
+        values['age [s]'] = _number((data.now - health.last_time) / 1e9)
     if states:
         values['publishers'] = min(state.publishers for state in states)
         problems = '; '.join(state.text for state in states if state.text)
         values['publishers, problems'] = problems or 'none'
-    for (which, reason), count in sorted(at.stream.rejected.items()):
-        if which == name:
-            values[f'refused {reason}'] = count
-            values[f'refused {reason}, meaning'] = REASONS.get(reason, reason)
-    return values
+    return {**values, **_refused(data, name)}
 
 
-def _dof(at: Situation, name: str) -> dict[str, Any]:
-    values: dict[str, Any] = {'velocity from': at.settings.source(name)}
-    dof = estimate_of(at.stream, name)
+def _dof(data: HealthData, name: str) -> dict[str, Any]:
+    values: dict[str, Any] = {'velocity from': data.settings.source(name)}
+    dof = last_estimate(data.stream, name)
     if dof is None:
         return {**values, 'status': 'waiting', 'steps': 0}
     values.update({'status': dof.status, 'reasons': ', '.join(dof.reasons) or 'none',
                    'steps': dof.steps})
-    if name in at.steps:
-        values['age of the last step [s]'] = _number(at.steady - at.steps[name])
+    if name in data.steps:
+        values['age of the last step [s]'] = _number(data.steady - data.steps[name])
     values.update(_parameters(dof))
     values['excitation'] = _number(dof.excitation)
     if math.isfinite(dof.delay):
         values['delay of the thrust [s]'] = _number(dof.delay)
         values['delay of the thrust, std [s]'] = _number(dof.delay_std)
-    for (which, reason), count in sorted(at.stream.rejected.items()):
+    return {**values, **_refused(data, name)}
+
+
+def _refused(data: HealthData, name: str) -> dict[str, Any]:
+    """Return what was refused of an input or DOF, each with the meaning of its reason."""
+    values: dict[str, Any] = {}
+    for (which, reason), count in sorted(data.stream.rejected.items()):
         if which == name:
             values[f'refused {reason}'] = count
             values[f'refused {reason}, meaning'] = REASONS.get(reason, reason)

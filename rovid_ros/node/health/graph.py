@@ -14,18 +14,18 @@ from rovid_ros.messages.convert import Converter
 from rovid_ros.node.transport.publishers import best_effort
 from rovid_ros.results.outputs import TOPICS
 
-MOST = 3
-"""Names of what others publish that are listed; there could be any number."""
+LISTED = 3
+"""Largest number of type names in a line; there could be any number in the graph."""
 
-UNKNOWN = '_NODE_NAME_UNKNOWN_'
+UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 """What rmw calls a node of which only an endpoint has been discovered yet."""
 
-NEAR = 0.5
-"""How alike names of topics have to be for a hint."""
+SIMILARITY = 0.5
+"""How similar the names of two topics have to be for a hint."""
 
 
 class Graph(Protocol):
-    """What is asked of an rclpy node."""
+    """The part of an rclpy node that tells what is in the graph."""
 
     def get_name(self) -> str:
         """Return its name."""
@@ -167,7 +167,7 @@ def _problem(publisher: Any, type_name: str, profile: QoSProfile, type_hash: Any
 
 def _node_of(publisher: Any) -> str:
     node = f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
-    return 'a publisher' if UNKNOWN in node else node
+    return 'a publisher' if UNKNOWN_NODE in node else node
 
 
 def _differs(one: Any, other: Any) -> bool:
@@ -183,7 +183,7 @@ def _hint(name: str, type_name: str, node: Graph) -> str:
         other: types for other, types in node.get_topic_names_and_types()
         if other not in own and node.count_publishers(other)}
     same = [other for other, types in topics.items() if type_name in types]
-    near = difflib.get_close_matches(name, same, 1, NEAR) or (same if len(same) == 1 else [])
+    near = difflib.get_close_matches(name, same, 1, SIMILARITY) or (same if len(same) == 1 else [])
     if near:
         return f'; did you mean {near[0]}, which has that type?'
     near = difflib.get_close_matches(name, topics, 1, 0.8)
@@ -191,5 +191,5 @@ def _hint(name: str, type_name: str, node: Graph) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    more = f' and {len(names) - MOST} more' if len(names) > MOST else ''
-    return ', '.join(names[:MOST]) + more
+    more = f' and {len(names) - LISTED} more' if len(names) > LISTED else ''
+    return ', '.join(names[:LISTED]) + more

@@ -1,5 +1,5 @@
 """
-The levels of ``/diagnostics``: all of their rules, and nothing else.
+The levels of ``/diagnostics``: all of their rules, and the counters that they judge.
 
 ==========  =======  ==============================================================
 status      level    when
@@ -8,12 +8,12 @@ an input    ERROR    its publishers have another type, another definition of the
                      type or a QoS that does not fit: somebody has to change it
             WARN     nothing has come yet; or none of what comes is taken; or its
                      stamps are further from this clock than it may be silent; or
-                     more than 2 % of it was refused of late
+                     more than 2 % of it was refused recently
             STALE    it came, and has been silent for longer than it may be
 a DOF       WARN     no step yet; or the vehicle is not pushed
             STALE    no step for longer than the slowest of its inputs may be silent
             ERROR    its last step was refused (status ``invalid``)
-rejected    WARN     more than 2 % of all was refused of late
+rejected    WARN     more than 2 % of all was refused recently
 state       ERROR    a status is ERROR, or the record ended by itself
             WARN     a status is WARN or STALE, or the checkpoint is not written
 ==========  =======  ==============================================================
@@ -24,16 +24,18 @@ An input may be silent for its timeout, and at least for five of its periods.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import deque
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 import math
 
 from rovid_core.identify.estimate import DofEstimate
+from rovid_core.inputs.refusals import STILL_USED
+from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import needs, topics_of
 from rovid_ros.node.health.graph import TopicState
-from rovid_ros.node.health.recent import Arrivals, in_words, Recent, WINDOW
 from rovid_ros.results.outputs import dof_message, ERROR, LEVELS, OK, STALE, WARN
 
 PERIODS = 5.0
@@ -42,14 +44,109 @@ PERIODS = 5.0
 ACCEPTABLE = 0.02
 """Share of refused samples above which something is wrong with the data."""
 
-Verdict = tuple[int, str]
-"""Level and short message."""
+WINDOW = 10.0
+"""[s] How far back the recent counts go."""
+
+RATE_SAMPLES = 30
+"""Messages over which the rate of a topic is measured."""
+
+Counts = dict[tuple[str, str], int]
+"""(input or DOF, reason) -> how many."""
+
+LevelAndMessage = tuple[int, str]
+"""Level and short message of a status."""
+
+
+class Arrivals:
+    """The messages of each topic as they came, whatever became of them."""
+
+    def __init__(self) -> None:
+        self._count: dict[str, int] = {}
+        self._last: dict[str, int] = {}
+        self._times: dict[str, deque[int]] = {}
+
+    def add(self, topic: str, receive_time: int, events: Iterable[Event] = ()) -> None:
+        """Count a message by its receive time [ns] and the events that it gave."""
+        self._count[topic] = self._count.get(topic, 0) + 1
+        self._last[topic] = receive_time
+        for event in events:
+            self._times.setdefault(topic, deque(maxlen=RATE_SAMPLES)).append(event.time)
+            break
+
+    def count(self, topic: str) -> int:
+        """Return how many messages came."""
+        return self._count.get(topic, 0)
+
+    def last(self, topic: str) -> int:
+        """Return the receive time [ns] of the newest message, 0 if there was none."""
+        return self._last.get(topic, 0)
+
+    def rate(self, topic: str) -> float:
+        """Return the rate [Hz] of the newest messages by their own times, 0 while unknown."""
+        times = [*self._times.get(topic, ())]
+        gaps = sorted(after - before for before, after in zip(times, times[1:]) if after > before)
+        # the median, because neither one wild stamp nor a burst is a rate
+        return 1e9 / gaps[len(gaps) // 2] if gaps else 0.0
+
+
+class RecentCounts:
+    """
+    What a stream used and refused over the last ``WINDOW``.
+
+    Parameters
+    ----------
+    stream : Stream
+        Whose counters are read.
+    now : float
+        Time of a steady clock [s].
+
+    """
+
+    def __init__(self, stream: Stream, now: float) -> None:
+        self._stream = stream
+        self._past: deque[tuple[float, Counts, dict[str, int]]] = deque()
+        self.update(now)
+
+    def update(self, now: float) -> None:
+        """Read the counters; to be called about once a second."""
+        used = {name: health.count for name, health in self._stream.inputs.items()}
+        self._past.append((now, dict(self._stream.rejected), used))
+        while len(self._past) > 2 and now - self._past[1][0] >= WINDOW:
+            self._past.popleft()
+
+    @property
+    def span(self) -> float:
+        """Return the time [s] that the counts below cover."""
+        return self._past[-1][0] - self._past[0][0]
+
+    def refused(self, name: str = '') -> Counts:
+        """Return what was refused, of one input or DOF or of all, the most frequent first."""
+        found = difference(self._past[0][1], self._past[-1][1], name)
+        return {key: count for key, count in found.items() if key[1] not in STILL_USED}
+
+    def used(self, name: str) -> int:
+        """Return how many samples of an input were used."""
+        return self._past[-1][2][name] - self._past[0][2][name]
+
+
+def difference(before: Counts, after: Counts, name: str = '') -> Counts:
+    """Return what was counted between two readings, the most frequent first."""
+    found = {key: count - before.get(key, 0) for key, count in after.items()
+             if count > before.get(key, 0) and name in ('', key[0])}
+    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+
+
+def counts_text(counts: Counts, most: int = 8) -> str:
+    """Return ``position too_fast 12, depth late 3``; beyond ``most`` only how many more."""
+    parts = [f'{name} {reason} {count}' for (name, reason), count in counts.items()]
+    more = [f'and {len(parts) - most} other reasons'] if len(parts) > most else []
+    return ', '.join(parts[:most] + more)
 
 
 @dataclass(frozen=True)
-class Situation:
+class HealthData:
     """
-    What the levels are told from.
+    Everything that the levels are judged by.
 
     Attributes
     ----------
@@ -67,113 +164,113 @@ class Situation:
     settings: Settings
     stream: Stream
     arrivals: Arrivals
-    recent: Recent
+    recent: RecentCounts
     topics: Mapping[str, TopicState]
     now: int
     steady: float
     steps: Mapping[str, float]
 
 
-def of_input(at: Situation, name: str) -> Verdict:
+def input_level(data: HealthData, name: str) -> LevelAndMessage:
     """Return level and message of an input."""
-    topics = topics_of(at.settings, name)
-    states = [at.topics[topic] for topic in topics if topic in at.topics]
+    topics = topics_of(data.settings, name)
+    states = [data.topics[topic] for topic in topics if topic in data.topics]
     for state in states:
         if state.is_wrong:
             return ERROR, state.text
-    if not at.now:
+    if not data.now:
         return WARN, 'simulated time has not begun: nothing on /clock'
     for topic in topics:
-        if not at.arrivals.count(topic):
-            found = at.topics.get(topic)
+        if not data.arrivals.count(topic):
+            found = data.topics.get(topic)
             name_there = found.name if found else topic
             return WARN, (found.text if found and found.problem
                           else f'no messages on {name_there}')
-    limit = may_be_silent(at, name)
-    silent = (at.now - min(at.arrivals.last(topic) for topic in topics)) / 1e9
+    limit = allowed_silence(data, name)
+    silent = (data.now - min(data.arrivals.last(topic) for topic in topics)) / 1e9
     if silent > limit:
         return STALE, f'silent for {silent:.1f} s'
-    if name == 'thrusters' and silent > WINDOW and at.stream.inputs[name].count:
+    if name == 'thrusters' and silent > WINDOW and data.stream.inputs[name].count:
         return OK, f'the last command holds, {silent:.0f} s old'
-    return _of_coming(at, name, limit)
+    return _arriving_level(data, name, limit)
 
 
-def may_be_silent(at: Situation, name: str) -> float:
+def allowed_silence(data: HealthData, name: str) -> float:
     """Return how long [s] an input may be silent; inf where a command holds for ever."""
-    rates = [at.arrivals.rate(topic) for topic in topics_of(at.settings, name)]
+    rates = [data.arrivals.rate(topic) for topic in topics_of(data.settings, name)]
     periods = [PERIODS / rate for rate in rates if rate > 0.0]
-    return max([at.settings.timeout_of(name), *periods])
+    return max([data.settings.timeout_of(name), *periods])
 
 
-def _of_coming(at: Situation, name: str, limit: float) -> Verdict:
+def _arriving_level(data: HealthData, name: str, limit: float) -> LevelAndMessage:
     """Judge an input whose messages come."""
-    health, refused = at.stream.inputs[name], at.recent.refused(name)
-    taken = at.recent.taken(name)
-    if not taken and (refused or at.recent.span >= WINDOW / 2.0):
+    health, refused = data.stream.inputs[name], data.recent.refused(name)
+    taken = data.recent.used(name)
+    if not taken and (refused or data.recent.span >= WINDOW / 2.0):
         return WARN, 'messages come, none is taken: ' + (
-            in_words(refused, 3) or 'they wait for the other inputs')
+            counts_text(refused, 3) or 'they wait for the other inputs')
     if health.last_time is not None:
-        age = (at.now - health.last_time) / 1e9
-        if abs(age) > limit + at.settings.max_wait:
+        age = (data.now - health.last_time) / 1e9
+        if abs(age) > limit + data.settings.max_wait:
             where = 'behind' if age > 0.0 else 'ahead of'
             return WARN, f'stamps are {abs(age):.1f} s {where} this clock'
     count = sum(refused.values())
     share = count / max(count + taken, 1)
     if share > ACCEPTABLE:
-        return WARN, f'{100.0 * share:.0f} % refused of late: {in_words(refused, 3)}'
-    rate = min(at.arrivals.rate(topic) for topic in topics_of(at.settings, name))
-    return OK, hertz(rate)
+        return WARN, f'{100.0 * share:.0f} % refused of late: {counts_text(refused, 3)}'
+    rate = min(data.arrivals.rate(topic) for topic in topics_of(data.settings, name))
+    return OK, rate_text(rate)
 
 
-def of_dof(at: Situation, dof: str) -> Verdict:
+def dof_level(data: HealthData, dof: str) -> LevelAndMessage:
     """Return level and message of a degree of freedom."""
-    estimate = estimate_of(at.stream, dof)
-    if estimate is None or not (estimate.steps or dof in at.steps):
-        why = _why(at, dof)
+    estimate = last_estimate(data.stream, dof)
+    if estimate is None or not (estimate.steps or dof in data.steps):
+        why = _obstacle(data, dof)
         return WARN, f'no step yet: {why}' if why else 'no step yet'
-    age = at.steady - at.steps.get(dof, at.steady)
-    limits = [may_be_silent(at, name) for name in needs(at.settings, dof)]
+    age = data.steady - data.steps.get(dof, data.steady)
+    limits = [allowed_silence(data, name) for name in needs(data.settings, dof)]
     limit = max(filter(math.isfinite, limits))
-    if age > limit + at.settings.max_wait:
-        why = _why(at, dof)
+    if age > limit + data.settings.max_wait:
+        why = _obstacle(data, dof)
         return STALE, f'no step for {age:.1f} s' + (f': {why}' if why else '')
     return LEVELS[estimate.status], dof_message(estimate)
 
 
-def estimate_of(stream: Stream, dof: str) -> DofEstimate | None:
+def last_estimate(stream: Stream, dof: str) -> DofEstimate | None:
     """Return the last estimate of a DOF, None before there is one."""
     estimates = stream.estimate.dofs if stream.estimate else ()
     return next((one for one in estimates if one.dof == dof), None)
 
 
-def _why(at: Situation, dof: str) -> str:
+def _obstacle(data: HealthData, dof: str) -> str:
     """Return what keeps a DOF from its steps, '' if nothing seems to."""
-    names = needs(at.settings, dof)
-    verdicts = {name: of_input(at, name) for name in names}
+    names = needs(data.settings, dof)
+    verdicts = {name: input_level(data, name) for name in names}
     silent = [name for name, (level, _) in verdicts.items() if level == STALE]
     if silent:
         return f'{" and ".join(silent)} {"is" if len(silent) == 1 else "are"} silent'
     wrong = [name for name, (level, _) in verdicts.items() if level == ERROR]
-    absent = [name for name in names if not at.stream.inputs[name].count]
-    for name in (*wrong, *absent, *names):  # what others suffer from comes first
+    absent = [name for name in names if not data.stream.inputs[name].count]
+    for name in (*wrong, *absent, *names):  # a cause comes before its consequences
         if verdicts[name][0] != OK:
             return f'{name}: {verdicts[name][1]}'
-    refused = [in_words(found, 3) for name in (*names, dof)
-               if (found := at.recent.refused(name))]
+    refused = [counts_text(found, 3) for name in (*names, dof)
+               if (found := data.recent.refused(name))]
     return 'refused of late: ' + ', '.join(refused) if refused else ''
 
 
-def of_rejected(at: Situation) -> Verdict:
+def rejected_level(data: HealthData) -> LevelAndMessage:
     """Return level and message of all that was refused."""
-    refused = sum(at.recent.refused().values())
-    taken = sum(at.recent.taken(name) for name in at.settings.used_inputs())
-    total = sum(at.stream.rejected.values())
-    used = sum(health.count for health in at.stream.inputs.values())
+    refused = sum(data.recent.refused().values())
+    taken = sum(data.recent.used(name) for name in data.settings.used_inputs())
+    total = sum(data.stream.rejected.values())
+    used = sum(health.count for health in data.stream.inputs.values())
     level = WARN if refused > ACCEPTABLE * (refused + taken) else OK
     return level, f'{total} refused, {used} used; of late {refused} and {taken}'
 
 
-def hertz(rate: float) -> str:
+def rate_text(rate: float) -> str:
     """Return a rate as people write it."""
     if rate <= 0.0:
         return 'a message'  # one alone has no rate

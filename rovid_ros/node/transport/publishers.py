@@ -19,8 +19,7 @@ from rclpy.qos import (
     ReliabilityPolicy,
 )
 from rovid_core.identify.estimate import Estimate
-from rovid_ros.node.transport.encoding import encoded
-from rovid_ros.node.transport.message_classes import import_type
+from rovid_ros.node.transport.encoding import encoded, import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, Outputs, TOPICS
 
 DEPTH = 1000
@@ -41,7 +40,7 @@ def latched(depth: int = 1) -> QoSProfile:
 
 
 def best_effort(depth: int) -> QoSProfile:
-    """Return a profile that takes every publisher, but nothing twice."""
+    """Return a profile that fits every publisher, but asks for nothing to be sent again."""
     return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
                       reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -81,8 +80,8 @@ class Publishers:
         self._unsent.discard(output.topic)
         self._publishers[output.topic].publish(encoded(output.type, output.fields))
 
-    def tell(self, outputs: Outputs, estimates: Sequence[Estimate]) -> None:
-        """Send of estimates what somebody hears, each message before the next is made."""
+    def publish_estimates(self, outputs: Outputs, estimates: Sequence[Estimate]) -> None:
+        """Send the topics of estimates that have subscribers."""
         if not estimates:
             return
         wanted = [topic for topic in TOPICS if self._publishers[topic].get_subscription_count()]
@@ -91,8 +90,8 @@ class Publishers:
                 self.publish(output)
         self._unsent.update(set(LATCHED).difference(wanted))
 
-    def catch_up(self, outputs: Outputs) -> None:
-        """Send the latched topics of the last estimate that nobody heard, for who comes later."""
+    def publish_latched(self, outputs: Outputs) -> None:
+        """Send the latched topics that had no subscriber, for one that comes later."""
         for output in outputs.latched(sorted(self._unsent)):
             self.publish(output)
 

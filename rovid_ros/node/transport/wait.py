@@ -1,9 +1,9 @@
 """
-Wait for messages in a fraction of the time that rclpy's executors take for it.
+A wait loop that takes less than half the time per message of rclpy's executors.
 
-These collect, enter and look through all that a node has for every message, and then once more.
-Here one wait set is kept, and what comes on the inputs goes straight to the node. All else, which
-is seldom, is left to an executor.
+Executors collect, enter and check every entity of a node for each message, and then once more.
+The loop keeps one wait set instead and hands messages on the inputs straight to the node. All
+else (timers, services, parameters) is rare and is left to an executor.
 """
 
 from __future__ import annotations
@@ -18,66 +18,66 @@ from rclpy.subscription import Subscription
 FOR_EVER = -1
 
 Kind = Literal['subscription', 'guard_condition', 'timer', 'client', 'service']
-"""What there is to wait for, in the order in which a wait set takes their numbers."""
+"""Kinds of entities, in the order in which a wait set takes their numbers."""
 
 
-class Listening(Protocol):
-    """A node with inputs of its own: an rclpy node with this besides."""
+class InputNode(Protocol):
+    """What the loop needs of a node besides the interface of rclpy's nodes."""
 
     @property
-    def heard(self) -> Iterable[Subscription[Any]]:
-        """Return the subscriptions of the inputs, none while it is not active."""
+    def input_subscriptions(self) -> Iterable[Subscription[Any]]:
+        """Return the subscriptions of the inputs, none while the node is not active."""
 
-    def take(self) -> None:
-        """Take what waits on the inputs."""
+    def receive(self) -> None:
+        """Take and process all messages that wait on the inputs."""
 
 
-class Wait:
+class WaitLoop:
     """
-    The turns of a node: each waits until something is there, and does what is due.
+    Waits until something is ready for a node, and runs it.
 
-    What the middleware tells of quality of service is not waited for: the executor looks at it
-    whenever it has its turn, as it has with each of the node's timers.
+    Events about quality of service are not waited for: the executor handles them whenever it
+    runs, which it does at least with each of the node's timers.
 
     Parameters
     ----------
-    node : Node and Listening
-        Whose turns they are.
+    node : Node and InputNode
+        The node to run.
     executor : Executor
-        Has the node, and does all but take what waits on the inputs.
+        Has the node, and runs everything except the inputs.
 
     """
 
     def __init__(self, node: Any, executor: Executor) -> None:
         self._node = node
         self._executor = executor
-        self._collect()
+        self._make_wait_set()
 
-    def turn(self) -> None:
-        """Wait, and do what is due."""
+    def wait_and_run(self) -> None:
+        """Wait until something is ready, and run all that is."""
         wait_set = self._wait_set
         wait_set.clear_entities()
         for add, handle in self._entities:
             add(handle)
         wait_set.wait(FOR_EVER)
-        arrived = set(wait_set.get_ready_entities('subscription'))
-        if arrived & self._inputs:
-            self._node.take()
-        if arrived - self._inputs or any(map(wait_set.get_ready_entities, self._others)):
-            self._do_all_else()
-            self._collect()  # only there can something have been made or destroyed
+        ready = set(wait_set.get_ready_entities('subscription'))
+        if ready & self._inputs:
+            self._node.receive()
+        if ready - self._inputs or any(map(wait_set.get_ready_entities, self._others)):
+            self._run_executor()
+            self._make_wait_set()  # only the executor can make or destroy entities
 
-    def _do_all_else(self) -> None:
-        """Let the executor look once at everything, and do what is due."""
+    def _run_executor(self) -> None:
+        """Let the executor run all that is ready."""
         try:
             while True:
                 task, _, _ = self._executor.wait_for_ready_callbacks(0.0)
                 task()
                 task.result()  # raises what was raised
-        except TimeoutException:  # this is how it ends
+        except TimeoutException:  # nothing more is ready
             return
 
-    def _collect(self) -> None:
+    def _make_wait_set(self) -> None:
         node = self._node
         kinds: dict[Kind, list[Any]] = {
             'subscription': [one.handle for one in node.subscriptions],
@@ -91,4 +91,4 @@ class Wait:
                           for kind, handles in kinds.items() for handle in handles]
         self._others = [kind for kind, handles in kinds.items()
                         if handles and kind != 'subscription']
-        self._inputs = {one.handle.pointer for one in node.heard}
+        self._inputs = {one.handle.pointer for one in node.input_subscriptions}

@@ -9,49 +9,49 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rovid_ros.node.node import IdentifierNode
-from rovid_ros.node.transport.backlog import Backlog, LONG, MOST
+from rovid_ros.node.transport.inputs import LARGEST_DECIMATION, LATE, LoadShedding
 
 from test.support.live_node import changed, Peer, simulated, TYPES
 
 
-def taken(backlog: Backlog, topic: str = '/fast', patience: int = 1 << 60) -> int:
-    return sum(not backlog.leaves_out(topic, 1000 * k, patience) for k in range(64))
+def taken(load: LoadShedding, topic: str = '/fast', longest_gap: int = 1 << 60) -> int:
+    return sum(not load.leaves_out(topic, 1000 * k, longest_gap) for k in range(64))
 
 
 def test_a_pause_costs_nothing() -> None:
-    backlog, now = Backlog(), 0.0
+    load, now = LoadShedding(), 0.0
     for pause in (0.0, 0.02, 30.0, 0.02, 5.0, 5.0, 0.02):
         now += pause
-        backlog.begin(pause)
-        assert taken(backlog) == 64
-        backlog.end(0.01, now)
+        load.start_batch(pause)
+        assert taken(load) == 64
+        load.end_batch(0.01, now)
 
 
 def test_a_pause_at_work_costs_nothing_either() -> None:
-    backlog, now = Backlog(), 0.0
-    backlog.end(0.01, now)
+    load, now = LoadShedding(), 0.0
+    load.end_batch(0.01, now)
     for waited, work in ((0.0, 0.01), (0.0, 2.0), (2.0, 0.1), (0.1, 0.01), (0.0, 0.01)):
         now += max(waited, 0.02)
-        backlog.begin(waited)
-        assert taken(backlog) == 64
-        backlog.end(work, now)
+        load.start_batch(waited)
+        assert taken(load) == 64
+        load.end_batch(work, now)
 
 
 def test_what_is_too_much_is_thinned_by_its_measure_and_then_less() -> None:
-    backlog, now = Backlog(), 0.0
-    backlog.end(0.0, now)
+    load, now = LoadShedding(), 0.0
+    load.end_batch(0.0, now)
     for every in (1, 4, 16, 64, 64):  # three times what there is time for
-        backlog.begin(2.0 * LONG)
-        assert taken(backlog) == 64 // every
+        load.start_batch(2.0 * LATE)
+        assert taken(load) == 64 // every
         now += 1.0
-        backlog.end(3.0, now)
-    assert backlog.every == MOST
-    assert taken(backlog, '/slow', patience=3000) >= 20  # these are needed
-    backlog.begin(0.5 * LONG)  # neither late nor early: it just holds
-    assert backlog.every == MOST
+        load.end_batch(3.0, now)
+    assert load.decimation == LARGEST_DECIMATION
+    assert taken(load, '/slow', longest_gap=3000) >= 20  # these are needed
+    load.start_batch(0.5 * LATE)  # neither late nor early: it just holds
+    assert load.decimation == LARGEST_DECIMATION
     for every in (32, 16, 8, 4, 2, 1, 1):
-        backlog.begin(0.0)
-        assert taken(backlog) == 64 // every
+        load.start_batch(0.0)
+        assert taken(load) == 64 // every
 
 
 @pytest.fixture

@@ -21,12 +21,12 @@ from rovid_ros.messages.types import Decoder, WireType
 from rovid_ros.node.node import IdentifierNode
 
 CLOCK_PERIOD = 10_000_000  # [ns] of log time between two messages on /clock
-PATIENCE = 0.01  # [s] of real time after which services and timers get their turn
+SPIN_PERIOD = 0.01  # [s] of real time after which services and timers are served
 
 
-class NodeFeeder:
+class LogPlayer:
     """
-    The node, fed with the messages of a log instead of by subscriptions.
+    Plays a log through the node, which gets its messages from here, not by subscriptions.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class NodeFeeder:
 
     def __init__(self, values: Mapping[str, Any], settings: Settings, rate: float | None
                  ) -> None:
-        # Ctrl-C belongs to the replay: rclpy's handler would end the context under the node
+        # Ctrl-C is handled by the replay; rclpy's handler would end the context under the node
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.scores = ScoreLog(settings)
         try:
@@ -62,8 +62,8 @@ class NodeFeeder:
         self._executor.add_node(self.node)
         self._rate = rate
         self._first: int | None = None  # [ns] log time at which the replay began
-        self._told = 0  # [ns] log time last published
-        self._began = self._turn = time.monotonic()
+        self._clock_time = 0  # [ns] log time last published
+        self._began = self._last_spin = time.monotonic()
 
     def take(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
         """Return the decoder: the node converts by itself."""
@@ -72,11 +72,11 @@ class NodeFeeder:
     def feed(self, message: LogMessage) -> list[Estimate]:
         """Take the next message when it is due; return the estimates that it released."""
         self._wait(message.time)
-        return self.node.feed(message.topic, message.data, message.time)
+        return self.node.add_message(message.topic, message.data, message.time)
 
     def control(self, name: str, value: str) -> list[Estimate]:
         """Do again what a service call did when the log was recorded."""
-        return self.node.control(name, value)
+        return self.node.repeat_control(name, value)
 
     def finish(self) -> list[Estimate]:
         """Take the log's end."""
@@ -97,20 +97,20 @@ class NodeFeeder:
         if self._rate is not None:
             due = self._began + (now - self._first) * 1e-9 / self._rate
             while (left := due - time.monotonic()) > 0.0:
-                self._spin(min(left, PATIENCE))
-        if now - self._told >= CLOCK_PERIOD:
-            self._tell(now)
-        if time.monotonic() - self._turn > PATIENCE:
+                self._spin(min(left, SPIN_PERIOD))
+        if now - self._clock_time >= CLOCK_PERIOD:
+            self._set_time(now)
+        if time.monotonic() - self._last_spin > SPIN_PERIOD:
             self._spin(0.0)
 
     def _spin(self, timeout: float) -> None:
-        """Give services and timers their turn."""
+        """Serve services and timers."""
         self._executor.spin_once(timeout_sec=timeout)
-        self._turn = time.monotonic()
+        self._last_spin = time.monotonic()
 
-    def _tell(self, now: int) -> None:
-        """Publish the time [ns]; the node itself must not be behind, as if it heard it."""
-        self._told = now
+    def _set_time(self, now: int) -> None:
+        """Publish the time [ns], and set the node's clock at once, as if it had received it."""
+        self._clock_time = now
         clock = self.node.get_clock()
         assert isinstance(clock, ROSClock)
         clock.set_ros_time_override(Time(nanoseconds=now, clock_type=ClockType.ROS_TIME))

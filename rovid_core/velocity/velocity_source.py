@@ -157,28 +157,19 @@ class VelocitySource:
         """Return the velocity between two measurements, None if it is too fast."""
         start, end = last[0], new[0]
         dt, middle = (end - start) * NS, (start + end) // 2
-        if self.input == 'attitude':
-            x, y, z = rotation_between(last[1], new[1])  # type: ignore[arg-type]
-            body = world = (x / dt, y / dt, z / dt)
-        else:
-            found = self._world_velocity(last, new, dt)
-            if found is None:
-                return None
-            body = world = found
-            if self._needs_attitude:
-                attitude = self._shared.attitude.at(middle)
-                body = rotate_back(attitude, world)
-        velocity = tuple([body[i] for i in self._axes])
-        if not self._is_slow(velocity, dt):
-            return None
-        turn = 0.0
-        path_noise: tuple[float, ...] = ()
+        world, measured = self._in_world(last, new, dt)
+        body, turn = world, 0.0
         if self._needs_attitude:
+            attitude = self._shared.attitude.at(middle)
+            body = rotate_back(attitude, world)
             if self._shared.attitude.needs_noise:
                 turn = math.hypot(*rotation_between(self._attitude or attitude, attitude))
-                path_noise = self._path_noise(body, dt)
-            self._attitude = attitude
+        velocity = tuple([body[i] for i in self._axes])
+        if not (self._is_slow(measured, dt) and self._is_slow(velocity, dt)):
+            return None
         # only now: what is refused must not reach the other sources either
+        if self._needs_attitude:
+            self._attitude = attitude
         if self.input == 'depth':
             if not self._shared.vertical_velocity(end, 1):
                 self._shared.add_depth(start, last[1][0])
@@ -186,22 +177,27 @@ class VelocitySource:
         elif self.input == 'position':
             self._shared.horizontal = end, world[0], world[1]
         return Motion(start=start, end=end, time=middle, velocity=velocity, turn=turn,
-                      path_noise=path_noise)
+                      path_noise=self._path_noise(body, dt))
 
-    def _world_velocity(self, last: Fix, new: Fix, dt: float) -> Vector | None:
-        """Return the velocity in the world between two fixes, None if it is too fast."""
+    def _in_world(self, last: Fix, new: Fix, dt: float) -> tuple[Vector, tuple[float, ...]]:
+        """
+        Return the velocity between two measurements in the world, and what they measure of it.
+
+        The rest of it comes from other inputs. An attitude gives the angular velocity, which is
+        that in the body already.
+        """
         (start, a), (end, b) = last, new
+        if self.input == 'attitude':
+            x, y, z = rotation_between(a, b)  # type: ignore[arg-type]
+            return (x / dt, y / dt, z / dt), ()
         if self.input == 'depth':
             up = (b[0] - a[0]) / dt
-            return (*self._shared.horizontal_velocity(end), up) if (
-                self._is_slow((up,), dt)) else None
+            return (*self._shared.horizontal_velocity(end), up), (up,)
         if self._lever:
             a, b = self._without_lever(start, a), self._without_lever(end, b)
         vertical = self._shared.vertical_velocity(end, end - start)
         x, y = (b[0] - a[0]) / dt, (b[1] - a[1]) / dt
-        if not self._is_slow((x, y), dt):
-            return None
-        return (x, y, (b[2] - a[2]) / dt if vertical is None else vertical)
+        return (x, y, (b[2] - a[2]) / dt if vertical is None else vertical), (x, y)
 
     def _without_lever(self, time: int, value: tuple[float, ...]) -> Vector:
         """Return where the origin of the body is when the sensor is at ``value``."""
@@ -210,7 +206,9 @@ class VelocitySource:
         return (value[0] - lx, value[1] - ly, value[2] - lz)
 
     def _path_noise(self, body: Vector, dt: float) -> tuple[float, ...]:
-        """Return how far the attitude's noise puts the path wrong on each DOF [m]."""
+        """Return the standard deviation of the path from the attitude's noise [m], per DOF."""
+        if not (self._needs_attitude and self._shared.attitude.needs_noise):
+            return ()
         variance = self._shared.attitude.noise_density * dt
         square = body[0] * body[0] + body[1] * body[1] + body[2] * body[2]
         return tuple([

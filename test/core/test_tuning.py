@@ -36,8 +36,13 @@ def surge() -> Settings:
                           'identifier.method': 'aid'})
 
 
-def read(settings: Settings, duration: float, **truth: float) -> TuningLog:
-    """Simulate with a delay and lag that the settings do not have, and read it."""
+def read(settings: Settings, duration: float, noise: np.random.Generator | None = None,
+         **truth: float) -> TuningLog:
+    """
+    Simulate with a delay and lag that the settings do not have, and read it.
+
+    With noise, this stands in the place of the logged commands.
+    """
     true = replace(settings, thrusters=replace(settings.thrusters, **truth), yaw_offset=0.0)
     log = TuningLog(observed(settings))
     stream = Stream(observed(settings), recorder=log, scorer=log)
@@ -47,6 +52,8 @@ def read(settings: Settings, duration: float, **truth: float) -> TuningLog:
             x, y, z, w = value
             s, c = math.sin(half), math.cos(half)
             value = (c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z)
+        if name == 'thrusters' and noise is not None:
+            value = tuple(noise.normal(0.0, 2.0, len(value)).tolist())
         stream.receive(Event(time, (Sample(name, value),)))
     stream.finish()
     return log
@@ -164,9 +171,7 @@ def test_a_log_that_tells_nothing(
 
 
 def test_a_motion_without_its_thrust_tells_nothing(surge: Settings) -> None:
-    log = read(surge, 70.0)
-    rng = np.random.default_rng(1)
-    log._commands[:] = type(log._commands)('d', rng.normal(0.0, 100.0, len(log._commands)))
+    log = read(surge, 70.0, np.random.default_rng(1))
     with pytest.raises(TuningError, match='does not explain'):
         tune(log, surge)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, inf
 import sys
 from time import process_time
 from typing import Any
@@ -14,7 +14,9 @@ from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
-from test.support.online_trials import Trial
+from test.support.online_runs import identifier, METHODS
+from test.support.online_trials import Case, follow, prediction_error, Trial, trial
+from test.support.surge import HEAVY, SURGE_TRUTH
 from test.support.trials import Array, NOISE
 
 GATE = 5.0
@@ -231,3 +233,46 @@ def _rows(x: Array, force: float, half: float, h: float) -> tuple[tuple[float, .
 
 
 PEERS = {'filterpy ExtendedKalmanFilter': filterpy_ekf, 'padasip FilterRLS': padasip_rls}
+
+
+def peer_errors(case: Case, seed: int) -> dict[str, list[float]]:
+    """Return the model's error [m/s] and the parameters' relative ones of every method."""
+    one = trial(case, seed)
+    errors = {}
+    for method in METHODS:
+        found = follow(identifier(method), one.pieces())[0]
+        errors[method] = _errors(found.parameters, found.delay, case)
+    for name in PEERS:
+        errors[name] = _errors(_of_peer(name, one), 0.0, case)
+    return errors
+
+
+def _of_peer(name: str, one: Trial) -> Four:
+    try:
+        return PEERS[name](one, Scales.of(HEAVY)).parameters
+    except ValueError:  # its numbers are not finite any more
+        return (inf,) * 4
+
+
+def _errors(parameters: Four, delay: float, case: Case) -> list[float]:
+    return [prediction_error(parameters, delay, case),
+            *(p / true - 1.0 for p, true in zip(parameters, SURGE_TRUTH))]
+
+
+def times(case: Case, seeds: int = 3) -> dict[str, float]:
+    """Return the time per step [s] of every method, the best of some runs in turn."""
+    best: dict[str, float] = {}
+    for seed in range(seeds):
+        one = trial(case, seed)
+        first, *steps = one.pieces()
+        for method in METHODS:
+            new = identifier(method)
+            new.restart(first)  # type: ignore[arg-type]
+            began = process_time()
+            for step in steps:
+                assert isinstance(step, Step)
+                new.step(step)
+            best[method] = min(best.get(method, inf), (process_time() - began) / len(steps))
+        for name, peer in PEERS.items():
+            best[name] = min(best.get(name, inf), peer(one, Scales.of(HEAVY)).seconds)
+    return best

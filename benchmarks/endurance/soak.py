@@ -1,11 +1,11 @@
 """
 Run for long.
 
-``python -m benchmarks.endurance.soak [--hours H | --live S] [--output docs/measurements/soak.md]``
+``python -m benchmarks.endurance.soak [--hours H | --live S]``
 
 Without ``--live``, H hours of a simulated vehicle with ten times the sensor rates go through
-the live pipe, message by message: converter, stream, output messages; after every hour what came
-of it so far is written. With ``--live``, the node runs in a process of its own for S seconds and
+the live pipe, message by message: converter, stream, output messages; and what came of it is
+printed. With ``--live``, the node runs in a process of its own for S seconds and
 hears sensors at 50 Hz over DDS.
 """
 
@@ -17,7 +17,6 @@ from dataclasses import replace
 from multiprocessing import get_context
 from multiprocessing.queues import Queue
 import os
-from pathlib import Path
 from queue import Empty
 
 from rovid_core.pipeline.stream import Stream
@@ -28,7 +27,6 @@ from rovid_ros.messages.convert import Converter
 from rovid_ros.results.outputs import Outputs
 
 from benchmarks.endurance.soak_outcome import Soak
-from benchmarks.sections import write
 from test.support.processes import resident
 from test.support.sensors import built, sensed, times_faster
 from test.support.trials import CONFIG
@@ -105,13 +103,12 @@ def main() -> None:
     parser.add_argument('--methods', nargs='+', default=METHODS, choices=METHODS,
                         help='of the simulated time, one process each')
     parser.add_argument('--live', type=float, metavar='S', help='seconds of the node on DDS')
-    parser.add_argument('--output', type=Path, metavar='FILE.md')
     given = parser.parse_args()
     os.environ['OPENBLAS_NUM_THREADS'] = '1'
     if given.live:
         from benchmarks.endurance.soak_live import live, RATE
         soak = live(given.live)
-        write(given.output, INTRODUCTION, f'The node on DDS, {RATE:g} Hz', soak.lines(_settings()))
+        _print(f'The node on DDS, {RATE:g} Hz', soak)
         return
     context = get_context('spawn')
     told: Queue[tuple[str, Soak]] = context.Queue()
@@ -124,23 +121,14 @@ def main() -> None:
             method, soak = told.get(timeout=1.0)
         except Empty:
             continue
-        if given.output or soak.duration == 3600.0 * given.hours:
-            write(given.output, INTRODUCTION,
-                  f'Simulated time, ten times the sensor rates, {method}',
-                  soak.lines(_settings()))
+        if soak.duration == 3600.0 * given.hours:
+            _print(f'Simulated time, ten times the sensor rates, {method}', soak)
     if any(run.exitcode for run in runs):
         raise SystemExit('a run failed')
 
 
-INTRODUCTION = """\
-# Long runs
-
-`python -m benchmarks.endurance.soak --output docs/measurements/soak.md` and, with
-`--live 3600`, the same for the node
-on DDS write this file. The vehicle is that of `config/jhurov.yaml`. Memory is what the process
-holds (RSS); asked is a growth below 1 MB after the first ten minutes, no missed step, and
-estimates that are right in the end.
-"""
+def _print(title: str, soak: Soak) -> None:
+    print(f'**{title}**', '', *soak.lines(_settings()), sep='\n', flush=True)
 
 
 if __name__ == '__main__':

@@ -4,8 +4,7 @@ Put faults into a simulated and a real log.
 ``python -m benchmarks.faults.campaign [LOGS] [--live]``
 
 LOGS is a folder with the two tank recordings; without it, they are left out. ``--live``
-publishes every faulty log over DDS as well, into the node in a process of its own.
-``--output docs/measurements/faults.md`` keeps what came out.
+publishes every faulty simulated log over DDS as well, into the node in a process of its own.
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ def work(name: str, logs: Path | None, over_dds: bool, fault: str) -> Row:
     if not _is_said(case, row.refused, row.said):
         row.wrong.append('not said')
     if over_dds:
-        _add_live(_bench('short', logs) if name == 'simulated' else bench, case, row)
+        _add_live(_bench('short', logs), case, row)
     row.wrong += [f'mae {method}' for method in (METHODS[0], 'live')
                   if method in row.ratios and not row.ratios[method][0] <= WITHIN]
     return row
@@ -117,33 +116,26 @@ def main() -> None:
     parser.add_argument('--only', default='', metavar='NAME', help='faults with this in the name')
     parser.add_argument('--workers', type=int, metavar='N', help='processes; default: one per '
                         'core, but a live run mostly waits')
-    parser.add_argument('--output', type=Path, metavar='FILE.md')
     given = parser.parse_args()
     os.environ['OPENBLAS_NUM_THREADS'] = '1'  # one process per core is enough
-    lines = [*_head(given.live)]
+    print('\n'.join(_head()), flush=True)
     with ProcessPoolExecutor(given.workers, mp_context=get_context('spawn')) as pool:
         for name in ('simulated', 'tank') if given.logs else ('simulated',):
             recording = _bench(name, given.logs).recording
             fitting = [fault for fault in BY_NAME.values()
                        if given.only in fault.name and fault.fits(recording)]
-            rows = {}
-            for row in pool.map(partial(work, name, given.logs, given.live),
+            rows, live = {}, given.live and name == 'simulated'
+            for row in pool.map(partial(work, name, given.logs, live),
                                 [fault.name for fault in fitting]):
                 rows[row.fault] = row
                 print(f'{name:10} {row.fault:32} {"; ".join(row.wrong) or "ok"}',
                       file=sys.stderr, flush=True)
-            lines += _tables(name, rows, given.live)
-    text = '\n'.join(lines) + '\n'
-    if given.output:
-        given.output.write_text(text)
-    else:
-        print(text, end='')
+            print('\n'.join(_tables(name, rows, live)), flush=True)
 
 
-def _head(over_dds: bool) -> list[str]:
-    """Return what stands above the tables: how it was made, and what each fault is."""
-    command = 'python -m benchmarks.faults.campaign FOLDER' + (' --live' if over_dds else '')
-    lines = INTRODUCTION.format(command=command, within=round(100 * (WITHIN - 1.0))).splitlines()
+def _head() -> list[str]:
+    """Return what stands above the tables: what is done, and what each fault is."""
+    lines = INTRODUCTION.format(within=round(100 * (WITHIN - 1.0))).splitlines()
     for group, faults in FAULTS.items():
         lines += ['', f'**{group}**', '', '| fault | what is done | for [s] |',
                   '| --- | --- | --- |']
@@ -155,7 +147,7 @@ def _head(over_dds: bool) -> list[str]:
 
 def _tables(name: str, rows: dict[str, Row], over_dds: bool) -> list[str]:
     failed = [row for row in rows.values() if row.wrong]
-    lines = ['', f'## {TITLES[name]}', '', f'{len(rows)} faults, {len(rows) - len(failed)} as '
+    lines = ['', f'### {TITLES[name]}', '', f'{len(rows)} faults, {len(rows) - len(failed)} as '
              'asked.']
     for group, faults in FAULTS.items():
         own = [rows[fault.name] for fault in faults if fault.name in rows]
@@ -186,10 +178,6 @@ def _ratio(found: tuple[float, str]) -> str:
 TITLES = {'simulated': 'Simulated log', 'tank': 'Tank recording'}
 
 INTRODUCTION = """\
-# Faults
-
-`{command} --output docs/measurements/faults.md` writes this file.
-
 Each fault is put into the messages of a log, which is written to a file and replayed with the
 shipped settings. The log goes on undisturbed when the fault has cleared; what the model is worth
 in the end is the paper's score on another log.
@@ -209,9 +197,7 @@ in the end is the paper's score on another log.
   matters and of which the node said nothing that tells it
 
 The model explains some 60 % of the motion in the tank, and the status says so with and without a
-fault: there, what changes the thrust alone for 20 s does not stand out.
-
-## The faults"""
+fault: there, what changes the thrust alone for 20 s does not stand out."""
 
 
 if __name__ == '__main__':

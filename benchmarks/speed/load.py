@@ -1,7 +1,7 @@
 """
 How many messages the node takes.
 
-``python -m benchmarks.speed.load [--rates HZ,...] [--output FILE]``
+``python -m benchmarks.speed.load [--rates HZ,...]``
 
 Positions and thruster currents come at the same rate each, attitudes at up to 200 Hz, over
 DDS, into the node in a process of its own; a second process publishes them. A node that only
@@ -179,25 +179,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--rates', default=','.join(f'{r:g}' for r in RATES), metavar='HZ,...')
     parser.add_argument('--duration', type=float, default=10.0, metavar='S')
-    parser.add_argument('--output', type=Path, metavar='FILE.md')
     given = parser.parse_args()
     os.environ['OPENBLAS_NUM_THREADS'] = '1'
-    lines = INTRODUCTION.format(seconds=given.duration).splitlines()
+    print(INTRODUCTION.format(seconds=given.duration), end='', flush=True)
     for rate in map(float, given.rates.split(',')):
         for passing in (True, False):
-            row = loaded(rate, given.duration, passing).row()
-            print(row, flush=True)
-            lines.append(row)
-    if given.output:
-        given.output.write_text('\n'.join(lines) + '\n')
+            print(loaded(rate, given.duration, passing).row(), flush=True)
 
 
 INTRODUCTION = """\
-# Load
-
-`python -m benchmarks.speed.load --output docs/measurements/load.md` writes this file.
-Positions and currents come at
-the rate each, attitudes at the rate or 200 Hz, for {seconds:g} s, over DDS, with the shipped
+Positions and currents come at the rate each, attitudes at the rate or 200 Hz, for {seconds:g} s, over DDS, with the shipped
 configuration and method (no depth). Times depend on the machine; the node that only passes
 positions on, in the same run, is the yardstick.
 

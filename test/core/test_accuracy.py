@@ -10,7 +10,6 @@ from rovid_core.model.lowpass import LowPass
 from rovid_core.pipeline import steps as pipe
 from rovid_core.pipeline.stream import Stream
 
-from benchmarks.accuracy.adaptive_identifier import tank_scores
 from test.support.surge import (
     exact_case,
     HEAVY,
@@ -22,6 +21,7 @@ from test.support.surge import (
     SURGE_TRUTH,
     TRAINING,
 )
+from test.support.tank import tank_scores
 
 
 def test_rk4_at_100_hz_finds_the_eq_13_vehicle_and_w_never_grows():

@@ -41,7 +41,7 @@ from test.support.online_trials import (
     trial,
 )
 from test.support.surge import HEAVY, LIGHT, SURGE_TRUTH, TRAINING
-from test.support.tank import LEAST, tank_fits
+from test.support.tank import LEAST, online_fits
 from test.support.trials import CONFIG
 
 TRUE = np.array(SURGE_TRUTH)
@@ -300,7 +300,7 @@ def test_the_tank_recordings_are_predicted(data):
     logs = data / 'bluerov2_tank'
     if not logs.is_dir():
         pytest.skip(f'no {logs}')
-    found = tank_fits(logs, 'ekf')
+    found = online_fits(logs, 'ekf')
     assert {dof: fit for dof, fit in found.items() if not 100 * fit >= LEAST[dof]} == {}
 
 

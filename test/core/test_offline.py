@@ -19,7 +19,7 @@ from rovid_core.trials.offline import METHODS, subsets
 from rovid_core.trials.output_error import information, noise, output_error
 from rovid_core.trials.score import ScoreLog
 
-from benchmarks.accuracy.offline_methods import (
+from test.support.offline_trials import (
     aid,
     bias,
     bound_ratio,
@@ -27,9 +27,9 @@ from benchmarks.accuracy.offline_methods import (
     errors_on,
     scores,
     squares,
-    tank_fits,
 )
 from test.support.surge import HEAVY, run, surge_settings, SURGE_TRUTH
+from test.support.tank import offline_fits
 from test.support.trials import trial, TRIALS
 
 WAVES = ((150.0, 1 / 18), (80.0, 1 / 7.3))
@@ -206,7 +206,7 @@ def test_slow_and_large_thrust_says_more():
 
 
 def test_the_tank_is_predicted(data):
-    fits = tank_fits(data / 'bluerov2_tank')
+    fits = offline_fits(data / 'bluerov2_tank')
     limits = {'surge': (0.034, 0.69), 'sway': (0.034, 0.61), 'heave': (0.026, 0.59),
               'yaw': (0.127, 0.36)}
     for dof, (mae, fit) in limits.items():

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.faults.kills import replay_kills
+from test.support.replay_kills import replay_kills
 
 
 def test_killed_replays(tmp_path: Path) -> None:
@@ -18,7 +18,7 @@ def test_killed_replays(tmp_path: Path) -> None:
 
 def test_killed_nodes(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
-    from benchmarks.faults.live_kills import live_kills
+    from test.support.live_kills import live_kills
     tally = live_kills(tmp_path, 5, seed=2)
     assert tally.faults == []
     assert tally.kills == 5

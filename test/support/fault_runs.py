@@ -25,9 +25,9 @@ from rovid_ros.logs.log import Log, LogMessage
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types
 
-from benchmarks.accuracy.offline_methods import TANK_LENGTH
 from test.support.fault_edits import Messages, Recording, SECOND, shifted
 from test.support.fault_outcomes import Outcome, step_text
+from test.support.tank import TANK_LENGTH
 from test.support.trials import CONFIG, error
 
 PAUSE = 1.5

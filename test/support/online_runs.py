@@ -1,4 +1,4 @@
-"""What one seed of each row of ``benchmarks.accuracy.online_methods`` gives."""
+"""What one seed gives of each case that the online methods are judged by."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from functools import partial
 from math import inf, isfinite
-from time import process_time
 
 import numpy as np
 from rovid_core.identify import make_identifier
@@ -15,11 +14,9 @@ from rovid_core.identify.intervals import intervals
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import lumped
-from rovid_core.model.samples import Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales
 
-from benchmarks.accuracy.peers import PEERS
 from test.support import surge as cases
 from test.support.online_trials import (
     bound,
@@ -27,7 +24,6 @@ from test.support.online_trials import (
     CLEAN,
     follow,
     prediction_error,
-    Trial,
     trial,
 )
 from test.support.surge import HEAVY, surge_log, surge_settings, SURGE_TRUTH, TRAINING, VALIDATION
@@ -218,46 +214,3 @@ def followed_payload(case: Case, seed: int) -> Payload:
     minute, end = follow(
         identifier('ekf'), trial(case, seed).pieces(), (260.0, inf), since=200.0)
     return Payload(end.changed_at - 200.0, minute.parameters[0] / loaded[0] - 1.0)
-
-
-def peer_errors(case: Case, seed: int) -> dict[str, list[float]]:
-    """Return the model's error [m/s] and the parameters' relative ones of every method."""
-    one = trial(case, seed)
-    errors = {}
-    for method in METHODS:
-        found = follow(identifier(method), one.pieces())[0]
-        errors[method] = _errors(found.parameters, found.delay, case)
-    for name in PEERS:
-        errors[name] = _errors(_of_peer(name, one), 0.0, case)
-    return errors
-
-
-def _of_peer(name: str, one: Trial) -> Four:
-    try:
-        return PEERS[name](one, Scales.of(HEAVY)).parameters
-    except ValueError:  # its numbers are not finite any more
-        return (inf,) * 4
-
-
-def _errors(parameters: Four, delay: float, case: Case) -> list[float]:
-    return [prediction_error(parameters, delay, case),
-            *(p / true - 1.0 for p, true in zip(parameters, SURGE_TRUTH))]
-
-
-def times(case: Case, seeds: int = 3) -> dict[str, float]:
-    """Return the time per step [s] of every method, the best of some runs in turn."""
-    best: dict[str, float] = {}
-    for seed in range(seeds):
-        one = trial(case, seed)
-        first, *steps = one.pieces()
-        for method in METHODS:
-            new = identifier(method)
-            new.restart(first)  # type: ignore[arg-type]
-            began = process_time()
-            for step in steps:
-                assert isinstance(step, Step)
-                new.step(step)
-            best[method] = min(best.get(method, inf), (process_time() - began) / len(steps))
-        for name, peer in PEERS.items():
-            best[name] = min(best.get(name, inf), peer(one, Scales.of(HEAVY)).seconds)
-    return best

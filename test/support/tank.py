@@ -1,22 +1,72 @@
-"""The online methods on the tank recordings, through the real pipe."""
+"""The tank recordings through the real pipe, and what the methods make of them."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
-from rovid_core.settings.run import IdentifierSettings
+from rovid_core.identify.estimate import Estimate
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import IdentifierSettings, Settings
+from rovid_core.settings.scales import Scales
+from rovid_core.trials.offline import METHODS
+from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
+from rovid_ros.logs.log import Log
+from rovid_ros.messages.convert import Converter
 
-from benchmarks.accuracy.offline_methods import replayed, TANK_LENGTH
 from test.support.trials import CONFIG
 
 LEAST = {'surge': 64, 'sway': 61, 'heave': 62, 'yaw': 32}
 """Fit [%] that is asked of the extended Kalman filter."""
 
 
-def tank_fits(logs: Path, method: str) -> dict[str, float]:
+TANK_LENGTH = 165.395
+"""[s] Of all_axes.mcap."""
+
+
+def replayed(logs: Path, name: str, settings: Settings, start: float = 0.0,
+             duration: float | None = None) -> tuple[ScoreLog, Estimate]:
+    """Return a part of a tank recording after the pipe, and the last estimate."""
+    scores = ScoreLog(settings)
+    stream = Stream(settings, scorer=scores)
+    converter = Converter(settings, stream.reject)
+    with Log([logs / name]) as log:
+        for message in log.messages(converter.topics, start, duration):
+            for event in converter.events(message.topic, message.data, message.time):
+                stream.receive(event)
+    stream.finish()
+    assert stream.estimate is not None
+    return scores, stream.estimate
+
+
+def tank_scores(logs: Path) -> tuple[Estimate, dict[str, Score]]:
+    """Train on surge_sway_heave.mcap; score on all_axes.mcap against the motion capture."""
+    settings = settings_from(load(CONFIG / 'bluerov2_tank.yaml'))
+    _, trained = replayed(logs, 'surge_sway_heave.mcap', settings)
+    validation, _ = replayed(logs, 'all_axes.mcap', settings)
+    return trained, {d.dof: validation.score(d.dof, d.parameters) for d in trained.dofs}
+
+
+def offline_fits(logs: Path) -> dict[str, tuple[float, float]]:
+    """Return mae and fit of output error per DOF, on data that it was not trained on."""
+    settings = settings_from(load(CONFIG / 'bluerov2_tank.yaml'))
+    train = replayed(logs, 'surge_sway_heave.mcap', settings)[0]
+    validate = replayed(logs, 'all_axes.mcap', settings)[0]
+    first = replayed(logs, 'all_axes.mcap', settings, 0.0, 0.6 * TANK_LENGTH)[0]
+    rest = replayed(logs, 'all_axes.mcap', settings, 0.6 * TANK_LENGTH)[0]
+    fits = {}
+    for dof, learn, judge in (('surge', train, validate), ('sway', train, validate),
+                              ('heave', train, validate), ('yaw', first, rest)):
+        fit = METHODS['output_error'](
+            learn.records(dof), Scales.of(settings.dof[dof]), settings)
+        score = judge.score(dof, fit.parameters)
+        fits[dof] = (score.mae, score.fit)
+    return fits
+
+
+def online_fits(logs: Path, method: str) -> dict[str, float]:
     """
     Return the fit per DOF of what a method has in the end, on data it was not trained on.
 

@@ -16,7 +16,7 @@ from rovid_ros.config.parameters import settings_from
 from rovid_ros.files.state_file import load as load_checkpoint
 from rovid_ros.logs.log import Log
 
-from benchmarks.faults.kill_tally import configured, environment, Tally
+from test.support.kill_tally import configured, environment, Tally
 from test.support.processes import REPOSITORY
 
 SPEED = 2.0

@@ -188,9 +188,9 @@ def main() -> None:
 
 
 INTRODUCTION = """\
-Positions and currents come at the rate each, attitudes at the rate or 200 Hz, for {seconds:g} s, over DDS, with the shipped
-configuration and method (no depth). Times depend on the machine; the node that only passes
-positions on, in the same run, is the yardstick.
+Positions and currents come at the rate each, attitudes at the rate or 200 Hz, for {seconds:g} s,
+over DDS, with the shipped configuration and method (no depth). Times depend on the machine; the
+node that only passes positions on, in the same run, is the yardstick.
 
 * Hz, reached: what the publisher was to do, and did; fixes are as much better as they are more
 * lost: steps that did not come; a step needs two positions, or two attitudes

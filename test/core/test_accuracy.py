@@ -7,7 +7,7 @@ from statistics import median
 import pytest
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.lowpass import LowPass
-from rovid_core.pipeline import steps as pipe
+from rovid_core.pipeline import steps
 from rovid_core.pipeline.stream import Stream
 
 from test.support.surge import (
@@ -73,12 +73,12 @@ def test_thrust_that_is_not_filtered_like_the_velocity_is_several_times_worse(
 
     alike = error()
 
-    class ForceUnfiltered(pipe.Track):
+    class ForceUnfiltered(steps.FilteredSource):
         def __init__(self, *arguments):
             super().__init__(*arguments)
             self.force = LowPass(0.0)
 
-    monkeypatch.setattr(pipe, 'Track', ForceUnfiltered)
+    monkeypatch.setattr(steps, 'FilteredSource', ForceUnfiltered)
     assert error() > 4 * alike
 
 

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import IdentifierSettings, Settings
-from rovid_core.settings.scales import Scales
+from rovid_core.settings.run import IdentifierSettings, Scales, Settings
 from rovid_core.trials.offline import METHODS
 from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.config.parameter_file import load

@@ -27,16 +27,16 @@ SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
 class Scorer(Protocol):
     """Keeps what a score needs."""
 
-    def restarted(self, dof: str, time: int, velocity: float) -> None:
+    def begin_run(self, dof: str, time: int, velocity: float) -> None:
         """Note the velocity from which the steps of a DOF go on after an interruption."""
 
-    def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+    def add_step(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
         """Add a step and its times [ns]: start, start of the measurement, end."""
 
-    def reference(self, time: int, value: tuple[float, ...]) -> None:
+    def add_reference(self, time: int, value: tuple[float, ...]) -> None:
         """Add a reference velocity (six values)."""
 
-    def changed(self, cutoff: float) -> None:
+    def set_cutoff(self, cutoff: float) -> None:
         """Note the cutoff [Hz] of the steps from now on."""
 
 
@@ -101,7 +101,7 @@ class Pipeline:
             for dof in self.dofs:
                 dof.change(settings)
         if self._scorer is not None:
-            self._scorer.changed(settings.cutoff)
+            self._scorer.set_cutoff(settings.cutoff)
 
     def restart(self) -> None:
         """Forget filters and histories, and keep the parameters."""
@@ -172,7 +172,7 @@ class Pipeline:
         if name == 'sign':
             self._commands.add_signs(time, value)
         elif self._scorer is not None:
-            self._scorer.reference(time, value)
+            self._scorer.add_reference(time, value)
         return ''
 
     def _add_measurement(self, time: int, name: str, value: tuple[float, ...]) -> str:
@@ -264,7 +264,7 @@ class Pipeline:
                 path_noise=motion.path_noise[j] if motion.path_noise else 0.0)
             self.dofs[i].add_step(time, step, self.adapt)
             if self._scorer is not None:
-                self._scorer.stepped(self._settings.dofs[i], span, step)
+                self._scorer.add_step(self._settings.dofs[i], span, step)
         source.last = motion
         source.warn_if_clamped()
         estimates.append(self.estimate(time, source.indices))
@@ -277,7 +277,7 @@ class Pipeline:
         for i, v in zip(source.indices, velocity):
             self.dofs[i].identifier.restart(v)
             if self._scorer is not None:
-                self._scorer.restarted(self._settings.dofs[i], motion.time, v)
+                self._scorer.begin_run(self._settings.dofs[i], motion.time, v)
 
 
 def _is_no_infinity(x: float) -> bool:

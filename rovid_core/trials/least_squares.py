@@ -1,8 +1,8 @@
 """
 Least squares on whole trials: as the paper does it (Section II), and without acceleration.
 
-Both are linear in the parameters and biased by noise in the regressors; they are what the
-other methods are compared with.
+Both are linear in the parameters, and biased by noise in the regressors. The other methods are
+compared with them.
 """
 
 from __future__ import annotations
@@ -13,15 +13,16 @@ from typing import cast
 import numpy as np
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.lowpass import filtered
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
-from rovid_core.trials.record import Array, Fit, Record
+from rovid_core.trials.record import Fit, Record
 from scipy.signal import butter, sosfiltfilt
 
 ORDER = 4
-"""Of the zero-phase low-pass."""
+"""Order of the zero-phase low-pass."""
 
-LEAST_SINGULAR = 1e-3
-"""Of the largest singular value: directions below it are not determined."""
+MIN_SINGULAR = 1e-3
+"""Directions with less than this share of the largest singular value are undetermined."""
 
 
 def with_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) -> Fit:
@@ -31,19 +32,19 @@ def with_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) 
     Parameters
     ----------
     records : sequence of Record
-        The trial.
+        Of the trial.
     scales : Scales
         Typical sizes and terms.
     cutoff : float
-        Of the zero-phase low-pass on position and thrust [Hz].
+        Cutoff of the zero-phase low-pass on position and thrust [Hz].
 
     Returns
     -------
     Fit
-        Without std: the residuals are filtered noise, not white.
+        Without covariance: the residuals are filtered noise, not white.
 
     """
-    rows: list[Array] = []
+    parts: list[Array] = []
     targets: list[Array] = []
     for record in records:
         grid = np.arange(record.time[0], record.time[-1], np.median(np.diff(record.time)))
@@ -61,9 +62,9 @@ def with_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) 
         else:
             velocity = sosfiltfilt(smooth, np.interp(grid, record.time, record.velocity))
         inside = slice(edge, -edge)
-        rows.append(_regressor(force, velocity)[inside])
+        parts.append(regressors(force, velocity)[inside])
         targets.append(np.gradient(velocity, dt)[inside])
-    return _solve(rows, targets, scales)
+    return _solve(parts, targets, scales)
 
 
 def without_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) -> Fit:
@@ -74,7 +75,7 @@ def without_acceleration(records: Sequence[Record], scales: Scales, cutoff: floa
     through the same filter (the approach of the paper's references 2, 15 and 22).
     Parameters and result as in ``with_acceleration``.
     """
-    rows: list[Array] = []
+    parts: list[Array] = []
     targets: list[Array] = []
     for record in records:
         steps = record.steps()
@@ -85,34 +86,35 @@ def without_acceleration(records: Sequence[Record], scales: Scales, cutoff: floa
         dt = dt[1:]
         force = filtered(cutoff, dt, np.array([step.force[1] for step in steps[1:]]))
         middle = 0.5 * (velocity[:-1] + velocity[1:])
-        regressor = filtered(cutoff, dt, _regressor(force, middle).T).T
+        regressor = filtered(cutoff, dt, regressors(force, middle).T).T
         start = len(dt) // 50
-        rows.append(regressor[start:])
+        parts.append(regressor[start:])
         targets.append(filtered(cutoff, dt, np.diff(velocity) / dt)[start:])
-    return _solve(rows, targets, scales)
+    return _solve(parts, targets, scales)
 
 
-def _regressor(force: Array, velocity: Array) -> Array:
+def regressors(force: Array, velocity: Array) -> Array:
+    """Return phi = [tau, v|v|, v, 1] of many steps, shape (n, 4)."""
     return np.stack(
         [force, velocity * np.abs(velocity), velocity, np.ones_like(velocity)], axis=1)
 
 
-def _solve(rows: Sequence[Array], targets: Sequence[Array], scales: Scales) -> Fit:
-    """Return the pseudoinverse's solution (eq. 6), and say where it is not unique."""
-    if not rows:
+def _solve(parts: Sequence[Array], targets: Sequence[Array], scales: Scales) -> Fit:
+    """Return the pseudoinverse's solution (eq. 6), with a note if it is not unique."""
+    if not parts:
         return Fit.none('the trial is too short')
     active = np.array(scales.active)
     size = np.array(scales.regressor)[active]
-    table = np.concatenate(rows)[:, active] * size
+    table = np.concatenate(parts)[:, active] * size
     _, singular, directions = np.linalg.svd(table, full_matrices=False)
-    rank = int((singular > LEAST_SINGULAR * singular[0]).sum())
+    rank = int((singular > MIN_SINGULAR * singular[0]).sum())
     note = ''
     if rank < len(singular):
         names = np.array(PARAMETERS)[active]
         mixed = names[np.abs(directions[-1]) > 0.3]
         note = (f'rank {rank} of {len(singular)}: this trial does not determine '
                 f'{" and ".join(mixed)}')
-    solution = np.linalg.pinv(table, rcond=LEAST_SINGULAR) @ np.concatenate(targets)
+    solution = np.linalg.pinv(table, rcond=MIN_SINGULAR) @ np.concatenate(targets)
     parameters = np.zeros(4)
     parameters[active] = solution * size
     return Fit(cast(Four, tuple(parameters.tolist())), note=note)

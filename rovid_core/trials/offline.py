@@ -1,4 +1,4 @@
-"""The offline methods by name, and the choice of terms."""
+"""The offline methods by name; the adaptive identifier on whole trials; the choice of terms."""
 
 from __future__ import annotations
 
@@ -6,13 +6,105 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 import math
+from typing import cast
 
-from rovid_core.model.dofs import PARAMETERS
+import numpy as np
+from rovid_core.identify.aid.self_tuning import FullGainIdentifier, inverse_gram
+from rovid_core.model.dofs import Four, PARAMETERS
+from rovid_core.model.samples import Step
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import DofSettings, Scales, Settings
-from rovid_core.trials.least_squares import with_acceleration, without_acceleration
+from rovid_core.trials.least_squares import (
+    regressors,
+    with_acceleration,
+    without_acceleration,
+)
 from rovid_core.trials.output_error import output_error
 from rovid_core.trials.record import Fit, Record
-from rovid_core.trials.repeated_passes import repeated_passes
+
+PASS_TIMES = (7.0, 7.0, 10.0)
+"""Settling time of each pass over the trial, in adaptation times."""
+
+FEEDBACK = 3.0
+"""|a| of eq. 7 times the adaptation time: so slow that v_hat is nearly a simulation."""
+
+MIN_SHARE = 1e-3
+"""Least share of a mean square that the other regressors are taken to leave unexplained."""
+
+MIN_SQUARES = (1e-4,) * 4
+"""Least mean squares of the regressors, in typical ones, for trials without motion."""
+
+PIECES = {'euler': 4, 'heun': 2, 'rk4': 1}
+"""Pieces of each step, so that every integrator evaluates eq. 7 and 11 four times."""
+
+AVERAGED_STEPS = 10
+"""The first guess of the regressors uses means of so many steps, to reduce noise."""
+
+
+def adaptive_identifier(records: Sequence[Record], scales: Scales, adaptation_time: float,
+                        integrator: str = 'rk4') -> Fit:
+    """
+    Identify by the paper's identifier in three passes over the trial, the last one slower.
+
+    Gamma is the inverse of the trial's mean of phi phi', so that every combination of the
+    parameters settles in the same time, also those that a slow sinusoid hardly shows. The
+    result is the mean over the second half of the last pass, which averages the noise.
+    The velocity is not filtered, because a filter would bias the drag. With Runge-Kutta the
+    result is unbiased. Euler and Heun have the bias of their steps, and take the noise of the
+    velocity and its echo in v_hat for drag, less so with divided steps (``PIECES``).
+
+    Parameters
+    ----------
+    records : sequence of Record
+        Of the trial.
+    scales : Scales
+        Initial values, typical sizes and terms.
+    adaptation_time : float
+        Of the identifier [s]; it scales the times of all passes.
+    integrator : str
+        ``rk4`` as in the paper, ``heun`` or ``euler``.
+
+    Returns
+    -------
+    Fit
+        Without covariance.
+
+    """
+    steps = [record.steps() for record in records]
+    half = 0.5 * sum(step.dt for sequence in steps for step in sequence)
+    if not half:
+        return Fit.none('the trial is too short')
+    parameters = scales.initial
+    phi = np.concatenate([_averaged_regressors(sequence) for sequence in steps])
+    a = FEEDBACK / adaptation_time
+    refused = 0
+    for slower in PASS_TIMES:
+        identifier = FullGainIdentifier(
+            scales, a, a / (slower * adaptation_time) * inverse_gram(
+                phi.T @ phi / len(phi), scales, MIN_SQUARES, MIN_SHARE),
+            integrator, PIECES[integrator])
+        identifier.theta_hat = parameters
+        time, means, seen = 0.0, [0.0] * 4, []
+        for sequence in steps:
+            identifier.restart(sequence[0].velocity[0] if sequence else 0.0)
+            for step in sequence:
+                refused += bool(identifier.step(step))
+                seen.append((step.force[1], identifier.v_hat))
+                time += step.dt
+                if time > half:
+                    means = [m + step.dt * p for m, p in zip(means, identifier.parameters)]
+        parameters = cast(Four, tuple([m / (time - half) for m in means]))
+        phi = regressors(*np.array(seen).T)
+    return Fit(parameters, note=f'{refused} steps refused as unstable' if refused else '')
+
+
+def _averaged_regressors(steps: Sequence[Step]) -> Array:
+    """Return the regressors of means of ``AVERAGED_STEPS`` steps."""
+    table = np.array([(step.force[1], step.velocity[1]) for step in steps]).reshape(-1, 2)
+    size = min(AVERAGED_STEPS, max(len(table), 1))
+    means = table[:len(table) // size * size].reshape(-1, size, 2).mean(axis=1)
+    return regressors(*means.T)
+
 
 Method = Callable[[Sequence[Record], Scales, Settings], Fit]
 
@@ -29,16 +121,16 @@ METHODS: dict[str, Method] = {
         records, scales, settings.cutoff),
     'filtered_least_squares': lambda records, scales, settings: without_acceleration(
         records, scales, settings.cutoff),
-    'aid_offline': lambda records, scales, settings: repeated_passes(
+    'aid_offline': lambda records, scales, settings: adaptive_identifier(
         records, scales, settings.identifier.adaptation_time),
     'output_error': _output_error,
 }
-"""Least squares as in the paper, without acceleration, the paper's identifier in repeated
-passes with Runge-Kutta, and output error, the reference."""
+"""Least squares as in the paper and without acceleration, the paper's identifier in several
+passes with Runge-Kutta, and output error, which is the reference."""
 
 
 def subsets(settings: DofSettings) -> Iterator[DofSettings]:
-    """Yield the DOF with one or two of its configured terms left out; alpha stays."""
+    """Yield the DOF without one or two of its configured terms; alpha stays."""
     others = [term for term in settings.terms if term != 'alpha']
     for count in (1, 2):
         for kept in combinations(others, max(len(others) - count, 0)):

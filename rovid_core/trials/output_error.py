@@ -14,9 +14,9 @@ from typing import cast
 
 import numpy as np
 from rovid_core.model.dofs import Four
-from rovid_core.model.trajectory import integral, midpoint_trajectory, sensitivities
+from rovid_core.model.trajectory import Array, integral, midpoint_trajectory, sensitivities
 from rovid_core.settings.run import Scales
-from rovid_core.trials.record import Array, Fit, Record
+from rovid_core.trials.record import Fit, Record
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 

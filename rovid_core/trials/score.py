@@ -9,30 +9,32 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 from rovid_core.model.dofs import DOFS
+from rovid_core.model.lowpass import filtered
 from rovid_core.model.samples import Step
-from rovid_core.model.trajectory import Array
+from rovid_core.model.trajectory import Array, trajectory
 from rovid_core.settings.run import Settings
-from rovid_core.trials.record import Record, record
-from rovid_core.trials.rows import BLOCK, Rows, Times
-from rovid_core.trials.scored_run import ScoredSteps
+from rovid_core.trials.record import BLOCK, Record, record_of_steps, SpillingTable, Times
+
+NS = 1e-9
 
 
 @dataclass(frozen=True)
 class Score:
     """
-    How well a model predicts.
+    How well a model predicts the velocity.
 
     Attributes
     ----------
     mae : float
-        Mean absolute velocity error [m/s or rad/s]; NaN with nothing to compare.
+        Mean absolute velocity error [m/s or rad/s]; NaN if there is nothing to compare.
     fit : float
-        1 - rms(error) / std(measured); NaN where the velocity never changes.
+        1 - rms(error) / std(measured); NaN if the measured velocity is constant.
 
-    A model that runs away has an infinite mae and a fit of minus infinity.
+    An unstable model has an infinite mae and a fit of minus infinity.
 
     """
 
@@ -53,23 +55,24 @@ class Score:
         return Score(mae, 1.0 - float(np.sqrt((errors**2).mean()) / values.std()))
 
 
-class _Tally:
-    """The score of predictions that come a few at a time."""
+class _ScoreSum:
+    """The score of predictions that are added a block at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, block: int) -> None:
+        self._block = block
         self._pairs: list[tuple[Array, Array]] = []
         self._count = 0
         self._parts: list[tuple[float, ...]] = []
 
     def add(self, simulated: Array, measured: Array) -> None:
-        """Take some velocities."""
+        """Add some velocities."""
         self._pairs.append((simulated, measured))
         self._count += len(measured)
-        if self._count >= BLOCK:
+        if self._count >= self._block:
             self._sum_up()
 
     def score(self) -> Score:
-        """Return the score of all."""
+        """Return the score of all of them."""
         if not self._parts:
             return Score.of(*self._joined())
         if self._count:
@@ -104,42 +107,48 @@ class _Tally:
 
 class ScoreLog:
     """
-    Keeps thrust and velocity of every step to score any model on them.
+    Keeps thrust and velocity of every step, to score any model on them.
 
-    All but the last ones are in a temporary file (48 bytes each, where ``TMPDIR`` says), and are
-    read again a few at a time, so that the memory of the process does not grow with the log.
+    All but the last steps are in a temporary file (48 bytes each, in ``TMPDIR``).
 
-    The simulation restarts from the measured velocity after each gap. Against the pipe's
-    own velocity v_sim goes through the same interval mean and low-pass; against a
-    reference input it is compared as it is, at the reference's stamps.
+    The simulation restarts from the measured velocity after each gap. For the comparison with
+    the measured velocity, v_sim is averaged over the same intervals and low-pass filtered.
+    With a reference input, v_sim itself is compared at the reference's stamps.
 
     Parameters
     ----------
     settings : Settings
-        The run.
+        Of the run.
     spill : bool
-        False: keep all in memory.
+        False keeps all steps in memory.
+    block : int
+        Number of steps that are kept in memory, and processed at a time.
 
     """
 
-    def __init__(self, settings: Settings, spill: bool = True) -> None:
+    def __init__(self, settings: Settings, spill: bool = True, block: int = BLOCK) -> None:
         self._cutoff = settings.cutoff
-        self._steps = {dof: ScoredSteps(spill) for dof in settings.dofs}
-        self._references = Rows(1, len(DOFS), spill)
+        self._block = block
+        self._tables = {dof: SpillingTable(2, 4, spill, block) for dof in settings.dofs}
+        self.runs: dict[str, list[ScoredRun]] = {dof: [] for dof in settings.dofs}
+        self._references = SpillingTable(1, len(DOFS), spill, block)
 
-    def restarted(self, dof: str, time: int, velocity: float) -> None:
-        """Take the velocity that a DOF takes up from."""
-        self._steps[dof].restarted(time, velocity, self._cutoff)
+    def begin_run(self, dof: str, time: int, velocity: float) -> None:
+        """Begin a run of steps of a DOF at a time [ns] and a measured velocity."""
+        table = self._tables[dof]
+        self.runs[dof].append(
+            ScoredRun(table, table.count, time, velocity, [(0, self._cutoff)]))
 
-    def changed(self, cutoff: float) -> None:
-        """Take the cutoff [Hz] of the steps from now on."""
+    def set_cutoff(self, cutoff: float) -> None:
+        """Set the cutoff [Hz] of the low-pass for the steps from now on."""
         self._cutoff = cutoff
-        for steps in self._steps.values():
-            steps.changed(cutoff)
+        for runs in self.runs.values():
+            for run in runs[-1:]:
+                run.cutoffs.append((run.count, cutoff))
 
-    def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+    def add_step(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
         """
-        Take a step.
+        Add a step to the last run.
 
         Parameters
         ----------
@@ -148,19 +157,20 @@ class ScoreLog:
         span : tuple of int
             Start of the step, start of its measurement, end of the step [ns].
         step : Step
-            What was measured.
+            The measurement.
 
         """
-        self._steps[dof].stepped(span, step)
+        self._tables[dof].append(span[1:], (*step.forces, step.velocity[2], step.mean))
+        self.runs[dof][-1].count += 1
 
-    def reference(self, time: int, value: tuple[float, ...]) -> None:
-        """Take a reference velocity: the linear then the angular one."""
+    def add_reference(self, time: int, value: tuple[float, ...]) -> None:
+        """Add a reference velocity, first the linear and then the angular one."""
         self._references.append((time,), value)
 
     def records(self, dof: str) -> list[Record]:
-        """Return what was measured of a DOF, for the offline methods."""
-        runs = self._steps[dof].runs
-        made = [record(runs[0].start, *run.steps) for run in runs]
+        """Return the measurements of a DOF, for the offline methods."""
+        runs = self.runs[dof]
+        made = [record_of_steps(runs[0].start, *run.steps) for run in runs]
         return [one for one in made if one is not None]
 
     def series(self, dof: str) -> tuple[list[int], list[float], list[float]]:
@@ -168,7 +178,7 @@ class ScoreLog:
         times: list[int] = []
         velocities: list[float] = []
         forces: list[float] = []
-        for run in self._steps[dof].runs:
+        for run in self.runs[dof]:
             at, values = run.steps
             times += at[1].tolist()
             velocities += values[2].tolist()
@@ -177,12 +187,12 @@ class ScoreLog:
 
     def predicted(self, dof: str, parameters: Sequence[float]) -> list[float]:
         """Return the velocity of a model at every step, filtered like the measured one."""
-        return [v for run in self._steps[dof].runs
+        return [v for run in self.runs[dof]
                 for found, _ in run.as_measured(parameters) for v in found.tolist()]
 
     def score(self, dof: str, parameters: Sequence[float]) -> Score:
         """
-        Return the score of a model on what was kept.
+        Return the score of a model on all steps.
 
         Parameters
         ----------
@@ -192,19 +202,152 @@ class ScoreLog:
             alpha, beta, gamma, delta.
 
         """
-        tally = _Tally()
+        total = _ScoreSum(self._block)
         column = DOFS.index(dof)
         known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
-        for run in self._steps[dof].runs:
+        for run in self.runs[dof]:
             if not known:
                 for pair in run.as_measured(parameters):
-                    tally.add(*pair)
+                    total.add(*pair)
                 continue
             for part in run.predicted(parameters):
                 for times, values in self._all_references():
                     there = ~np.isnan(values[:, column])
-                    tally.add(*run.at(part, times[there, 0], values[there, column]))
-        return tally.score()
+                    total.add(*run.at(part, times[there, 0], values[there, column]))
+        return total.score()
 
     def _all_references(self) -> Iterator[tuple[Times, Array]]:
         return self._references.blocks(0, self._references.count)
+
+
+class Predicted(NamedTuple):
+    """
+    Some consecutive steps, with the velocity that a model predicts.
+
+    Attributes
+    ----------
+    nodes : ndarray of int64, shape (2 n + 1,)
+        Times of the start, and of the middle and end of every step [ns].
+    velocity : ndarray, shape (2 n + 1,)
+        Velocity of the model at these times [m/s or rad/s].
+    measured : ndarray, shape (n,)
+        Measured and filtered velocity at the ends [m/s or rad/s].
+    is_last : bool
+        Whether the run ends with these steps.
+
+    """
+
+    nodes: Times
+    velocity: Array
+    measured: Array
+    is_last: bool
+
+
+@dataclass
+class ScoredRun:
+    """
+    The steps of one DOF between two interruptions.
+
+    Attributes
+    ----------
+    table : SpillingTable
+        Steps of all runs of the DOF: middle and end of the step [ns]; mean force before and
+        after the middle [N or N m], velocity at the end, mean velocity [m/s or rad/s].
+    first : int
+        First row of this run.
+    start : int
+        Time at which the first step begins [ns].
+    velocity : float
+        Measured velocity at the start [m/s or rad/s].
+    cutoffs : list of (int, float)
+        Number of the first step with a cutoff, and the cutoff of the low-pass [Hz].
+    count : int
+        Number of steps.
+
+    """
+
+    table: SpillingTable
+    first: int
+    start: int
+    velocity: float
+    cutoffs: list[tuple[int, float]]
+    count: int = 0
+
+    @property
+    def steps(self) -> tuple[Times, Array]:
+        """Return the columns of the table, shapes (2, n) and (4, n)."""
+        times, values = self.table.read(self.first, self.first + self.count)
+        return times.T.copy(), values.T.copy()
+
+    def mean_forces(self) -> Array:
+        """Return the mean force of every step [N or N m]."""
+        times, values = self.steps
+        dt = np.diff(_nodes(self.start, times.T)).reshape(-1, 2)
+        return np.asarray((dt * values[:2].T).sum(axis=1) / dt.sum(axis=1))
+
+    def predicted(self, parameters: Sequence[float]) -> Iterator[Predicted]:
+        """Yield the prediction of a model, a block of steps at a time."""
+        time, velocity, left = self.start, self.velocity, self.count
+        if not left:
+            yield Predicted(np.array([time]), np.array([velocity]), np.empty(0), True)
+        for times, values in self.table.blocks(self.first, self.first + self.count):
+            left -= len(times)
+            nodes = _nodes(time, times)
+            found = trajectory(parameters, velocity, np.diff(nodes) * NS, values[:, :2].ravel())
+            yield Predicted(nodes, found, values[:, 2], left == 0)
+            time, velocity = int(nodes[-1]), float(found[-1])
+
+    def as_measured(self, parameters: Sequence[float]) -> Iterator[tuple[Array, Array]]:
+        """
+        Yield predicted and measured velocity at the ends of the steps, both filtered.
+
+        The prediction is averaged over the intervals and filtered like the measurement.
+        """
+        time, velocity, done = self.start, self.velocity, 0
+        part: Predicted | None = None
+        for new in self.predicted(parameters):
+            part = new if part is None else _prepend_last(part, new)
+            middle, end = part.velocity[1::2], part.velocity[2::2]
+            means = end.copy()
+            # for position, the mean from this fix to the next
+            averaged = (part.nodes[1::2] < part.nodes[2::2])[:-1]
+            means[:-1][averaged] = (
+                (middle[:-1] + 4.0 * end[:-1] + middle[1:]) / 6.0)[averaged]
+            # the mean of the last step needs the step that follows
+            count = len(means) if part.is_last else len(means) - 1
+            ends = part.nodes[2::2][:count]
+            with np.errstate(invalid='ignore'):  # infinite velocities of an unstable model
+                found = filtered(self._cutoff(done, count), np.diff([time, time, *ends]) * NS,
+                                 np.concatenate([[velocity], means[:count]]))[1:]
+            yield found, part.measured[:count]
+            done += count
+            if count:
+                time, velocity = int(ends[-1]), float(found[-1])
+
+    def _cutoff(self, first: int, count: int) -> float | Array:
+        """Return the cutoffs [Hz] of the step before some steps, and of each of them."""
+        if len(self.cutoffs) == 1:
+            return self.cutoffs[0][1]
+        steps = np.maximum(np.arange(first - 1, first + count), 0)
+        firsts, cutoffs = zip(*self.cutoffs)
+        return np.array(cutoffs)[np.searchsorted(firsts, steps, side='right') - 1]
+
+    def at(self, part: Predicted, times: Times, values: Array) -> tuple[Array, Array]:
+        """Return the prediction at those times that are inside a part, and their values."""
+        own = part.nodes
+        inside = (own[0] <= times) & (times < own[-1] + part.is_last)
+        # relative to the start: absolute times have too many digits for a float
+        return np.interp(times[inside] - self.start, own - self.start, part.velocity), \
+            values[inside]
+
+
+def _nodes(start: int, times: Times) -> Times:
+    return np.concatenate([[start], times.ravel()])
+
+
+def _prepend_last(part: Predicted, new: Predicted) -> Predicted:
+    """Return a part with the last step of the part before it in front."""
+    return Predicted(
+        np.concatenate([part.nodes[-3:], new.nodes[1:]]),
+        np.concatenate([part.velocity[-3:], new.velocity[1:]]),
+        np.concatenate([part.measured[-1:], new.measured]), new.is_last)

@@ -91,15 +91,15 @@ class OnlineMethods(ScoreLog):
                 replace(IdentifierSettings(), method=method), settings.dof[dof])
             for method in ONLINE if method != PAPER} for dof in settings.dofs}
 
-    def restarted(self, dof: str, time: int, velocity: float) -> None:
+    def begin_run(self, dof: str, time: int, velocity: float) -> None:
         """Restart the identifiers of a DOF from a velocity."""
-        super().restarted(dof, time, velocity)
+        super().begin_run(dof, time, velocity)
         for identifier in self.identifiers[dof].values():
             identifier.restart(velocity)
 
-    def stepped(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+    def add_step(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
         """Keep a step with its times [ns], and let the identifiers make it."""
-        super().stepped(dof, span, step)
+        super().add_step(dof, span, step)
         for identifier in self.identifiers[dof].values():
             identifier.step(step)
 

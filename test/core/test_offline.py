@@ -10,7 +10,7 @@ import pytest
 from rovid_core.identify.aid.self_tuning import FullGainIdentifier
 from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
-from rovid_core.model.trajectory import integral, midpoint_trajectory, sensitivities, trajectory
+from rovid_core.model.trajectory import integral, trajectory
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Scales
 from rovid_core.simulation.sensors import simulate
@@ -35,33 +35,6 @@ from test.support.trials import trial, TRIALS
 WAVES = ((150.0, 1 / 18), (80.0, 1 / 7.3))
 SCALES = Scales.of(HEAVY)
 SETTINGS = surge_settings()
-
-
-def test_a_midpoint_trajectory_is_that_of_the_plant():
-    rng = np.random.default_rng(0)
-    dt, force = rng.uniform(0.02, 0.08, 500), rng.uniform(-200.0, 200.0, 500)
-    v = [0.3]
-    for h, f in zip(dt, force):
-        v.append(advance(SURGE_TRUTH, v[-1], f, h))
-    assert midpoint_trajectory(np.array(SURGE_TRUTH), 0.3, dt, force) == pytest.approx(v, abs=2e-4)
-
-
-def test_the_sensitivities_are_the_derivatives():
-    rng = np.random.default_rng(1)
-    dt, force = np.full(200, 0.05), rng.uniform(-200.0, 200.0, 200)
-    truth = np.array(SURGE_TRUTH)
-    v = midpoint_trajectory(truth, 0.2, dt, force)
-    found = sensitivities(truth, v, dt, force)
-    for i in range(4):
-        step = 1e-5 * abs(truth[i])
-        change = np.zeros(4)
-        change[i] = step
-        numeric = (midpoint_trajectory(truth + change, 0.2, dt, force)
-                   - midpoint_trajectory(truth - change, 0.2, dt, force)) / (2 * step)
-        assert found[:, i] == pytest.approx(numeric, rel=1e-4, abs=1e-6 * np.abs(numeric).max())
-    numeric = (midpoint_trajectory(truth, 0.2 + 1e-6, dt, force)
-               - midpoint_trajectory(truth, 0.2 - 1e-6, dt, force)) / 2e-6
-    assert found[:, 4] == pytest.approx(numeric, rel=1e-4, abs=1e-6)
 
 
 def test_a_record_holds_what_the_sensors_measured():

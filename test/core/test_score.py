@@ -1,4 +1,4 @@
-"""Scores of more steps than are held in memory."""
+"""The score of a model, also on more steps than are held in memory."""
 
 from dataclasses import replace
 from itertools import chain
@@ -7,52 +7,47 @@ import os
 
 import numpy as np
 import pytest
+from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
-from rovid_core.trials import rows, score
-from rovid_core.trials.rows import Rows
+from rovid_core.settings.run import Settings
+from rovid_core.trials.record import SpillingTable
 from rovid_core.trials.score import Score, ScoreLog
 
+from test.support.memory import lengths
 from test.support.surge import surge_settings, SURGE_TRUTH
 
 SETTINGS = surge_settings()
 WRONG = (0.004, -0.5, -0.1, 0.01)
 PERIOD = 100_000_000  # [ns]
-
-from test.support.memory import lengths
-
-
-@pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let 64 rows be many."""
-    monkeypatch.setattr(rows, 'BLOCK', 64)
-    monkeypatch.setattr(score, 'BLOCK', 64)
+BLOCK = 64
+"""Rows that are held in memory."""
 
 
 def filled(counts: tuple[int, ...], sensor: bool = False, reference: bool = False,
-           spill: bool = True) -> ScoreLog:
+           spill: bool = True, block: int = BLOCK) -> ScoreLog:
     """Return the log of runs with so many steps, which begin in the middle of a second."""
     random = np.random.default_rng(0)
-    log = ScoreLog(SETTINGS, spill)
+    log = ScoreLog(SETTINGS, spill, block)
     time = 1_700_000_000_000_000_000
     for count in counts:
-        log.restarted('surge', time, float(random.normal()))
+        log.begin_run('surge', time, float(random.normal()))
         for _ in range(count):
             first, second = (int(x) for x in random.integers(20_000_000, PERIOD, 2))
             middle, end = time + first, time + first + (0 if sensor else second)
             force, last, velocity, mean = random.normal(size=4).tolist()
-            log.stepped('surge', (time, middle, end), Step(
+            log.add_step('surge', (time, middle, end), Step(
                 (end - time) * 1e-9, (0.0, 0.0, velocity), (0.0,) * 3, mean,
                 forces=(100.0 * force, 100.0 * last)))
             if reference:
-                log.reference(end - 10_000_000, (velocity, *[math.nan] * 5))
-                log.reference(end, (velocity, *[math.nan] * 5))
+                log.add_reference(end - 10_000_000, (velocity, *[math.nan] * 5))
+                log.add_reference(end, (velocity, *[math.nan] * 5))
             time = end
         time += 10 * PERIOD
     return log
 
 
-def test_rows_come_back_wherever_they_are(small: None) -> None:
-    kept = Rows(1, 2)
+def test_rows_come_back_wherever_they_are() -> None:
+    kept = SpillingTable(1, 2, block=BLOCK)
     for k in range(500):
         for first, last in ((0, k), (k // 3, k // 2), (max(k - 70, 0), k), (k, k)):
             times, values = kept.read(first, last)
@@ -64,8 +59,8 @@ def test_rows_come_back_wherever_they_are(small: None) -> None:
     assert max(map(len, blocks)) == 64
 
 
-def test_rows_can_be_read_by_processes_that_were_forked_from_this_one(small: None) -> None:
-    kept = Rows(1, 1)
+def test_rows_can_be_read_by_processes_that_were_forked_from_this_one() -> None:
+    kept = SpillingTable(1, 1, block=BLOCK)
     for k in range(5000):
         kept.append((k,), (k,))
     children = []
@@ -84,12 +79,10 @@ def test_rows_can_be_read_by_processes_that_were_forked_from_this_one(small: Non
 @pytest.mark.parametrize('counts', [(), (0,), (5, 0, 63, 64, 65), (1000,), (1, 128, 1, 2)])
 @pytest.mark.parametrize('parameters', [SURGE_TRUTH, WRONG])
 def test_in_parts_the_score_is_the_same(
-        monkeypatch: pytest.MonkeyPatch, sensor: bool, reference: bool, counts: tuple[int, ...],
+        sensor: bool, reference: bool, counts: tuple[int, ...],
         parameters: tuple[float, float, float, float]) -> None:
-    whole = filled(counts, sensor, reference)
+    whole = filled(counts, sensor, reference, block=100_000)
     expected = whole.score('surge', parameters), whole.predicted('surge', parameters)
-    monkeypatch.setattr(rows, 'BLOCK', 64)
-    monkeypatch.setattr(score, 'BLOCK', 64)
     parts = filled(counts, sensor, reference)
     got = parts.score('surge', parameters), parts.predicted('surge', parameters)
     assert got[0].mae == pytest.approx(expected[0].mae, rel=1e-12, nan_ok=True)
@@ -100,24 +93,87 @@ def test_in_parts_the_score_is_the_same(
         assert repr(one) == repr(other)
 
 
-def test_in_parts_a_model_that_runs_away_scores_as_badly_as_can_be(small: None) -> None:
+def test_in_parts_a_model_that_runs_away_scores_as_badly_as_can_be() -> None:
     for reference in (False, True):
         log = filled((500,), reference=reference)
         assert log.score('surge', (0.004, 3.0, 0.5, 0.0)) == Score(math.inf, -math.inf)
 
 
-def test_what_is_many_is_not_in_memory(small: None) -> None:
+def test_what_is_many_is_not_in_memory() -> None:
     on_disk, in_memory = (max(lengths(filled((1000,), reference=True, spill=spill)))
                           for spill in (True, False))
-    assert on_disk < 4 * 64  # rows of several columns
+    assert on_disk < 4 * BLOCK  # rows of several columns
     assert in_memory > 2000
 
 
-def test_a_velocity_that_never_changes_has_no_fit(small: None) -> None:
-    log = ScoreLog(replace(SETTINGS, cutoff=0.0))
-    log.restarted('surge', 0, 0.0)
+def test_a_velocity_that_never_changes_has_no_fit() -> None:
+    log = ScoreLog(replace(SETTINGS, cutoff=0.0), block=BLOCK)
+    log.begin_run('surge', 0, 0.0)
     for k in range(200):
-        log.stepped('surge', (k * PERIOD, k * PERIOD, (k + 1) * PERIOD), Step(
+        log.add_step('surge', (k * PERIOD, k * PERIOD, (k + 1) * PERIOD), Step(
             0.1, (0.0,) * 3, (0.0,) * 3, 0.0))
     assert log.score('surge', WRONG).mae > 0.0
     assert math.isnan(log.score('surge', WRONG).fit)
+
+
+def one_by_one(parameters, start: float, dt: np.ndarray, force: np.ndarray) -> list[float]:
+    v = [start]
+    for h, f in zip(dt, force):
+        v.append(advance(parameters, v[-1], f, h))
+    return v
+
+
+@pytest.mark.parametrize('parameters', [
+    (0.01, 2.0, 0.2, 0.0), (0.01, 0.0, 50.0, 0.0), (0.01, 1e8, -1.0, 0.0),
+    (0.01, -1.0, 1e9, 0.0)])
+def test_a_model_that_runs_away_scores_as_badly_as_can_be(
+        parameters, recwarn: pytest.WarningsRecorder) -> None:
+    log = minute(SETTINGS)
+    score = log.score('surge', parameters)
+    assert score.mae > 1e3
+    assert score.fit < -1e3
+    assert not recwarn.list
+
+
+def test_a_run_without_a_step_says_nothing() -> None:
+    log = ScoreLog(SETTINGS)
+    for _ in range(2):
+        assert math.isnan(log.score('surge', SURGE_TRUTH).mae)
+        assert log.predicted('surge', SURGE_TRUTH) == []
+        assert log.series('surge') == ([], [], [])
+        log.begin_run('surge', 10**18, 0.1)
+
+
+def test_what_never_changes_has_no_fit() -> None:
+    assert Score.of([0.2, 0.3], [0.1, 0.1]).mae == pytest.approx(0.15)
+    assert math.isnan(Score.of([0.2, 0.3], [0.1, 0.1]).fit)
+    assert Score.of([1.0, 2.0, 4.0], [1.0, 2.0, 3.0]).fit == pytest.approx(1 - math.sqrt(0.5))
+
+
+def minute(settings: Settings) -> ScoreLog:
+    """Return a log of 60 s, at times that have many digits."""
+    log = ScoreLog(settings)
+    time = 1_700_000_000_000_000_000
+    log.begin_run('surge', time, 0.0)
+    for k in range(600):
+        span = (time, time + 50_000_000, time + 100_000_000)
+        velocity = math.sin(0.035 * k)
+        log.add_step('surge', span, Step(
+            0.1, (0.0, 0.0, velocity), (0.0,) * 3, velocity, 0.1, (0.05, 0.05),
+            (100.0 * velocity, 90.0)))
+        time = span[2]
+    return log
+
+
+def test_a_reference_is_met_between_two_times() -> None:
+    log = minute(SETTINGS)
+    still = (0.0, 0.0, 0.0, 0.0)
+    first = 1_700_000_000_000_000_000
+    v = one_by_one(SURGE_TRUTH, 0.0, np.array([0.05, 0.05]), np.array([0.0, 90.0]))
+    for share in (0.0, 0.25, 0.5, 1.0):
+        value = v[1] + share * (v[2] - v[1])
+        log.add_reference(first + 50_000_000 + round(share * 5e7), (value, math.nan, *still))
+    log.add_reference(first - 1, (9.0, *still, 0.0))  # before and after the run
+    log.add_reference(first + 60_000_000_001, (9.0, *still, 0.0))
+    log.add_reference(first, (math.nan, *still, 0.0))
+    assert log.score('surge', SURGE_TRUTH).mae < 1e-10

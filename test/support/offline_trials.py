@@ -10,9 +10,9 @@ import numpy as np
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.settings.run import Scales
 from rovid_core.trials.least_squares import with_acceleration
+from rovid_core.trials.offline import adaptive_identifier
 from rovid_core.trials.output_error import information, noise, output_error
 from rovid_core.trials.record import Record
-from rovid_core.trials.repeated_passes import repeated_passes
 
 from test.support.trials import (
     Array,
@@ -35,7 +35,7 @@ Identify = Callable[[Record, Scales], Four]
 
 def aid(integrator: str) -> Identify:
     """Return the repeated passes with an integrator."""
-    return lambda record, scales: repeated_passes([record], scales, 3.0, integrator).parameters
+    return lambda record, scales: adaptive_identifier([record], scales, 3.0, integrator).parameters
 
 
 def squares(record: Record, scales: Scales) -> Four:

@@ -120,7 +120,7 @@ class TuningLog(ScoreLog):
     def stretches(self, dof: str) -> list[Stretch]:
         """Return the motion of a DOF."""
         found = []
-        for run in self._steps[dof].runs:
+        for run in self.runs[dof]:
             times, values = run.steps
             if run.count:
                 found.append(Stretch(

@@ -9,8 +9,35 @@ import pytest
 
 # The core gets time and randomness as values, so that the same input gives the same bits.
 NOT_IN_CORE = {'calendar', 'datetime', 'random', 'secrets', 'sched', 'time', 'uuid'}
-SEEDED = 'sensors.py'  # the one file with a random generator, seeded by its caller
-OFFLINE = {'least_squares.py', 'output_error.py'}  # evaluate whole trials
+SEEDED = 'simulation'  # the one room with random generators, seeded by their callers
+OFFLINE = 'trials'  # the one room that evaluates whole trials, with scipy
+
+# What each room may import of the project: always rooms that stand below it.
+CORE_ROOMS = {
+    'model': set(),
+    'settings': {'model'},
+    'ordering': {'model', 'settings'},
+    'inputs': {'model', 'settings'},
+    'velocity': {'model', 'settings'},
+    'thrust': {'model', 'settings', 'inputs'},
+    'identify': {'model', 'settings'},
+    'pipeline': {'model', 'settings', 'ordering', 'inputs', 'velocity', 'thrust', 'identify'},
+    'simulation': {'model', 'settings', 'thrust'},
+    'trials': {'model', 'settings', 'thrust', 'identify', 'pipeline', 'simulation'},
+}
+EVERYTHING_BUT_THE_NODE = {
+    'config', 'files', 'messages', 'logs', 'results', 'comparison', 'report', 'commands'}
+ROS_ROOMS = {
+    'config': set(),
+    'files': {'config'},
+    'messages': {'config'},
+    'logs': {'files', 'messages'},
+    'results': {'messages'},
+    'comparison': {'logs', 'messages', 'results', 'commands'},  # commands: what plays a log
+    'report': {'files', 'results'},
+    'commands': EVERYTHING_BUT_THE_NODE | {'node'},  # the node only where it is asked for
+    'node': EVERYTHING_BUT_THE_NODE - {'comparison', 'report'},
+}
 
 WITHOUT_ROS = """
 import importlib.abc
@@ -47,6 +74,36 @@ def module_files(repository: Path, package: str) -> list[Path]:
     return paths
 
 
+def rooms_that_are_imported(path: Path, package: str) -> set[str]:
+    """Return the rooms of a package that a file imports from."""
+    parts = [name.split('.') for name in imports(path)]
+    return {part[1] for part in parts if part[0] == package and len(part) > 2}
+
+
+@pytest.mark.parametrize(('package', 'rooms'), [
+    ('rovid_core', CORE_ROOMS), ('rovid_ros', ROS_ROOMS)])
+def test_rooms_import_only_what_stands_below_them(
+        repository: Path, package: str, rooms: dict[str, set[str]]) -> None:
+    there = {path.parent.name for path in (repository / package).glob('*/__init__.py')}
+    assert there == rooms.keys()
+    for room, allowed in rooms.items():
+        for path in (repository / package / room).rglob('*.py'):
+            beyond = rooms_that_are_imported(path, package) - allowed - {room}
+            assert not beyond, f'{path} imports from {", ".join(sorted(beyond))}'
+
+
+def test_core_imports_nothing_of_rovid_ros(repository: Path) -> None:
+    for path in module_files(repository, 'rovid_core'):
+        assert not any(name.startswith('rovid_ros') for name in imports(path)), path
+
+
+def test_rooms_of_the_core_have_no_circle() -> None:
+    below: set[str] = set()
+    for room, allowed in CORE_ROOMS.items():  # from the bottom up
+        assert allowed <= below, room
+        below.add(room)
+
+
 def without_ros(code: str, repository: Path, environment: dict[str, str]) -> None:
     """Run code in a process in which no ROS module can be imported."""
     run = subprocess.run([sys.executable, '-c', WITHOUT_ROS + code], cwd=repository,
@@ -57,8 +114,8 @@ def without_ros(code: str, repository: Path, environment: dict[str, str]) -> Non
 def test_core_imports_only_numpy_and_the_standard_library(repository: Path) -> None:
     allowed = (sys.stdlib_module_names | {'numpy', 'rovid_core'}) - NOT_IN_CORE
     for path in module_files(repository, 'rovid_core'):
-        extra = {'random'} if path.name == SEEDED else set()
-        if path.name in OFFLINE:
+        extra = {'random'} if SEEDED in path.parts else set()
+        if OFFLINE in path.parts:
             extra = {'scipy'}
         for name in imports(path):
             assert name.partition('.')[0] in allowed | extra, f'{path} imports {name}'
@@ -77,7 +134,7 @@ def test_core_draws_no_random_numbers(repository: Path) -> None:
         random = [node for node in ast.walk(ast.parse(path.read_text(encoding='utf8')))
                   if isinstance(node, ast.Attribute) and node.attr in ('random', 'default_rng')]
         random += [name for name in imports(path) if name.startswith('numpy.random')]
-        assert not random or path.name == SEEDED, f'{path} uses numpy.random'
+        assert not random or SEEDED in path.parts, f'{path} uses numpy.random'
 
 
 def test_rclpy_only_in_the_node(repository: Path) -> None:

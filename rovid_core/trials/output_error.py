@@ -1,9 +1,9 @@
 """
 Output error: the parameters whose simulated response comes closest to the measured one.
 
-Nonlinear least squares with physical bounds and a robust loss, fitted to the position where
-there is one. With white noise on the fixes it attains the Cramer-Rao bound; it is what the
-other methods are held against.
+Nonlinear least squares with physical bounds and a robust loss, fitted to the position if it is
+measured. With white noise on the fixes it attains the Cramer-Rao bound, so the other methods are
+compared with it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
 MODEL_ERROR = 3.0
-"""Residuals this much larger than the noise are the model's fault, and then not white."""
+"""Residuals so many times larger than the noise come from the model, and are not white."""
 
 
 def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
@@ -31,18 +31,19 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     Parameters
     ----------
     records : sequence of Record
-        The trial; each record has a position and a velocity of its own at its start.
+        Of the trial. Position and velocity at the start of each record are fitted too.
     scales : Scales
         Typical sizes, terms and bounds.
     start : tuple of 4 floats
-        Parameters to begin with.
+        Initial parameters.
 
     Returns
     -------
     Fit
-        With the covariance from the curvature and the residuals. The path of a vehicle that
-        turns drifts by the noise that the turns leave in it: that is told from the residuals
-        and whitened. What correlation is left over ``CORRELATED`` steps makes it larger.
+        With the covariance from curvature and residuals. The integrated path of a vehicle that
+        turns drifts, because noise of the attitude enters it: a random walk in the residuals
+        is detected and whitened. Correlation that remains over up to ``MAX_LAG`` steps
+        enlarges the covariance.
 
     """
     problem = Residuals(records, scales, all(len(r.position) for r in records))
@@ -50,7 +51,7 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
         return Fit.none('the trial is too short')
     solution, rms = problem.solve(start)
     if problem.of_position and rms > MODEL_ERROR * noise(records):
-        # the model's own error drifts away in the position: compare velocities instead
+        # the model error accumulates in the position: compare velocities instead
         problem = Residuals(records, scales, False)
         solution, rms = problem.solve(solution)
     elif problem.of_position and problem.find_drift(solution):
@@ -62,9 +63,9 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
 def information(records: Sequence[Record], scales: Scales,
                 parameters: Four) -> Information | None:
     """
-    Return the Cramer-Rao bound of a trial at ``parameters``, for its own noise.
+    Return the Cramer-Rao bound of a trial at ``parameters``, for the noise that it shows.
 
-    None where it is too short for one.
+    None if it is too short.
     """
     problem = Residuals(records, scales, all(len(r.position) for r in records))
     if not problem.size:
@@ -73,19 +74,19 @@ def information(records: Sequence[Record], scales: Scales,
 
 
 DRIFTS = (0.0, 0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2, 0.4)
-"""Gains of the filter for a random walk beside the white noise, from none to much."""
+"""Kalman gains for a random walk in white noise that are tried, from none to strong."""
 
-CLEARLY = 0.975
-"""Residuals have to shrink by this for a random walk to be believed."""
+MIN_SHRINKAGE = 0.975
+"""A random walk is accepted if whitening shrinks the residuals at least to this share."""
 
-CORRELATED = 200
+MAX_LAG = 200
 """Steps over which residuals may be correlated."""
 
 
 @dataclass(frozen=True)
 class Information:
     """
-    What a trial can say about the parameters at best.
+    The information of a trial about the parameters.
 
     Attributes
     ----------
@@ -104,8 +105,8 @@ def noise(records: Sequence[Record]) -> float:
     """
     Return the standard deviation of the white noise on the fixes or the velocities.
 
-    From third differences, to which the motion adds next to nothing; the median keeps
-    outliers out.
+    It comes from third differences, in which the motion is negligible; the median ignores
+    outliers.
     """
     parts = [np.diff(r.position if len(r.position) else r.velocity, 3) for r in records]
     differences = np.abs(np.concatenate(parts))
@@ -113,7 +114,12 @@ def noise(records: Sequence[Record]) -> float:
 
 
 class Residuals:
-    """The residuals of a trial as a function of scaled unknowns."""
+    """
+    The residuals of a trial as a function of the unknowns, all in typical sizes.
+
+    The unknowns are the active parameters, then velocity (and position) at the start of each
+    record.
+    """
 
     def __init__(self, records: Sequence[Record], scales: Scales, of_position: bool) -> None:
         self._records = [r for r in records if len(r.time) > 8]
@@ -128,8 +134,8 @@ class Residuals:
         self._drift = 0.0
 
     def find_drift(self, parameters: Four) -> bool:
-        """Tell whether the residuals hold a random walk; whiten it from now on."""
-        plain = self._best_linear(parameters)
+        """Tell whether the residuals contain a random walk; if so it is whitened from now on."""
+        plain = self._fitted_residuals(parameters)
 
         def size(gain: float) -> float:
             self._drift = gain
@@ -139,22 +145,15 @@ class Residuals:
 
         sizes = [size(gain) for gain in DRIFTS]
         best = sizes.index(min(sizes))
-        # white noise alone gives some gain a slight lead by chance
-        self._drift = DRIFTS[best] if sizes[best] < CLEARLY * sizes[0] else 0.0
+        # with white noise alone, some gain is slightly better by chance
+        self._drift = DRIFTS[best] if sizes[best] < MIN_SHRINKAGE * sizes[0] else 0.0
         return self._drift > 0.0
 
     def solve(self, start: Four) -> tuple[Four, float]:
         """Return the best parameters and the robust rms of the residuals."""
-        count = int(self._active.sum())
-        each = 2 if self.of_position else 1
-        first = np.zeros(count + each * len(self._records))
-        # inside the box: the solver starts nowhere else
-        inside = 1e-9 * (self._high - self._low)
-        first[:count] = np.clip(
-            (np.array(start) / self._scale)[self._active], self._low + inside,
-            self._high - inside)
-        for k, record in enumerate(self._records):
-            first[count + each * k] = np.mean(record.velocity[:5]) / self._velocity
+        count, first = int(self._active.sum()), self._unknowns(start)
+        inside = 1e-9 * (self._high - self._low)  # the solver starts inside the bounds only
+        first[:count] = np.clip(first[:count], self._low + inside, self._high - inside)
         free = np.full(len(first) - count, np.inf)
         keep: dict[str, Array] = {}
 
@@ -189,22 +188,23 @@ class Residuals:
 
     def inflation(self, parameters: Four) -> float:
         """Return by how much correlated residuals raise the variance, at least 1."""
-        errors = self._best_linear(parameters)
+        errors = self._fitted_residuals(parameters)
         jacobian = self._evaluate(self._unknowns(parameters))[1]
         scores = jacobian * errors[:, None]
         white = scores.T @ scores
         total = white.copy()
-        for lag in range(1, min(CORRELATED, len(scores) // 4)):
+        for lag in range(1, min(MAX_LAG, len(scores) // 4)):
             cross = scores[lag:].T @ scores[:-lag]
-            total += (1.0 - lag / CORRELATED) * (cross + cross.T)
+            total += (1.0 - lag / MAX_LAG) * (cross + cross.T)
         inverse = np.linalg.pinv(jacobian.T @ jacobian)
         count = int(self._active.sum())
         ratio = (np.diag(inverse @ total @ inverse)[:count]
                  / np.diag(inverse @ white @ inverse)[:count])
         return max(1.0, float(ratio.max()))
 
-    def _best_linear(self, parameters: Four) -> Array:
-        # the starts are not at hand: linear steps bring them, with outliers drawn in
+    def _fitted_residuals(self, parameters: Four) -> Array:
+        """Return the residuals at the best starts, without outliers."""
+        # the fitted starts are not stored: linear steps find them, with outliers clipped
         errors, jacobian = self._evaluate(self._unknowns(parameters))
         inverse = np.linalg.pinv(jacobian)
         fit = jacobian @ (inverse @ errors)
@@ -215,13 +215,14 @@ class Residuals:
         return np.asarray(np.clip(errors - fit, -limit, limit))
 
     def _whitened(self, values: Array) -> Array:
-        """Return the innovations of a random walk in white noise, of columns over time."""
+        """Return the innovations of columns that are a random walk in white noise."""
         if not self._drift:
             return values
         keep = 1.0 - self._drift
         return np.asarray(lfilter([1.0, -1.0], [1.0, -keep], values, axis=0))
 
     def _unknowns(self, parameters: Four) -> Array:
+        """Return the unknowns of parameters, with a guess of the starts."""
         count = int(self._active.sum())
         each = 2 if self.of_position else 1
         unknowns = np.zeros(count + each * len(self._records))
@@ -233,20 +234,20 @@ class Residuals:
     def _loss_scale(self, errors: Array) -> float:
         white = noise(self._records)
         if not self.of_position and len(self._records[0].position):
-            # of mean velocities, beside the model's own error
+            # mean velocities differ by the model error too
             return max(white, float(np.median(np.abs(errors))))
         return 2.0 * max(white, 1e-9)
 
     def _parameters(self, unknowns: Array) -> Array:
         parameters = np.zeros(4)
         count = int(self._active.sum())
-        # beside a typical acceleration of 1e-3 that is a drag at its bound, which is 0
+        # so small a drag means that it is at its bound, 0
         scaled = np.where(np.abs(unknowns[:count]) < 1e-9, 0.0, unknowns[:count])
         parameters[self._active] = scaled * self._scale[self._active]
         return parameters
 
     def _evaluate(self, unknowns: Array) -> tuple[Array, Array]:
-        """Return residuals and their derivatives by the unknowns."""
+        """Return the residuals and their derivatives by the unknowns."""
         parameters = self._parameters(unknowns)
         count = int(self._active.sum())
         each = 2 if self.of_position else 1
@@ -269,6 +270,7 @@ class Residuals:
         return np.concatenate(errors), np.concatenate(blocks)
 
     def _output(self, record: Record, v: Array, slopes: Array) -> tuple[Array, Array, Array]:
+        """Return the predicted values, their derivatives, and the measured values."""
         if self.of_position:
             nodes = record.nodes
             return (integral(v, record.dt)[nodes], integral(slopes, record.dt)[nodes],

@@ -17,10 +17,10 @@ from rovid_core.ordering.event_order import EventOrder
 from rovid_core.pipeline.steps import Pipeline
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
-from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
+from rovid_ros.logs.player import PipelinePlayer
 
 DURATION = 120.0  # [s] of the log
 RUNS = 5
@@ -36,12 +36,12 @@ def parts(path: Path, settings: Settings) -> dict[str, float]:
         found[name] = process_time() - began
         return result
 
-    feeder = PipeFeeder(settings)
+    player = PipelinePlayer(settings)
     with Log([path]) as log:
-        topics = {name: name for name in feeder.converter.topics}
+        topics = {name: name for name in player.converter.topics}
         timed('read', lambda: sum(1 for _ in log.raw(topics, 0.0, DURATION)))
         messages = timed('read, and unpack to events',
-                         lambda: list(log.messages(topics, 0.0, DURATION, feeder.take)))
+                         lambda: list(log.messages(topics, 0.0, DURATION, player.maker)))
     events = [event for message in messages for event in message.data]
     released = timed('put in order', lambda: _ordered(settings, events))
     moving = _pipeline(settings)
@@ -51,11 +51,11 @@ def parts(path: Path, settings: Settings) -> dict[str, float]:
     timed('gates, velocity, thrust and identifiers', lambda: _fed(_pipeline(settings), released))
     scored = Pipeline(settings, _ignore, _ignore, ScoreLog(settings))
     timed('the pipeline with the score', lambda: _fed(scored, released))
-    whole = PipeFeeder(settings)
+    whole = PipelinePlayer(settings)
 
     def replay() -> None:
         for message in messages:
-            whole.feed(message)
+            whole.add_message(message)
 
     timed('order and pipeline as a replay runs them', replay)
     return {name: seconds / len(messages) for name, seconds in found.items()}

@@ -23,7 +23,7 @@ from rovid_ros.commands.running import (
     warn,
 )
 from rovid_ros.comparison.report_data import report_data, sentence
-from rovid_ros.comparison.trials import best_of, compare, Model, Trial, TrialFeeder
+from rovid_ros.comparison.trials import best_of, compare, Model, Trial, TrialPlayer
 from rovid_ros.files.whole_files import write_json
 from rovid_ros.results.text import NONE, number, percent, table, unit
 
@@ -84,13 +84,13 @@ def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Setti
     for i, path in enumerate(paths):
         # with the folder where it is needed to tell two logs apart
         name = path.name if names.count(path.name) == 1 else str(path)
-        feeder = TrialFeeder(settings)
+        player = TrialPlayer(settings)
         warnings: list[str] = []
-        result = replay([path], settings, feeder, start=start, duration=duration,
+        result = replay([path], settings, player, start=start, duration=duration,
                         warn=warnings.append)
         for line in warnings:
             warn(f'{name}: {line}')
-        trials.append(Trial(name, i < len(train), result, feeder, warnings))
+        trials.append(Trial(name, i < len(train), result, player, warnings))
     return trials
 
 

@@ -15,10 +15,10 @@ from typing import Any
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
-from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import CommandError, read_settings, run_to_exit_code
 from rovid_ros.commands.simulate import simulate_log, truth
+from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.results.summary import summary
 from rovid_ros.results.text import NONE, percent, quantity, table
 
@@ -48,8 +48,8 @@ def demo(folder: Path, duration: float = DURATION) -> None:
     count = simulate_log(settings, log, duration, seed=1)
     print(f'   {log}, {count:,} messages.\n')
     print('2. Identify it from this log, as the live node would:')
-    feeder = PipeFeeder(settings)
-    found = replay([log], settings, feeder)
+    player = PipelinePlayer(settings)
+    found = replay([log], settings, player)
     print(f'   {found.steps:,} steps of {settings.identifier.method}.\n')
     guess = summary(settings, None)
     print(table(_parameters(settings, found.dofs, guess), left=2))
@@ -57,7 +57,7 @@ def demo(folder: Path, duration: float = DURATION) -> None:
           'is how\n   well the model predicts. Its velocity from the thrust alone, v_sim, '
           'against the measured v\n   (mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / '
           'std(v)):\n')
-    print(table(_scores(found.dofs, guess, feeder.scores)))
+    print(table(_scores(found.dofs, guess, player.scores)))
     print(f'\nNext, your own vehicle: copy {_near(config)}, put in your topics,\n'
           'thrusters and a guess of the mass, and run\n\n'
           '   rovid replay YOUR_LOG --params-file YOUR_FILE.yaml')

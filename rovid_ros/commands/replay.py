@@ -19,8 +19,6 @@ from rovid_ros.commands.arguments import (
     mcap,
     positive,
 )
-from rovid_ros.commands.controls import CONTROL
-from rovid_ros.commands.feeder import Feeder, PipeFeeder
 from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.running import (
     check_written,
@@ -37,6 +35,7 @@ from rovid_ros.commands.running import (
 from rovid_ros.files.state_file import restore, save
 from rovid_ros.files.whole_files import write_json
 from rovid_ros.logs.log import Log, LogMessage, Maker, RECORD
+from rovid_ros.logs.player import CONTROL, PipelinePlayer, Player
 from rovid_ros.logs.writer import OutputLog, unfinished
 from rovid_ros.messages.convert import Converter
 from rovid_ros.messages.types import Decoder, WireType
@@ -85,9 +84,9 @@ def run(args: argparse.Namespace) -> None:
     begin = args.state if args.state and args.state.exists() else None
 
     with located_errors(args.params_file):
-        feeder = _node(args, settings) if args.ros else PipeFeeder(settings)
+        player = _node(args, settings) if args.ros else PipelinePlayer(settings)
         result = replay(
-            args.logs, settings, feeder, output=args.output, start=args.start,
+            args.logs, settings, player, output=args.output, start=args.start,
             duration=args.duration, state=begin, warn=partial(warn_on_stderr, args.prog))
     if args.state:
         print(f'begins from {args.state}\n' if begin else
@@ -96,11 +95,11 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         write_json(args.json, result.document())
     if args.state:  # last: a replay that fails can be run again from the same state
-        save(args.state, settings, feeder.stream.state())
+        save(args.state, settings, player.stream.state())
     print_written(args.output, args.json, args.state)
 
 
-def _node(args: argparse.Namespace, settings: Settings) -> Feeder:
+def _node(args: argparse.Namespace, settings: Settings) -> Player:
     """Return the real node, which only here needs ROS."""
     try:
         import rclpy  # noqa: F401
@@ -113,11 +112,11 @@ def _node(args: argparse.Namespace, settings: Settings) -> Feeder:
         raise CommandError(f'--ros: {error}') from None
 
 
-def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
+def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
            output: Path | None = None, start: float = 0.0, duration: float | None = None,
            state: Path | None = None, warn: Callable[[str], None] = lambda line: None) -> Result:
     """
-    Feed logs through the pipeline.
+    Play logs through the pipeline.
 
     Parameters
     ----------
@@ -125,8 +124,8 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
         Files or rosbag2 directories, joined in time order.
     settings : Settings
         The run.
-    feeder : Feeder
-        Takes the messages; closed at the end.
+    player : Player
+        Plays the messages; closed at the end.
     output : Path, optional
         MCAP file for the output topics; NAME.part.mcap until it is finished.
     start, duration : float
@@ -147,15 +146,15 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
 
     """
     with ExitStack() as stack:
-        stack.callback(feeder.close)
+        stack.callback(player.close)
         log = stack.enter_context(Log(logs))
-        run = _Replay(feeder, settings, _topics(log, feeder.converter, settings, warn))
+        run = _Replay(player, settings, _topics(log, player.converter, settings, warn))
         if state is not None:
-            restore(state, feeder.stream)
+            restore(state, player.stream)
         elif log.recorded:
-            _restore_recorded(log, feeder)
-        if not feeder.stream.adapting:
-            feeder.control('enable', 'false')  # so that a node tells it
+            _restore_recorded(log, player)
+        if not player.stream.adapting:
+            player.repeat_control('enable', 'false')  # so that a node tells it
         interrupt = stack.enter_context(Interrupt(unfinished(output) if output else None))
         if output is not None:
             run.output = OutputLog(output)
@@ -171,7 +170,7 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
         kept = f'; {part} holds what came of it' if part and part.exists() else ''
         raise Interrupted(
             f'interrupted after {run.duration:.1f} s of the log{kept}', interrupt.code)
-    for line in (*log.warnings, *feeder.stream.take_warnings()):
+    for line in (*log.warnings, *player.stream.take_warnings()):
         warn(line)
     result = run.result(logs)
     if run.output is not None:
@@ -182,14 +181,14 @@ def replay(logs: Sequence[Path], settings: Settings, feeder: Feeder, *,
 class _Replay:
     """What was read from the logs so far, and what came out."""
 
-    def __init__(self, feeder: Feeder, settings: Settings, topics: Mapping[str, str]) -> None:
+    def __init__(self, player: Player, settings: Settings, topics: Mapping[str, str]) -> None:
         self.topics = topics
         self.output: OutputLog | None = None
         self.last = 0  # [ns] when the newest message was received
         self._first = 0  # [ns] when the first one was
         self._messages = 0
         self._steps = 0
-        self._feeder = feeder
+        self._player = player
         self._settings = settings
         self._outputs = Outputs(settings)
 
@@ -202,34 +201,34 @@ class _Replay:
         """Return what makes the data of the messages of a topic."""
         if topic == CONTROL:
             return lambda data, time: decode(data)
-        return self._feeder.take(self.topics[topic], wire, decode)
+        return self._player.maker(self.topics[topic], wire, decode)
 
     def read(self, messages: Iterable[LogMessage], interrupt: Interrupt,
              progress: Progress) -> None:
-        """Feed messages up to the last one or to a signal."""
+        """Play messages up to the last one or to a signal."""
         for message in messages:
             if interrupt.asked:
                 return
-            self._feed(message)
+            self._add_message(message)
             progress.tick()
         if not interrupt.asked:
-            self._write(self._feeder.finish())
+            self._write(self._player.finish())
 
     def result(self, logs: Sequence[Path]) -> Result:
         """Return the result, or refuse a log that gave none."""
-        stream = self._feeder.stream
+        stream = self._player.stream
         estimate = stream.estimate
         if estimate is None:
             raise ReplayError(f'{", ".join(map(str, logs))}: no step: {self._why_no_step()}')
-        scores = {dof.dof: self._feeder.scores.score(dof.dof, dof.parameters)
+        scores = {dof.dof: self._player.scores.score(dof.dof, dof.parameters)
                   for dof in estimate.dofs}
         verdicts = {dof.dof: stream.verdict(dof.dof) for dof in estimate.dofs}
         return Result(
             tuple(logs), self._settings, self._steps, self._messages, self.duration,
             summary(self._settings, estimate, scores, verdicts), dict(stream.rejected))
 
-    def _feed(self, message: LogMessage) -> None:
-        """Feed one message and write what it released."""
+    def _add_message(self, message: LogMessage) -> None:
+        """Add one message and write what it released."""
         if self._messages == 0:
             self._first = message.time
         self.last = max(self.last, message.time)
@@ -237,7 +236,7 @@ class _Replay:
         if message.topic == CONTROL:
             name, value = _control(message)
             try:
-                self._write(self._feeder.control(name, value))
+                self._write(self._player.repeat_control(name, value))
             except (ValueError, RecursionError) as error:
                 raise ReplayError(f'{CONTROL}: {error}') from None
             if name == 'reset':
@@ -246,7 +245,7 @@ class _Replay:
             topic = self.topics[message.topic]
             if topic != message.topic:
                 message = message._replace(topic=topic)
-            self._write(self._feeder.feed(message))
+            self._write(self._player.add_message(message))
 
     def _write(self, estimates: Sequence[Estimate]) -> None:
         """Count the estimates and write the output topics."""
@@ -262,8 +261,8 @@ class _Replay:
                                   latched=out.topic in LATCHED)
 
     def _why_no_step(self) -> str:
-        stream = self._feeder.stream
-        parts = [*self._feeder.converter.details.values()]
+        stream = self._player.stream
+        parts = [*self._player.converter.details.values()]
         for name in self._settings.used_inputs():
             refused = ', '.join(f'{count:,} {reason}' for (which, reason), count
                                 in sorted(stream.rejected.items()) if which == name)
@@ -294,12 +293,12 @@ def _topics(log: Log, converter: Converter, settings: Settings,
     return names
 
 
-def _restore_recorded(log: Log, feeder: Feeder) -> None:
+def _restore_recorded(log: Log, player: Player) -> None:
     """Begin where the node began when it recorded this log."""
     state = log.metadata[RECORD].get('state')
     if state:
         try:
-            feeder.stream.restore(json.loads(state))
+            player.stream.restore(json.loads(state))
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
             raise ReplayError(f'the state that the recording began with: {error}') from None
 

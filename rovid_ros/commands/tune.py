@@ -16,7 +16,6 @@ from rovid_core.trials.tuning.choice import Done
 from rovid_core.trials.tuning.log import TuningLog
 from rovid_core.trials.tuning.tune import observed, Score, Stage, tune, Tuned, TuningError
 from rovid_ros.commands.arguments import add_json, add_logs, add_params_file, add_part
-from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.commands.long_work import in_parallel, Progress
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import (
@@ -28,6 +27,7 @@ from rovid_ros.commands.running import (
 )
 from rovid_ros.config.parameter_edit import edited
 from rovid_ros.files.whole_files import write_json, write_text
+from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.messages.convert import Converter
 from rovid_ros.results.text import NONE, number, table, unit
 
@@ -88,7 +88,7 @@ class _Motion(Stream):
         """Stay with the settings that are tuned."""
 
 
-class TuneFeeder(PipeFeeder):
+class TuningPlayer(PipelinePlayer):
     """The pipe, which keeps what is needed to run it with other settings."""
 
     def __init__(self, settings: Settings) -> None:
@@ -112,9 +112,9 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
 
     """
     seen = observed(settings)
-    feeder = TuneFeeder(seen)
+    player = TuningPlayer(seen)
     ours = tuple(f'{dof}: its ' for dof in seen.dofs)  # of typical sizes, which are found here
-    replay(logs, seen, feeder, start=start, duration=duration,
+    replay(logs, seen, player, start=start, duration=duration,
            warn=lambda line: None if line.startswith(ours) else warn(line))
     share = 0.0
     with Progress('tune', lambda: share) as progress:
@@ -130,7 +130,7 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
                 work, given, lambda count: done(begin + left * count / len(given)))
 
         try:
-            return tune(feeder.log, settings, done, each)
+            return tune(player.log, settings, done, each)
         except TuningError as error:
             raise TuneError(f'{", ".join(map(str, logs))}: {error}') from None
 

@@ -24,8 +24,8 @@ from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales, Set
 from rovid_core.trials.offline import METHODS as OFFLINE, subsets
 from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog
-from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.logs.log import LogMessage
+from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.results.summary import Result
 
 PAPER = 'aid'
@@ -104,7 +104,7 @@ class OnlineMethods(ScoreLog):
             identifier.step(step)
 
 
-class TrialFeeder(PipeFeeder):
+class TrialPlayer(PipelinePlayer):
     """
     The pipeline with all online methods.
 
@@ -123,16 +123,16 @@ class TrialFeeder(PipeFeeder):
         super().__init__(paper, self._others)
         self.history = {dof: History() for dof in settings.dofs}
 
-    def feed(self, message: LogMessage) -> list[Estimate]:
-        """Take the next message; return the estimates that it released."""
-        return self._kept(super().feed(message))
+    def add_message(self, message: LogMessage) -> list[Estimate]:
+        """Add the next message; return the estimates that it released."""
+        return self._kept(super().add_message(message))
 
-    def control(self, name: str, value: str) -> list[Estimate]:
-        """Do again what a service call did when the log was recorded."""
-        return self._kept(super().control(name, value))
+    def repeat_control(self, name: str, value: str) -> list[Estimate]:
+        """Do again what was done to the node when the log was recorded."""
+        return self._kept(super().repeat_control(name, value))
 
     def finish(self) -> list[Estimate]:
-        """Take the log's end."""
+        """Release what is still held back at the log's end."""
         return self._kept(super().finish())
 
     def fits(self, dof: str) -> dict[str, Fit]:
@@ -179,7 +179,7 @@ class Trial:
         Whether models are identified from it, or it is only predicted.
     result : Result
         What a replay says of it.
-    feeder : TrialFeeder
+    player : TrialPlayer
         The pipeline after the log.
     warnings : list of str
         One line each.
@@ -189,23 +189,23 @@ class Trial:
     name: str
     trains: bool
     result: Result
-    feeder: TrialFeeder
+    player: TrialPlayer
     warnings: list[str]
 
     @property
     def scores(self) -> ScoreLog:
         """Return thrust and velocity of every step."""
-        return self.feeder.scores
+        return self.player.scores
 
     @property
     def stream(self) -> Stream:
         """Return the stream after the last message."""
-        return self.feeder.stream
+        return self.player.stream
 
     @property
     def history(self) -> Mapping[str, History]:
         """Return what the adaptive identifier estimated, by DOF."""
-        return self.feeder.history
+        return self.player.history
 
 
 @dataclass(frozen=True)
@@ -304,7 +304,7 @@ class _Job:
 
 def _jobs(trial: Trial, dof: str, settings: Settings, best: DofSettings) -> Iterator[_Job]:
     configured = settings.dof[dof]
-    for method in trial.feeder.fits(dof):
+    for method in trial.player.fits(dof):
         yield _Job(trial, dof, method, configured, True, False)
     for method in OFFLINE:
         yield _Job(trial, dof, method, configured, True, best == configured)
@@ -340,7 +340,7 @@ def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
         fit = OFFLINE[job.method](
             trial.scores.records(dof), Scales.of(job.dof_settings), settings)
     else:
-        fit = trial.feeder.fits(dof)[job.method]
+        fit = trial.player.fits(dof)[job.method]
     sound = all(map(math.isfinite, fit.parameters))
     scores = {t.name: t.scores.score(dof, fit.parameters) if sound else Score() for t in trials}
     return Model(job.method, trial.name, dof, job.dof_settings.terms, not job.configured, fit,

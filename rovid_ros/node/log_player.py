@@ -65,21 +65,21 @@ class LogPlayer:
         self._clock_time = 0  # [ns] log time last published
         self._began = self._last_spin = time.monotonic()
 
-    def take(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
+    def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
         """Return the decoder: the node converts by itself."""
         return lambda data, time: decode(data)
 
-    def feed(self, message: LogMessage) -> list[Estimate]:
-        """Take the next message when it is due; return the estimates that it released."""
+    def add_message(self, message: LogMessage) -> list[Estimate]:
+        """Add the next message when it is due; return the estimates that it released."""
         self._wait(message.time)
         return self.node.add_message(message.topic, message.data, message.time)
 
-    def control(self, name: str, value: str) -> list[Estimate]:
-        """Do again what a service call did when the log was recorded."""
+    def repeat_control(self, name: str, value: str) -> list[Estimate]:
+        """Do again what was done to the node when the log was recorded."""
         return self.node.repeat_control(name, value)
 
     def finish(self) -> list[Estimate]:
-        """Take the log's end."""
+        """Release what is still held back at the log's end."""
         return self.node.finish()
 
     def close(self) -> None:

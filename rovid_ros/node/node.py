@@ -16,8 +16,13 @@ from rovid_core.model.samples import Event
 from rovid_core.pipeline.steps import Scorer
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
-from rovid_ros.commands.controls import apply, changes_of, PARAMETERS, repeat
 from rovid_ros.config.input_topics import inputs_of
+from rovid_ros.logs.player import (
+    change_parameters,
+    PARAMETERS,
+    recorded_changes,
+    repeat_control,
+)
 from rovid_ros.messages.convert import Converter
 from rovid_ros.node.checkpoint import Checkpoint
 from rovid_ros.node.health.console import HealthMonitor
@@ -85,7 +90,7 @@ class IdentifierNode(ParameterNode):
             settings = replace(settings, record_path='', checkpoint_path='')
         self._prepare(settings)
         if self.changes:
-            apply(self.stream, self.changes)
+            change_parameters(self.stream, self.changes)
         self.show_changes({'enable': self.stream.adapting})
         self._join_graph()
 
@@ -135,11 +140,11 @@ class IdentifierNode(ParameterNode):
         """Repeat a control that was recorded in a log; return the estimates it releases."""
         if not self.active:
             return []
-        estimates = self._publish(repeat(self.stream, name, value))
+        estimates = self._publish(repeat_control(self.stream, name, value))
         if name == 'reset':
             self._publish_initial()
         if name == PARAMETERS:
-            self.show_changes(changes_of(value))
+            self.show_changes(recorded_changes(value))
         self.show_changes({'enable': self.stream.adapting})
         return estimates
 
@@ -170,7 +175,7 @@ class IdentifierNode(ParameterNode):
     def apply_changes(self, changes: Mapping[str, Any]) -> None:
         """Go on with other values of live parameters."""
         if self._configured:
-            apply(self.stream, changes)
+            change_parameters(self.stream, changes)
             self._publish([])
         if self._configured and 'checkpoint.period' in changes:
             self._start_saving()

@@ -11,8 +11,8 @@ from typing import Any
 
 from rovid_core.model.samples import Event
 from rovid_ros import __version__
-from rovid_ros.commands.controls import CONTROL
 from rovid_ros.files.whole_files import claim, prepare, sync_folder
+from rovid_ros.logs.player import CONTROL
 from rovid_ros.logs.writer import LogWriter
 
 

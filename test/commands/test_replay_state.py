@@ -12,12 +12,12 @@ from typing import Any
 from mcap.reader import make_reader
 import pytest
 from rovid_core.settings.run import Settings
-from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.commands.main import main
 from rovid_ros.config.parameter_file import load as load_parameters
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.files.state_file import load, save, StateError
 from rovid_ros.logs.log import Log, LogMessage
+from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.convert import Converter
 
@@ -86,17 +86,17 @@ def settings_of(config: Path, method: str) -> Settings:
     return settings_from({**load_parameters(config), 'identifier.method': method})
 
 
-def restored(settings: Settings, state: dict[str, Any], log: Path) -> PipeFeeder:
+def restored(settings: Settings, state: dict[str, Any], log: Path) -> PipelinePlayer:
     """Return a pipeline that was restored, as the node restores its own, after a log."""
-    feeder = PipeFeeder(settings)
-    feeder.stream.restore(state)
-    converter = Converter(settings, feeder.stream.reject)
+    player = PipelinePlayer(settings)
+    player.stream.restore(state)
+    converter = Converter(settings, player.stream.reject)
     with Log([log]) as opened:
         for message in opened.messages(list(converter.topics)):
             for event in converter.events(message.topic, message.data, message.time):
-                feeder.stream.receive(event)
-    feeder.finish()
-    return feeder
+                player.stream.receive(event)
+    player.finish()
+    return player
 
 
 @pytest.mark.parametrize('method', METHODS)
@@ -164,7 +164,7 @@ def test_the_state_wins_over_that_of_a_record(
     """A node's own log says where that node began; who names a state wants that one."""
     assert call(dives[0]) == 0
     learned = call.state.read_bytes()
-    initial = PipeFeeder(settings_of(call.config, 'ekf')).stream.state()
+    initial = PipelinePlayer(settings_of(call.config, 'ekf')).stream.state()
     record = tmp_path / 'record.mcap'
     with LogWriter(record) as writer, dives[1].open('rb') as file:
         writer.metadata('rovid_record', {'state': json.dumps(initial)})
@@ -249,18 +249,18 @@ def test_a_damaged_state_is_refused(
 @pytest.fixture
 def interrupted(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
     """Return what makes the next replay get a signal at its n-th message."""
-    feed = PipeFeeder.feed
+    add_message = PipelinePlayer.add_message
 
     def after(count: int) -> None:
         left = [count]
 
-        def cut(self: PipeFeeder, message: LogMessage) -> Any:
+        def cut(self: PipelinePlayer, message: LogMessage) -> Any:
             left[0] -= 1
             if not left[0]:
                 signal.raise_signal(signal.SIGTERM)
-            return feed(self, message)
+            return add_message(self, message)
 
-        monkeypatch.setattr(PipeFeeder, 'feed', cut)
+        monkeypatch.setattr(PipelinePlayer, 'add_message', cut)
 
     return after
 

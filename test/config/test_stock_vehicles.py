@@ -15,11 +15,11 @@ import pytest
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import Settings
 from rovid_core.thrust.thruster_curve import thruster_model, wrench
-from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
+from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types
 from rovid_ros.results.summary import Result
@@ -69,7 +69,7 @@ def dive(bluerov2: Settings, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def identified(log: Path, settings: Settings) -> Result:
-    return replay([log], settings, PipeFeeder(settings))
+    return replay([log], settings, PipelinePlayer(settings))
 
 
 def check_truth(result: Result, settings: Settings, within: float) -> None:

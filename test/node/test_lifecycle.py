@@ -15,8 +15,8 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
-from rovid_ros.commands.controls import CONTROL
 from rovid_ros.logs.log import Log
+from rovid_ros.logs.player import CONTROL
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.node.transport.publishers import latched

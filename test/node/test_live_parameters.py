@@ -15,10 +15,10 @@ from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.parameter import Parameter
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import SettingsError
-from rovid_ros.commands.controls import apply, repeat
 from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameters import changed as changed_settings, settings_from
 from rovid_ros.logs.log import Log
+from rovid_ros.logs.player import change_parameters, repeat_control
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_srvs.srv import SetBool, Trigger
@@ -266,7 +266,7 @@ def test_a_record_that_is_not_ours_changes_nothing(value: str) -> None:
     stream = Stream(settings_from(changed({})))
     settings = stream.settings
     with pytest.raises(ValueError):
-        repeat(stream, 'parameters', value)
+        repeat_control(stream, 'parameters', value)
     assert stream.settings is settings
 
 
@@ -279,5 +279,5 @@ def test_every_live_key_finds_its_setting(key: Any) -> None:
     assert changed_settings(settings, {key.name: value}) == expected
     assert settings != expected
     stream = Stream(settings)
-    apply(stream, {key.name: value})
+    change_parameters(stream, {key.name: value})
     assert stream.settings == expected

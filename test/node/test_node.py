@@ -20,11 +20,11 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosgraph_msgs.msg import Clock
 from rovid_core.model.samples import Event
 from rovid_core.settings.run import SettingsError
-from rovid_ros.commands.controls import CONTROL
 from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.files.whole_files import prepare
 from rovid_ros.logs.log import Log
+from rovid_ros.logs.player import CONTROL
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.node.log_player import LogPlayer
 from rovid_ros.node.node import IdentifierNode
@@ -155,7 +155,7 @@ def test_a_replay_that_is_behind_tells_ages_in_its_own_time(log: Path) -> None:
     with Log([log]) as source:
         messages = list(source.messages(list(TYPES)))
     for message in messages:
-        player.feed(message)
+        player.add_message(message)
         time.sleep(2.0 / len(messages))
     peer.until(lambda: health, 1.0)
     for status in health[-1].status[1:5]:

@@ -16,12 +16,12 @@ from rovid_core.model.plant import lumped
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.profiles import Profile, Sinusoid
 from rovid_core.trials.score import ScoreLog
-from rovid_ros.commands.feeder import PipeFeeder
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log, LogMessage
+from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types
 
@@ -62,9 +62,9 @@ class Bench:
         self.values = values
         self.recording = train
         self.truth = truth or {}
-        feeder = PipeFeeder(train.settings)
-        replay([judge], train.settings, feeder, start=start)
-        self.judge: ScoreLog = feeder.scores
+        player = PipelinePlayer(train.settings)
+        replay([judge], train.settings, player, start=start)
+        self.judge: ScoreLog = player.scores
         self._usual: dict[tuple[str, float], Outcome] = {}
 
     def method(self, name: str, max_wait: float | None = None) -> Settings:
@@ -135,27 +135,27 @@ def tank(logs: Path) -> Bench:
 
 def _recording(settings: Settings, on: float, path: Path) -> Recording:
     """Return the messages of a log that the vehicle is identified from."""
-    topics = {f'/{topic.lstrip("/")}' for topic in PipeFeeder(settings).converter.topics}
+    topics = {f'/{topic.lstrip("/")}' for topic in PipelinePlayer(settings).converter.topics}
     with Log([path]) as log:
         return Recording(settings, list(log.messages(topics)), on)
 
 
 def replayed(messages: Messages, settings: Settings) -> Outcome:
     """Write messages to a log, replay it, and return what came of it."""
-    feeder = _Watched(settings)
-    outcome = feeder.outcome
+    player = _Watched(settings)
+    outcome = player.outcome
     with TemporaryDirectory() as folder:
         path = Path(folder, 'faulty.mcap')
         write(messages, path)
         try:
-            replay([path], settings, feeder, warn=lambda line: outcome.warnings.append(
+            replay([path], settings, player, warn=lambda line: outcome.warnings.append(
                 line.replace(f'{folder}/', '')))
         except Exception as failure:  # a defect of any kind is a row of the table
             outcome.failed = f'{type(failure).__name__}: {failure}'
     outcome.rejected = {f'{name}.{reason}': count
-                        for (name, reason), count in feeder.stream.rejected.items()}
-    if feeder.stream.estimate is not None:
-        outcome.models = {dof.dof: dof.parameters for dof in feeder.stream.estimate.dofs}
+                        for (name, reason), count in player.stream.rejected.items()}
+    if player.stream.estimate is not None:
+        outcome.models = {dof.dof: dof.parameters for dof in player.stream.estimate.dofs}
     return outcome
 
 
@@ -173,16 +173,16 @@ def cdr(message: LogMessage) -> bytes:
     return bytes(standard_types().serialize_cdr(message.data, message.type))
 
 
-class _Watched(PipeFeeder):
+class _Watched(PipelinePlayer):
     """The pipe, and somebody who looks at everything that comes out."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
         self.outcome = Outcome()
 
-    def feed(self, message: LogMessage) -> list[Estimate]:
+    def add_message(self, message: LogMessage) -> list[Estimate]:
         """Take the next message; return the estimates that it released."""
-        estimates = super().feed(message)
+        estimates = super().add_message(message)
         for estimate in estimates:
             self._look(estimate, message.time)
         self.outcome.released.append((message.time, len(self.outcome.steps)))

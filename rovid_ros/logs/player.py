@@ -1,0 +1,131 @@
+"""Plays a log through the pipeline: its messages, and the controls that a node recorded in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import json
+from typing import Any, Protocol
+
+from rovid_core.identify.estimate import Estimate
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import Settings
+from rovid_core.trials.score import ScoreLog
+from rovid_ros.config.parameters import changed
+from rovid_ros.logs.log import LogMessage, Maker
+from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.types import Decoder, WireType
+from rovid_ros.messages.unpack import Unpacker
+
+CONTROL = '/rovid/control'
+"""Topic of a node's own log that says what was done to it."""
+
+PARAMETERS = 'parameters'
+"""The control that says which parameters changed, as JSON by dotted key."""
+
+
+class Player(Protocol):
+    """Plays the messages of a log, one after the other."""
+
+    stream: Stream
+    converter: Converter
+    scores: ScoreLog
+
+    def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
+        """Return what makes the data that ``add_message`` needs, of the messages of a topic."""
+
+    def add_message(self, message: LogMessage) -> list[Estimate]:
+        """Add the next message; return the estimates that it released."""
+
+    def repeat_control(self, name: str, value: str) -> list[Estimate]:
+        """Do again what was done to the node when the log was recorded."""
+
+    def finish(self) -> list[Estimate]:
+        """Release what is still held back at the log's end."""
+
+    def close(self) -> None:
+        """Close what was opened."""
+
+
+class PipelinePlayer:
+    """Plays a log through the pipeline alone: conversion and stream, no ROS."""
+
+    def __init__(self, settings: Settings, scores: ScoreLog | None = None) -> None:
+        self.scores = scores or ScoreLog(settings)
+        self.stream = Stream(settings, scorer=self.scores)
+        self.converter = Converter(settings, self.stream.reject)
+
+    def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
+        """Return what makes events of the messages of a topic."""
+        return Unpacker(self.converter, topic, wire, decode).events
+
+    def add_message(self, message: LogMessage) -> list[Estimate]:
+        """Add the next message, as events; return the estimates that it released."""
+        receive = self.stream.receive
+        events = message.data
+        if len(events) == 1:
+            return receive(events[0])
+        return [estimate for event in events for estimate in receive(event)]
+
+    def repeat_control(self, name: str, value: str) -> list[Estimate]:
+        """Do again what was done to the node when the log was recorded."""
+        return repeat_control(self.stream, name, value)
+
+    def finish(self) -> list[Estimate]:
+        """Release what is still held back at the log's end."""
+        return self.stream.finish()
+
+    def close(self) -> None:
+        """Do nothing: nothing was opened."""
+
+
+def change_parameters(stream: Stream, changes: Mapping[str, Any]) -> None:
+    """
+    Give live keys other values, between two steps.
+
+    Parameters
+    ----------
+    stream : Stream
+        Gets them, and tells its recorder.
+    changes : mapping
+        Value by dotted key.
+
+    Raises
+    ------
+    SettingsError
+        If a value is refused; then nothing is changed.
+
+    """
+    stream.change(changed(stream.settings, changes), json.dumps(dict(changes)))
+
+
+def recorded_changes(value: str) -> dict[str, Any]:
+    """
+    Return which parameters a recorded control of ``PARAMETERS`` changed.
+
+    Raises
+    ------
+    ValueError
+        If it is not JSON of values by key.
+
+    """
+    changes = json.loads(value)
+    if not isinstance(changes, dict):
+        raise ValueError(f'a control of parameters that has no keys: {value!r}')
+    return changes
+
+
+def repeat_control(stream: Stream, name: str, value: str) -> list[Estimate]:
+    """
+    Do a recorded control again; what was recorded before it is released first.
+
+    Raises
+    ------
+    ValueError
+        For a control that there is not, or parameters that are refused.
+
+    """
+    if name != PARAMETERS:
+        return stream.control(name, value)
+    estimates = stream.finish()
+    change_parameters(stream, recorded_changes(value))
+    return estimates

@@ -23,7 +23,7 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 from rovid_ros.results.outputs import Outputs
 
 from benchmarks.endurance.soak_outcome import Soak

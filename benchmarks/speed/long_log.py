@@ -24,7 +24,7 @@ from rovid_ros.commands.simulate import EPOCH
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages
+from rovid_ros.messages.simulated_messages import SensorMessage, SensorMessages
 
 CONFIG = Path(__file__).parents[2] / 'config' / 'jhurov.yaml'
 RATES = {'position_rate': 10.0, 'depth_rate': 20.0, 'attitude_rate': 50.0, 'thruster_rate': 20.0}

@@ -30,7 +30,7 @@ from rovid_ros.config.parameters import check as check_values, settings_from
 from rovid_ros.files.state_file import is_record, load as load_checkpoint
 from rovid_ros.files.whole_files import write_json
 from rovid_ros.logs.log import Log, LogError
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError, nearest
 from rovid_ros.messages.types import build, normalised, standard_types
 from rovid_ros.results.text import number, table, unit

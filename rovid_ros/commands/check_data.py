@@ -12,7 +12,7 @@ from rovid_core.model.quaternions import normalised, rotation_between
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import section, topics_of
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 
 NS = 1e-9
 

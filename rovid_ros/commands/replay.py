@@ -37,7 +37,7 @@ from rovid_ros.files.whole_files import write_json
 from rovid_ros.logs.log import Log, LogMessage, Maker, RECORD
 from rovid_ros.logs.player import CONTROL, PipelinePlayer, Player
 from rovid_ros.logs.writer import OutputLog, unfinished
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.types import Decoder, WireType
 from rovid_ros.results.outputs import LATCHED, Output, Outputs
 from rovid_ros.results.summary import Result, summary

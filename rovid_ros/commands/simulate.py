@@ -31,7 +31,7 @@ from rovid_ros.commands.running import (
     warn,
 )
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages, SimulationError
+from rovid_ros.messages.simulated_messages import SensorMessage, SensorMessages, SimulationError
 
 EPOCH = 1_700_000_000 * 1_000_000_000
 """When every simulation begins [ns]: fixed, so that the same seed gives the same file."""

@@ -25,10 +25,10 @@ from rovid_ros.commands.running import (
     read_settings,
     warn,
 )
-from rovid_ros.config.parameter_edit import edited
+from rovid_ros.config.parameter_file import edited
 from rovid_ros.files.whole_files import write_json, write_text
 from rovid_ros.logs.player import PipelinePlayer
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 from rovid_ros.results.text import NONE, number, table, unit
 
 DESCRIPTION = (

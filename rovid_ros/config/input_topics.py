@@ -1,8 +1,42 @@
-"""Which topics feed an input, which inputs a topic feeds, and what a DOF needs."""
+"""What is read from which topic, which inputs a topic feeds, and what a DOF needs."""
 
 from __future__ import annotations
 
-from rovid_core.settings.run import Settings
+from dataclasses import dataclass
+from typing import Any
+
+from rovid_core.settings.run import INPUTS, Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where an input's samples come from; one topic of several is a ``part``."""
+
+    input: str
+    topic: str
+    type: str
+    field: str
+    stamp: str
+    latency: int  # [ns]
+    part: int
+
+    @property
+    def section(self) -> str:
+        """Return the section of the input in the parameter file."""
+        return section(self.input)
+
+
+def sources(settings: Settings) -> list[Source]:
+    """Return what to read, in the order of INPUTS."""
+    found = []
+    for name in INPUTS:
+        if name in settings.used_inputs():
+            given: Any = settings.thrusters if name == 'thrusters' else settings.input(name)
+            found += [
+                Source(name, topic, given.type, given.field, given.stamp,
+                       round(given.latency * 1e9), part)
+                for part, topic in enumerate(topics_of(settings, name))]
+    return found
 
 
 def topics_of(settings: Settings, name: str) -> tuple[str, ...]:

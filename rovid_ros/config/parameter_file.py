@@ -1,8 +1,8 @@
-"""What ROS' parameter reader (rcl) makes of a scalar without quotes."""
+"""ROS 2 parameter files, read exactly as ROS' own reader (rcl) does, and edited in place."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 import difflib
 import math
@@ -72,9 +72,9 @@ def _number(text: str) -> float | None:
 
 
 PARAMETERS = 'ros__parameters'
-LARGEST = 1 << 20
+MAX_FILE_SIZE = 1 << 20
 """[bytes] A larger file is something else."""
-DEEPEST = 32
+MAX_DEPTH = 32
 """Levels of keys; more are a broken file."""
 
 SECTION = re.compile(r'/?(?:(?:[A-Za-z_]\w*|\*\*?)/)*(?:[A-Za-z_]\w*|\*\*?)', re.ASCII)
@@ -147,9 +147,9 @@ def _matches(section: str, full_name: str) -> bool:
 def _text(path: Path) -> str:
     try:
         with path.open('rb') as file:
-            data = file.read(LARGEST + 1)
-        if len(data) > LARGEST:
-            raise ParameterFileError(f'{path}: has more than {LARGEST:,} bytes, which no '
+            data = file.read(MAX_FILE_SIZE + 1)
+        if len(data) > MAX_FILE_SIZE:
+            raise ParameterFileError(f'{path}: has more than {MAX_FILE_SIZE:,} bytes, which no '
                                      'parameter file has')
         return data.decode('utf-8-sig')
     except FileNotFoundError:
@@ -240,7 +240,7 @@ class _Reader:
         """Read the levels above the parameters, whose keys make the section's name."""
         for key, event in self._pairs(start, prefix or 'the file'):
             if key != PARAMETERS:
-                if not isinstance(event, yaml.MappingStartEvent) or prefix.count('/') > DEEPEST:
+                if not isinstance(event, yaml.MappingStartEvent) or prefix.count('/') > MAX_DEPTH:
                     near = difflib.get_close_matches(PARAMETERS, prefix.split('/'), 1)
                     hint = f'; {near[0]} is not it' if near else ''
                     raise self._error(event, f'{prefix or "the file"}: takes {PARAMETERS} above '
@@ -258,7 +258,7 @@ class _Reader:
         for key, event in self._pairs(start, prefix or PARAMETERS):
             name = f'{prefix}.{key}' if prefix else key
             if isinstance(event, yaml.MappingStartEvent):
-                if name.count('.') > DEEPEST or (prefix and '.' in key):
+                if name.count('.') > MAX_DEPTH or (prefix and '.' in key):
                     raise self._error(event, f'{name}: ROS misreads keys below a dotted key '
                                              'inside another; nest them one by one')
                 self._parameters(event, name, section)
@@ -295,3 +295,80 @@ class _Reader:
         if {type(entry) for entry in values} == {int, float}:
             return [float(entry) for entry in values]
         return values
+
+
+def edited(path: Path, changes: Mapping[str, float]) -> str:
+    """
+    Return the text of a parameter file with other values.
+
+    Parameters
+    ----------
+    path : Path
+        A parameter file that has ``dofs``.
+    changes : mapping
+        New number by dotted name. A key that the file does not have goes to its neighbours.
+
+    Raises
+    ------
+    ParameterFileError
+        If the file cannot be read.
+
+    """
+    entries = read(path)
+    text = path.read_bytes().decode('utf-8-sig')
+    sections = list(_section_nodes(yaml.compose(text, Loader=yaml.SafeLoader)))
+    begins = [section.start_mark.line + 1 for section in sections]
+
+    def section_of(name: str) -> int:
+        # of several sections that fit the node, the one that the value comes from
+        line = entries.get(name, entries['dofs']).line
+        return max(k for k, begin in enumerate(begins) if begin <= line)
+
+    for name, value in changes.items():
+        root = list(_section_nodes(yaml.compose(text, Loader=yaml.SafeLoader)))[section_of(name)]
+        text = _text_with(text, root, name, repr(float(value)))
+    return text
+
+
+def _section_nodes(node: yaml.Node | None) -> Iterator[yaml.MappingNode]:
+    """Yield what stands below each ``ros__parameters``."""
+    if isinstance(node, yaml.MappingNode):
+        for key, value in node.value:
+            if key.value == PARAMETERS and isinstance(value, yaml.MappingNode):
+                yield value
+            else:
+                yield from _section_nodes(value)
+
+
+def _text_with(text: str, root: yaml.MappingNode, name: str, value: str) -> str:
+    there = _value_node(root, name)
+    if there is not None:
+        return text[:there.start_mark.index] + value + text[there.end_mark.index:]
+    mapping, rest = _innermost(root, name)
+    *groups, last = rest.split('.')
+    entry = f'{last}: {value}'
+    for group in reversed(groups):
+        entry = f'{group}: {{{entry}}}'
+    first = mapping.value[0][0].start_mark
+    gap = ', ' if mapping.flow_style else '\n' + ' ' * first.column
+    return text[:first.index] + entry + gap + text[first.index:]
+
+
+def _value_node(mapping: yaml.MappingNode, name: str) -> yaml.Node | None:
+    """Return the value of a key, which may be nested or dotted."""
+    for key, node in mapping.value:
+        if key.value == name:
+            return node  # type: ignore[no-any-return]
+        if name.startswith(f'{key.value}.') and isinstance(node, yaml.MappingNode):
+            found = _value_node(node, name[len(key.value) + 1:])
+            if found is not None:
+                return found
+    return None
+
+
+def _innermost(mapping: yaml.MappingNode, name: str) -> tuple[yaml.MappingNode, str]:
+    """Return the innermost mapping that a key belongs into, and its name in there."""
+    for key, node in mapping.value:
+        if name.startswith(f'{key.value}.') and isinstance(node, yaml.MappingNode):
+            return _innermost(node, name[len(key.value) + 1:])
+    return mapping, name

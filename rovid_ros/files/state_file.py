@@ -11,10 +11,19 @@ from typing import Any
 
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
-from rovid_ros.config.fingerprint import difference, fingerprint
+from rovid_ros.config.keys import KEYS
 from rovid_ros.files.whole_files import write_json
 
 VERSION = 2
+
+_FORCE = ('names', 'offset', 'scale', 'deadband', 'limit', 'model', 'gain', 'reverse',
+          'polynomial', 'table_command', 'table_force', 'delay', 'time_constant', 'hold',
+          'allocation', 'sign.topic')
+_UNITS = ('dofs', 'identifier.method', 'frames', 'depth.scale', 'attitude.unit',
+          'attitude.heading',
+          *(f'thrusters.{name}' for name in _FORCE))
+
+_MAX_TEXT = 60  # characters of a value in a message
 
 
 class StateError(ValueError):
@@ -37,7 +46,7 @@ def save(path: Path, settings: Settings, state: Mapping[str, Any]) -> None:
         If the file cannot be written.
 
     """
-    made_with = fingerprint(settings)
+    made_with = _fingerprint(settings)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, {'rovid_checkpoint': VERSION, 'settings': made_with, 'state': state,
                       'sha256': _digest(made_with, state)}, indent=1)
@@ -69,7 +78,7 @@ def load(path: Path, settings: Settings) -> dict[str, Any]:
     # files of earlier releases have no digest
     if 'sha256' in content and content['sha256'] != _digest(made_with, state):
         raise StateError(f'{path}: is damaged: its content does not fit its digest')
-    differs = difference(made_with, fingerprint(settings))
+    differs = _difference(made_with, _fingerprint(settings))
     if differs:
         raise StateError(f'{path}: {differs}')
     if not isinstance(state, dict):
@@ -102,3 +111,52 @@ def restore(path: Path, stream: Stream) -> dict[str, Any]:
 
 def _digest(made_with: object, state: object) -> str:
     return hashlib.sha256(json.dumps([made_with, state]).encode()).hexdigest()
+
+
+def _fingerprint(settings: Settings) -> dict[str, Any]:
+    """
+    Return the keys that give the identified parameters their meaning, with their values.
+
+    These are the method, the degrees of freedom and their terms, what a force and a length are,
+    and the initial and typical values, which the identifiers count in. Topics, gains and limits
+    can change.
+    """
+    values = {}
+    for key in KEYS:
+        if key.name in _UNITS or key.name.partition('.')[0] in settings.dofs and (
+                '.initial.' in key.name or '.typical.' in key.name
+                or key.name.endswith('.terms')):
+            value = _value(settings, key.setting)
+            if value is not None:
+                values[key.name] = value
+    return values
+
+
+def _difference(saved: object, mine: Mapping[str, Any]) -> str:
+    """Return in which key a saved fingerprint differs from one's own, '' if in none."""
+    if not isinstance(saved, Mapping):
+        return 'was made with no settings'
+    for name in [*mine, *saved]:
+        if saved.get(name) != mine.get(name):
+            return (f'was made with {name} {_text(saved.get(name))}, configured is '
+                    f'{_text(mine.get(name))}')
+    return ''
+
+
+def _value(settings: Settings, setting: str) -> Any:
+    """Return a setting by its dotted name; None for a DOF that there is not."""
+    found: Any = settings
+    for name in setting.split('.'):
+        found = found.get(name) if isinstance(found, Mapping) else getattr(found, name)
+        if found is None:
+            return None
+    return _listed(found)
+
+
+def _listed(value: Any) -> Any:
+    return [_listed(x) for x in value] if isinstance(value, tuple) else value
+
+
+def _text(value: Any) -> str:
+    text = str(value)
+    return text if len(text) <= _MAX_TEXT else f'{text[:_MAX_TEXT]}...'

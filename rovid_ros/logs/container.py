@@ -1,25 +1,29 @@
-"""What the file formats of logs share: channels, and blocks of messages read one at a time."""
+"""What the file formats of logs share: channels, blocks of messages, and their decompression."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+import bz2
 from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 import struct
 from typing import Any, BinaryIO
 
+import lz4.frame
 from mcap.exceptions import McapError
+import zstandard
 
-NEVER = (1 << 63) - 1
-_SECTOR = 512  # [bytes]; fewer zeros at the end of a file can well be data
-_STEP = 1 << 20
-
-LARGEST = 1 << 27
+MAX_BLOCK_SIZE = 1 << 27
 """[bytes] A block that is larger, packed or not, is not read; recorders make them of 1 to 4 MB."""
-MOST_DECLARED = 1 << 26
+
+MAX_DECLARATIONS = 1 << 26
 """[bytes] Of topics, types and metadata that are kept of a file; most have less than 1 MB."""
 
+_MAX_TIME = (1 << 63) - 1  # [ns]
+_SECTOR = 512  # [bytes]; fewer zeros at the end of a file can well be data
+_READ_SIZE = 1 << 20  # [bytes]
+_SALVAGE_SIZE = 1024  # [bytes]; what one damaged piece costs when a chunk cannot be had whole
 
 MALFORMED = (
     struct.error, IndexError, KeyError, OverflowError, StopIteration, TypeError, ValueError,
@@ -102,32 +106,32 @@ class Container(ABC):
         self.name = name  # what to call it in messages
         self.order = 0  # among the files that are read as one log
         self.loaded = 0  # messages, since the reading began
-        self.forget()
-        self.look_through()
+        self.clear()
+        self.read_structure()
         self._finish()
 
-    def forget(self) -> None:
-        """Know nothing of the file."""
+    def clear(self) -> None:
+        """Drop all that is known of the file."""
         self.channels: dict[int, Channel] = {}
         self.counts: dict[int, int] | None = {}
         self.metadata: dict[str, dict[str, str]] = {}
         self.blocks: list[Block] = []
-        self.start = NEVER
+        self.start = _MAX_TIME
         self.end = -1
         self.cut = False
         self._warnings: list[str] = []
         self._damaged = False
         self._declared = 0  # [bytes]
 
-    def forget_empty(self) -> None:
-        """Know nothing of channels without messages, if the file says how many there are."""
+    def drop_empty_channels(self) -> None:
+        """Drop channels without messages, if the file says how many there are."""
         counts = self.counts
         if counts is not None:
             self.channels = {number: channel for number, channel in self.channels.items()
                              if counts.get(number)}
 
     @abstractmethod
-    def look_through(self) -> None:
+    def read_structure(self) -> None:
         """Take note of channels, counts, metadata and blocks."""
 
     @abstractmethod
@@ -141,7 +145,7 @@ class Container(ABC):
         except LogError:
             raise
         except MALFORMED:
-            self.damaged()
+            self.note_damage()
             return []
         self.loaded += len(messages)
         return messages
@@ -182,7 +186,7 @@ class Container(ABC):
         times = [message[0] for message in messages]
         self.add_block(min(times), max(times), set(numbers), where)
 
-    def keep(self, known: dict[Any, Any], key: Any, value: Any, size: int) -> None:
+    def declare(self, known: dict[Any, Any], key: Any, value: Any, size: int) -> None:
         """
         Keep what the file declares, if it is new.
 
@@ -195,11 +199,11 @@ class Container(ABC):
         if known.get(key) == value:
             return
         self._declared += size
-        if self._declared > MOST_DECLARED:
+        if self._declared > MAX_DECLARATIONS:
             raise ValueError('more declarations than any log needs')
         known[key] = value
 
-    def damaged(self) -> None:
+    def note_damage(self) -> None:
         """Take note of a chunk that is there but cannot be read as a whole."""
         self._damaged = True
 
@@ -211,7 +215,7 @@ class Container(ABC):
 class IndexedContainer(Container):
     """A file that says at its end what it holds, if it was closed."""
 
-    def look_through(self) -> None:
+    def read_structure(self) -> None:
         """Read the index, or the whole file."""
         self.size = written_size(self.path)
         with self.path.open('rb') as file:
@@ -220,7 +224,7 @@ class IndexedContainer(Container):
             except MALFORMED:
                 indexed = False
             if not indexed:
-                self.forget()
+                self.clear()
                 self.scan(file)
 
     @abstractmethod
@@ -242,9 +246,67 @@ def written_size(path: Path) -> int:
     end = size
     with path.open('rb') as file:
         while end > 0:
-            file.seek(max(end - _STEP, 0))
-            tail = file.read(min(end, _STEP)).rstrip(b'\0')
-            end = max(end - _STEP, 0) + len(tail)
+            file.seek(max(end - _READ_SIZE, 0))
+            tail = file.read(min(end, _READ_SIZE)).rstrip(b'\0')
+            end = max(end - _READ_SIZE, 0) + len(tail)
             if tail:
                 break
     return end if size - end >= _SECTOR else size
+
+
+_DAMAGE = (zstandard.ZstdError, RuntimeError, OSError, EOFError, MemoryError)
+_DECOMPRESSORS: dict[str, Any] = {
+    'zstd': lambda: zstandard.ZstdDecompressor().decompressobj(),
+    'lz4': lz4.frame.LZ4FrameDecompressor,
+    'bz2': bz2.BZ2Decompressor,
+}
+
+
+def inflate(data: bytes, compression: str, name: str, size: int) -> bytes:
+    """
+    Decompress a chunk, or as much of it as can be had.
+
+    No more comes out than one byte beyond what it says, nor than ``MAX_BLOCK_SIZE``.
+
+    Parameters
+    ----------
+    data : bytes
+        May lack its end or be damaged.
+    compression : str
+        '', none, zstd, lz4 or bz2.
+    name : str
+        The file, for the error.
+    size : int
+        What the chunk says that is in it [bytes].
+
+    Raises
+    ------
+    LogError
+        If the compression is another.
+
+    """
+    if compression in ('', 'none'):
+        return data
+    if compression not in _DECOMPRESSORS:
+        raise LogError(f'{name}: its chunks are compressed as {compression!r}; '
+                       f'{", ".join(_DECOMPRESSORS)} can be read')
+    most = min(size, MAX_BLOCK_SIZE) + 1
+    try:
+        if compression == 'zstd':
+            return zstandard.ZstdDecompressor().stream_reader(data).read(most)
+        whole: bytes = _DECOMPRESSORS[compression]().decompress(data, max_length=most)
+        return whole
+    except _DAMAGE:
+        pass
+    decompressor = _DECOMPRESSORS[compression]()
+    pieces, left = [], most
+    try:
+        for position in range(0, len(data), _SALVAGE_SIZE):
+            piece = decompressor.decompress(data[position:position + _SALVAGE_SIZE])
+            pieces.append(piece[:left])
+            left -= len(piece)
+            if left <= 0:
+                break
+    except _DAMAGE:
+        pass
+    return b''.join(pieces)

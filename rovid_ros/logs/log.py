@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain
 import os
 from pathlib import Path
 from tempfile import gettempdir, TemporaryDirectory
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 from rovid_ros.files.whole_files import remove_leftovers
-from rovid_ros.logs.container import Channel, LogError, MALFORMED, Raw
-from rovid_ros.logs.messages import LogMessage, Maker, RawMessage, Take, TopicInfo, topics_of
-from rovid_ros.logs.order import parts
+from rovid_ros.logs.container import Block, Channel, Container, LogError, MALFORMED, Raw
 from rovid_ros.logs.paths import open_all
 from rovid_ros.messages.field_paths import nearest
 from rovid_ros.messages.types import (
     build,
+    Decoder,
     decoder,
-    LARGEST_MESSAGE,
+    MAX_MESSAGE_SIZE,
     normalised,
     typestore,
     TypeUnknownError,
@@ -29,12 +30,52 @@ from rovid_ros.messages.types import (
 )
 from zstandard import ZstdError
 
-__all__ = ['Log', 'LogError', 'LogMessage', 'Maker', 'RawMessage', 'Take', 'TopicInfo']
+__all__ = ['Log', 'LogError', 'LogMessage', 'Maker', 'MakerFactory', 'RawMessage', 'TopicInfo']
 
-RECORD = 'rovid_record'  # metadata of the logs that the node writes itself
+RECORD = 'rovid_record'
+"""Name of the metadata in the logs that the node writes itself."""
 
-MOST_UNDECODED = 20
+MAX_UNDECODED = 20
 """Messages of a topic that cannot be decoded, one after the other from the first one on."""
+
+MAX_HELD = 1 << 29
+"""[bytes] Of messages that have to be sorted because their blocks overlap in time."""
+
+_OVERHEAD = 200  # [bytes] of memory that a message takes beside its data
+
+
+@dataclass(frozen=True)
+class TopicInfo:
+    """What a log holds of a topic."""
+
+    type: str
+    count: int | None  # None: the log does not say
+
+
+class LogMessage(NamedTuple):
+    """A decoded message; ``time`` is when it was received [ns]."""
+
+    topic: str
+    type: str
+    time: int
+    data: Any
+
+
+Maker = Callable[[bytes, int], Any]
+"""Serialised message and log time [ns] to the data of a ``LogMessage``."""
+
+MakerFactory = Callable[[str, WireType, Decoder], Maker]
+"""Topic, how its messages are written, and their decoder, to the maker of their data."""
+
+_Wanted = Mapping[Container, Mapping[int, Channel]]  # the channels to read of each file
+
+
+class RawMessage(NamedTuple):
+    """A message as it is in the file."""
+
+    time: int  # [ns]
+    channel: Channel
+    data: bytes
 
 
 class Log:
@@ -83,9 +124,9 @@ class Log:
         self.metadata: dict[str, dict[str, str]] = {}
         for container in reversed(self._containers):  # a run begins where the earliest did
             self.metadata.update(container.metadata)
-        self.topics = topics_of(self._containers)
+        self.topics = _topics_of(self._containers)
         for container in self._containers:
-            container.forget_empty()  # somebody had announced another type, and never used it
+            container.drop_empty_channels()  # announced with another type, and never used
         records = [RECORD in container.metadata for container in self._containers]
         self.recorded = all(records)
         if any(records) and not self.recorded:
@@ -134,8 +175,8 @@ class Log:
         return build(self._typestore(channel), channel.type, {})
 
     def messages(self, topics: Collection[str], start: float = 0.0,
-                 duration: float | None = None, take: Take | None = None
-                 ) -> Iterator[LogMessage]:
+                 duration: float | None = None,
+                 make: MakerFactory | None = None) -> Iterator[LogMessage]:
         """
         Yield the decoded messages of some topics.
 
@@ -145,7 +186,7 @@ class Log:
             Those that the log does not have are left out.
         start, duration : float
             Part of the log [s], from its first message on any topic.
-        take : callable, optional
+        make : callable, optional
             Gets a topic, how its messages are written and their decoder; returns what makes
             the data of bytes and log time. Without it, they are decoded as a whole.
 
@@ -156,16 +197,16 @@ class Log:
 
         """
         # by identity: comparing channels for every message would take a third of the time
-        makers = {id(channel): self._maker(channel, take)
+        makers = {id(channel): self._maker(channel, make)
                   for topic in topics for channel in self._channels(topic)}
         decoded: set[int] = set()
         failed: dict[int, tuple[int, str]] = {}  # how many, and of the last what is wrong
         for part in self._parts(topics, start, duration):
             for time, _, channel, raw in part:
-                if len(raw) > LARGEST_MESSAGE:
+                if len(raw) > MAX_MESSAGE_SIZE:
                     self._warn_once(
                         f'{self._name()}: {channel.topic} ({channel.type}) has messages of more '
-                        f'than {LARGEST_MESSAGE:,} bytes; they are left out')
+                        f'than {MAX_MESSAGE_SIZE:,} bytes; they are left out')
                     continue
                 try:
                     data = makers[id(channel)](raw, time)
@@ -173,7 +214,7 @@ class Log:
                     line = f'{self._name()}: {channel.topic} ({channel.type}) cannot be decoded'
                     count = failed.get(id(channel), (0, ''))[0] + 1
                     failed[id(channel)] = count, f'{line}: {error}'
-                    if id(channel) not in decoded and count == MOST_UNDECODED:
+                    if id(channel) not in decoded and count == MAX_UNDECODED:
                         raise LogError(f'{line}: {error}') from None
                     self._warn_once(f'{line} everywhere; such messages are left out')
                     continue
@@ -215,19 +256,19 @@ class Log:
             container: {number: channel for number, channel in container.channels.items()
                         if channel.topic in topics}
             for container in self._containers}
-        for part in parts(self._containers, wanted, first, last, self.recorded):
+        for part in _ordered_parts(self._containers, wanted, first, last, self.recorded):
             yield part
             if part:
                 self._position = min(max(part[-1][0] - first, 0) / max(last - first, 1), 1.0)
         self._position = 1.0
 
-    def _maker(self, channel: Channel, take: Take | None) -> Maker:
+    def _maker(self, channel: Channel, make: MakerFactory | None) -> Maker:
         if channel.encoding not in ('cdr', 'ros1'):
             raise LogError(f'{self._name()}: {channel.topic} is encoded as '
                            f'{channel.encoding!r}; cdr and ros1 can be read')
         wire = WireType(self._typestore(channel), channel.type, channel.encoding)
         decode = decoder(*wire)
-        return take(channel.topic, wire, decode) if take else lambda raw, time: decode(raw)
+        return make(channel.topic, wire, decode) if make else lambda raw, time: decode(raw)
 
     def _warn_once(self, line: str) -> None:
         if line not in self._warnings:
@@ -249,3 +290,86 @@ class Log:
     def _empty(self, paths: Sequence[Path]) -> str:
         return next(iter(self.warnings), None) or (
             f'{", ".join(map(str, paths))}: holds no messages')
+
+
+def _topics_of(containers: Iterable[Container]) -> dict[str, TopicInfo]:
+    """Return what files hold of their topics together, by name."""
+    topics: dict[str, TopicInfo] = {}
+    for container in containers:
+        for channel in container.channels.values():
+            counts = container.counts
+            count = None if counts is None else counts.get(channel.number, 0)
+            known = topics.get(channel.topic, TopicInfo(channel.type, 0))
+            total = None if count is None or known.count is None else known.count + count
+            topics[channel.topic] = TopicInfo(known.type, total)
+    return topics
+
+
+def _ordered_parts(containers: Sequence[Container], wanted: _Wanted, first: int, last: int,
+          in_file_order: bool) -> Iterator[list[Raw]]:
+    """
+    Yield the messages of some channels, part by part; blocks without them are not read.
+
+    Parameters
+    ----------
+    containers : sequence of Container
+        The files, by the time of their first message.
+    wanted : mapping
+        By file, the channels by number.
+    first, last : int
+        Log times [ns] between which they are, both included.
+    in_file_order : bool
+        Take them as they were written, and not by time.
+
+    Raises
+    ------
+    LogError
+        If too many blocks overlap in time.
+
+    """
+    blocks = [
+        block for container in containers for block in container.blocks
+        if block.end >= first and block.start <= last and wanted[container]
+        and not (block.channels and block.channels.isdisjoint(wanted[container]))]
+    for container in containers:
+        container.loaded = 0
+    if in_file_order:
+        for part in _in_file_order(blocks, wanted):
+            yield [message for message in part if first <= message[0] <= last]
+        return
+    for part in _in_time_order(blocks, wanted):
+        if part and not first <= part[0][0] <= part[-1][0] <= last:
+            yield part[bisect_left(part, (first,)):bisect_left(part, (last + 1,))]
+        else:
+            yield part
+
+
+def _in_file_order(blocks: Sequence[Block], wanted: _Wanted) -> Iterator[list[Raw]]:
+    """Yield all messages in the order of the files."""
+    for block in blocks:
+        yield block.container.read(block, wanted[block.container])
+
+
+def _in_time_order(blocks: Sequence[Block], wanted: _Wanted) -> Iterator[list[Raw]]:
+    """
+    Yield all messages in order, holding only blocks that overlap in time.
+
+    Raises
+    ------
+    LogError
+        If too many of them overlap.
+
+    """
+    ordered = sorted(blocks, key=lambda block: block.start)
+    held: list[Raw] = []
+    for block, following in zip(ordered, [*ordered[1:], None]):
+        held += block.container.read(block, wanted[block.container])
+        held.sort()
+        if sum(len(raw[3]) + _OVERHEAD for raw in held) > MAX_HELD:
+            raise LogError(f'{block.container.name}: more than {MAX_HELD >> 20} MiB of messages '
+                           'overlap in time')
+        if following is not None:
+            complete = bisect_left(held, (following.start,))
+            yield held[:complete]
+            del held[:complete]
+    yield held

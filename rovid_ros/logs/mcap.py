@@ -15,14 +15,14 @@ import zlib
 from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from rovid_ros.logs.compression import inflate
 from rovid_ros.logs.container import (
     Block,
     Channel,
     IndexedContainer,
-    LARGEST,
+    inflate,
     MALFORMED,
-    MOST_DECLARED,
+    MAX_BLOCK_SIZE,
+    MAX_DECLARATIONS,
     Raw,
 )
 from rovid_ros.messages.types import normalised
@@ -46,9 +46,9 @@ class McapFile(IndexedContainer):
 
     """
 
-    def forget(self) -> None:
-        """Know nothing of the file."""
-        super().forget()
+    def clear(self) -> None:
+        """Drop all that is known of the file."""
+        super().clear()
         self._schemas: dict[int, tuple[str, str, str]] = {}  # name, encoding, definition
         self._lacks_schema = False
 
@@ -61,7 +61,7 @@ class McapFile(IndexedContainer):
         if is_chunk:
             data, whole = self._chunk(data)
             if not whole and not self.cut:
-                self.damaged()
+                self.note_damage()
         return messages(data, wanted, self.place(block))
 
     def _summary(self, file: BinaryIO) -> bytes:
@@ -73,7 +73,7 @@ class McapFile(IndexedContainer):
         footer = records.Footer.read(stream(tail[9:]))
         if not 0 < footer.summary_start <= self.size - _FOOTER:
             return b''
-        if self.size - footer.summary_start > LARGEST:
+        if self.size - footer.summary_start > MAX_BLOCK_SIZE:
             return b''
         file.seek(footer.summary_start)
         summary = file.read(self.size - _FOOTER - footer.summary_start)
@@ -105,7 +105,7 @@ class McapFile(IndexedContainer):
         for entry in metadata:
             file.seek(min(entry.offset + 9, self.size))
             self._declare(
-                Opcode.METADATA, file.read(max(min(entry.length - 9, MOST_DECLARED), 0)))
+                Opcode.METADATA, file.read(max(min(entry.length - 9, MAX_DECLARATIONS), 0)))
         return True
 
     def _agrees(self, statistics: records.Statistics, chunks: int, metadata: int) -> bool:
@@ -123,7 +123,7 @@ class McapFile(IndexedContainer):
     def _index_chunk(self, index: records.ChunkIndex) -> None:
         if index.chunk_start_offset + index.chunk_length > self.size:
             raise ValueError('a chunk behind the end of the file')
-        if index.chunk_length > LARGEST:
+        if index.chunk_length > MAX_BLOCK_SIZE:
             raise ValueError('a chunk that is too large')
         channels = set(index.message_index_offsets)
         if channels or index.message_end_time:
@@ -135,25 +135,25 @@ class McapFile(IndexedContainer):
         if opcode == Opcode.SCHEMA:
             schema = records.Schema.read(stream(body))
             known = schema.encoding in _ENCODINGS
-            self.keep(self._schemas, schema.id, (
+            self.declare(self._schemas, schema.id, (
                 normalised(schema.name), schema.encoding,
                 schema.data.decode(errors='replace') if known else ''), len(body))
         elif opcode == Opcode.CHANNEL:
             record = records.Channel.read(stream(body))
             self._lacks_schema |= bool(record.schema_id) and record.schema_id not in self._schemas
             name, encoding, text = self._schemas.get(record.schema_id, ('unknown', '', ''))
-            self.keep(self.channels, record.id, Channel(
+            self.declare(self.channels, record.id, Channel(
                 record.id, '/' + record.topic.lstrip('/'), name, record.message_encoding, text,
                 _ENCODINGS.get(encoding, False)), len(body))
         elif opcode == Opcode.METADATA:
             entry = records.Metadata.read(stream(body))
-            self.keep(self.metadata, entry.name, dict(entry.metadata), len(body))
+            self.declare(self.metadata, entry.name, dict(entry.metadata), len(body))
 
     def _declare_if_sound(self, opcode: int, body: bytes) -> None:
         try:
             self._declare(opcode, body)
         except MALFORMED:
-            self.damaged()
+            self.note_damage()
 
     def scan(self, file: BinaryIO) -> None:
         """Look through the whole file, up to its end or to where it stops making sense."""
@@ -172,15 +172,15 @@ class McapFile(IndexedContainer):
                 self._scan_run(file, run, offset)
                 run = end if is_chunk else offset
                 file.seek(offset + RECORD.size)
-            if is_chunk and min(length, self.size) > LARGEST:
-                self.damaged()
+            if is_chunk and min(length, self.size) > MAX_BLOCK_SIZE:
+                self.note_damage()
             elif is_chunk:
                 self._scan_chunk(
                     file, offset + RECORD.size, min(end, self.size) - offset - RECORD.size)
             if self.cut:
                 return
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
-                self._declare_if_sound(opcode, file.read(min(length, MOST_DECLARED)))
+                self._declare_if_sound(opcode, file.read(min(length, MAX_DECLARATIONS)))
             offset = end
             file.seek(offset)
         self._scan_run(file, run, offset)
@@ -188,8 +188,8 @@ class McapFile(IndexedContainer):
         self.cut = file.read(len(MAGIC)) != MAGIC
 
     def _scan_run(self, file: BinaryIO, start: int, end: int) -> None:
-        if end - start > LARGEST:
-            self.damaged()  # one message, for others are read before there are so many
+        if end - start > MAX_BLOCK_SIZE:
+            self.note_damage()  # one message, for others are read before there are so many
             return
         file.seek(start)
         data = file.read(end - start)
@@ -199,7 +199,7 @@ class McapFile(IndexedContainer):
     def _scan_chunk(self, file: BinaryIO, offset: int, length: int) -> None:
         data, whole = self._chunk(file.read(length))
         if not whole and not self.cut:
-            self.damaged()
+            self.note_damage()
         for opcode, body in records_in(data):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._declare_if_sound(opcode, body)

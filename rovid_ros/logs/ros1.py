@@ -6,8 +6,15 @@ from collections.abc import Iterator, Mapping
 import struct
 from typing import BinaryIO
 
-from rovid_ros.logs.compression import inflate
-from rovid_ros.logs.container import Block, Channel, IndexedContainer, LARGEST, MALFORMED, Raw
+from rovid_ros.logs.container import (
+    Block,
+    Channel,
+    IndexedContainer,
+    inflate,
+    MALFORMED,
+    MAX_BLOCK_SIZE,
+    Raw,
+)
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'#ROSBAG V2.0\n'
@@ -38,7 +45,7 @@ class BagFile(IndexedContainer):
         size = _size(header)
         inflated = inflate(data, _compression(header), self.name, size)
         if len(inflated) != size and not self.cut:
-            self.damaged()
+            self.note_damage()
         return _messages(inflated, wanted, self.place(block))
 
     def read_index(self, file: BinaryIO) -> bool:
@@ -86,13 +93,13 @@ class BagFile(IndexedContainer):
         try:
             self._connect(header, data)
         except MALFORMED:
-            self.damaged()
+            self.note_damage()
 
     def _connect(self, header: Header, data: bytes) -> None:
         number, = _LENGTH.unpack(header[b'conn'])
         fields = {name: text.decode(errors='replace') for name, text in _fields(data).items()}
         topic = header[b'topic'].decode(errors='replace')
-        self.keep(self.channels, number, Channel(
+        self.declare(self.channels, number, Channel(
             number, '/' + topic.lstrip('/'), normalised(fields[b'type']), 'ros1',
             fields[b'message_definition']), len(topic) + len(data))
 
@@ -107,7 +114,7 @@ def _records(file: BinaryIO, size: int) -> Iterator[tuple[int, Header, bytes]]:
                 return
             length, = _LENGTH.unpack(head)
             end = min(file.tell() + length, size)
-            parts.append(file.read(max(min(end - file.tell(), LARGEST), 0)))
+            parts.append(file.read(max(min(end - file.tell(), MAX_BLOCK_SIZE), 0)))
             file.seek(max(end, file.tell()))
             if len(parts) == 1 and (not length or len(parts[0]) < length):
                 return
@@ -155,7 +162,7 @@ def _messages(data: bytes, wanted: Mapping[int, Channel], block: int) -> list[Ra
 def _size(header: Header) -> int:
     """Return what a chunk says that is in it [bytes]."""
     size = header.get(b'size', b'')
-    return int.from_bytes(size, 'little') if len(size) == _LENGTH.size else LARGEST
+    return int.from_bytes(size, 'little') if len(size) == _LENGTH.size else MAX_BLOCK_SIZE
 
 
 def _compression(header: Header) -> str:

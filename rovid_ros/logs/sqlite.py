@@ -13,7 +13,7 @@ from pathlib import Path
 import sqlite3
 from urllib.parse import quote
 
-from rovid_ros.logs.container import Block, Channel, Container, LARGEST, LogError, Raw
+from rovid_ros.logs.container import Block, Channel, Container, LogError, MAX_BLOCK_SIZE, Raw
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'SQLite format 3\x00'
@@ -38,7 +38,7 @@ class SqliteFile(Container):
 
     """
 
-    def look_through(self) -> None:
+    def read_structure(self) -> None:
         """Read the tables."""
         try:
             with closing(self._connect()) as base:
@@ -60,7 +60,7 @@ class SqliteFile(Container):
         query = ('SELECT timestamp, id, topic_id, data FROM messages '
                  f'WHERE {by} BETWEEN ? AND ? AND topic_id IN ({places}) ORDER BY {by}, id')
         messages: list[Raw] = []
-        left = LARGEST
+        left = MAX_BLOCK_SIZE
         try:
             with closing(self._connect()) as base:
                 for time, row, number, data in base.execute(query, (first, last, *wanted)):
@@ -68,10 +68,10 @@ class SqliteFile(Container):
                         messages.append((time, self.order << 60 | row, wanted[number], data))
                         left -= len(data)
                     else:
-                        self.damaged()
+                        self.note_damage()
         except sqlite3.DatabaseError:
             if not self.cut:
-                self.damaged()
+                self.note_damage()
         return messages
 
     def _connect(self) -> sqlite3.Connection:
@@ -112,7 +112,7 @@ class SqliteFile(Container):
         for number, topic, type_name, encoding in base.execute(
                 'SELECT id, name, type, serialization_format FROM topics ORDER BY id'):
             if not all(isinstance(value, str) for value in (topic, type_name, encoding)):
-                self.damaged()
+                self.note_damage()
                 continue
             kind, text = definitions.get(type_name, ('', ''))
             self.channels[number] = Channel(

@@ -20,7 +20,6 @@ from rosbags.typesys import (
 )
 from rosbags.typesys.store import Typestore
 from rovid_ros.messages.field_paths import FieldError, nearest
-from rovid_ros.messages.type_limits import count_values, EndlessTypeError, LARGEST_DEFINITION
 import zstandard
 
 Decoder = Callable[[bytes], Any]
@@ -28,8 +27,19 @@ Decoder = Callable[[bytes], Any]
 WELL_KNOWN = {'mavros_msgs/msg/RCOut': 'std_msgs/Header header\nuint16[] channels\n'}
 """Types of common vehicles that do not come with ROS 2."""
 
-LARGEST_MESSAGE = 1 << 20
+MAX_MESSAGE_SIZE = 1 << 20
 """[bytes] What is larger is refused before it is decoded; what is of use has 1 kB."""
+
+MAX_DEFINITION = 1 << 17
+"""[characters] Of a type with all that is in it; large ones have 20,000."""
+
+MAX_VALUES = 100_000
+"""Numbers and texts in a message whose sequences are empty."""
+
+MAX_DEPTH = 32
+"""Messages within messages."""
+
+_NOTHING = 'structure_needs_at_least_one_member'  # in ROS 1 it does without
 
 _RULE = '=' * 80 + '\n'
 _ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}  # others: 0
@@ -41,6 +51,10 @@ class WireType(NamedTuple):
     store: Typestore
     name: str
     encoding: str
+
+
+class EndlessTypeError(ValueError):
+    """A definition that no message needs; the text says why."""
 
 
 class TypeUnknownError(ValueError):
@@ -95,7 +109,7 @@ def typestore(name: str, definition: str, idl: bool = False) -> Typestore:
 
 def _defined(name: str, definition: str, idl: bool) -> Typestore:
     """Return a store with what a log defines, which must not take all memory."""
-    if len(definition) > LARGEST_DEFINITION:
+    if len(definition) > MAX_DEFINITION:
         raise EndlessTypeError(f'it has {len(definition):,} characters')
     definition = definition.replace('\r\n', '\n').replace('\ufeff', '')  # as somebody's editor
     store = get_typestore(Stores.EMPTY)
@@ -111,6 +125,52 @@ def _defined(name: str, definition: str, idl: bool) -> Typestore:
     return store
 
 
+def count_values(store: Typestore, name: str) -> int:
+    """
+    Return how many values a blank message holds, a sequence counted as one.
+
+    Raises
+    ------
+    EndlessTypeError
+        If it holds too many, or itself, or sequences of something that takes no bytes.
+    KeyError
+        If the store lacks a type.
+
+    """
+    return _count_of(store, name, (), {})
+
+
+def _count_of(store: Typestore, name: str, within: tuple[str, ...], known: dict[str, int]) -> int:
+    if name in within:
+        raise EndlessTypeError(f'{name} is in itself')
+    if len(within) >= MAX_DEPTH:
+        raise EndlessTypeError(f'more than {MAX_DEPTH} messages within each other')
+    if name not in known:
+        total = 0
+        for field, (node, detail) in store.fielddefs[name][1]:
+            if field != _NOTHING:
+                total += _count_field(store, node, detail, (*within, name), known)
+        if total > MAX_VALUES:
+            raise EndlessTypeError(f'more than {MAX_VALUES:,} values in {name}')
+        known[name] = total
+    return known[name]
+
+
+def _count_field(store: Typestore, node: Nodetype, detail: Any, within: tuple[str, ...],
+                 known: dict[str, int]) -> int:
+    if node == Nodetype.NAME:
+        return _count_of(store, detail, within, known)
+    if node == Nodetype.BASE:
+        return 1
+    (inner, inner_detail), size = detail
+    each = _count_field(store, inner, inner_detail, within, known)
+    if node == Nodetype.ARRAY:
+        return each * int(size)
+    if each == 0:
+        raise EndlessTypeError('a sequence of nothing')
+    return 1
+
+
 def decoder(store: Typestore, name: str, encoding: str) -> Decoder:
     """Return the function from the bytes of a ``cdr`` or ``ros1`` message to a dataclass."""
     if encoding == 'ros1':
@@ -118,9 +178,9 @@ def decoder(store: Typestore, name: str, encoding: str) -> Decoder:
 
     def decode(data: bytes) -> Any:
         if data[:1] == b'\x28':  # zstd: rosbag2 can compress each message by itself
-            data = zstandard.ZstdDecompressor().stream_reader(data).read(LARGEST_MESSAGE + 1)
-            if len(data) > LARGEST_MESSAGE:
-                raise ValueError(f'more than {LARGEST_MESSAGE:,} bytes')
+            data = zstandard.ZstdDecompressor().stream_reader(data).read(MAX_MESSAGE_SIZE + 1)
+            if len(data) > MAX_MESSAGE_SIZE:
+                raise ValueError(f'more than {MAX_MESSAGE_SIZE:,} bytes')
         return _deserialized(store, name, data)
 
     return decode

@@ -23,7 +23,7 @@ from rovid_ros.logs.player import (
     recorded_changes,
     repeat_control,
 )
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 from rovid_ros.node.checkpoint import Checkpoint
 from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import NODE_NAME, ParameterNode

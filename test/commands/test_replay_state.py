@@ -19,7 +19,7 @@ from rovid_ros.files.state_file import load, save, StateError
 from rovid_ros.logs.log import Log, LogMessage
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 
 from test.support.processes import child_environment, REPOSITORY
 

@@ -19,8 +19,8 @@ from rovid_core.settings.run import (
 )
 from rovid_ros.commands.main import main
 from rovid_ros.commands.simulate import EPOCH, simulate_log
-from rovid_ros.messages.convert import Converter
-from rovid_ros.messages.sensor_messages import SensorMessages, SimulationError
+from rovid_ros.messages.converter import Converter
+from rovid_ros.messages.simulated_messages import SensorMessages, SimulationError
 from rovid_ros.messages.types import build, standard_types
 
 ATTITUDE = product(from_yaw(2.5), (0.1, 0.0, 0.0, math.sqrt(0.99)))

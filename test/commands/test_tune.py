@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 from rovid_ros.commands.main import main
-from rovid_ros.config.parameter_edit import edited
-from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameter_file import edited, load
 from rovid_ros.config.parameters import settings_from
 
 CONFIG = Path(__file__).parents[2] / 'config'

@@ -14,7 +14,7 @@ from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 
 METHODS = ('aid', 'ekf', 'rls')
 

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
-from rovid_ros.logs.log import Log, LogError, MOST_UNDECODED
+from rovid_ros.logs.log import Log, LogError, MAX_UNDECODED
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import build, standard_types, typestore, TypeUnknownError
 import yaml
@@ -332,7 +332,7 @@ def test_what_was_announced_and_never_published_is_left_alone(tmp_path: Path) ->
 def test_first_messages_that_cannot_be_decoded(tmp_path: Path) -> None:
     recorded = [message for message in messages(200) if message[1] == '/point']
     path = tmp_path / 'log.mcap'
-    for bad in (1, MOST_UNDECODED):
+    for bad in (1, MAX_UNDECODED):
         with LogWriter(path) as writer:
             for index, (time, topic, kind, data) in enumerate(recorded):
                 writer.write_raw(topic, kind, b'' if index < bad else data, time)

@@ -17,7 +17,7 @@ from rovid_core.settings.run import (
     SettingsError,
     ThrusterSettings,
 )
-from rovid_ros.messages.convert import Converter, FieldError
+from rovid_ros.messages.converter import Converter, FieldError
 from rovid_ros.messages.types import build, standard_types
 
 NOW = 5_000_000_000

@@ -13,11 +13,16 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 from rovid_core.model.samples import Event
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError, getter
 from rovid_ros.messages.types import decoder, standard_types, WireType
-from rovid_ros.messages.unpack import ATTEMPTS, Unpacker
-from rovid_ros.messages.wire_layout import NoLayoutError, Numbers, walk
+from rovid_ros.messages.wire_layout import (
+    find_layout,
+    MAX_ATTEMPTS,
+    NoLayoutError,
+    Numbers,
+    Unpacker,
+)
 from zstandard import ZstdError
 
 ODD = 'test_msgs/msg/Odd'
@@ -112,7 +117,7 @@ FORMS = ('little', 'big', 'ros1')
 @given(random=st.builds(Random, st.integers(0, 2**32)), form=st.sampled_from(FORMS))
 def test_every_value_is_where_the_decoder_finds_it(name: str, random: Random, form: str) -> None:
     wire, data = written(name, message(name, random), form)
-    layout = walk(wire, data)
+    layout = find_layout(wire, data)
     decoded = decoder(*wire)(data)
     for path, place in layout.places.items():
         value = getter(path)(decoded)
@@ -140,15 +145,15 @@ def test_what_lacks_its_end_has_no_layout(name: str, random: Random, form: str) 
         decoder(*wire)(cut)
     except (SerdeError, AssertionError, ValueError):
         with pytest.raises(NoLayoutError):
-            walk(wire, cut)
+            find_layout(wire, cut)
 
 
 def test_other_encapsulations_have_no_layout() -> None:
     wire, data = written(TYPES[0], message(TYPES[0], Random(0)), 'little')
     for kind in (b'\0\2', b'\0\3', b'\0\7', b'\1\0'):
         with pytest.raises(NoLayoutError):
-            walk(wire, kind + data[2:])
-    assert walk(wire, data[:2] + b'\5\6' + data[4:]) == walk(wire, data)  # only options
+            find_layout(wire, kind + data[2:])
+    assert find_layout(wire, data[:2] + b'\5\6' + data[4:]) == find_layout(wire, data)  # only options
 
 
 def settings(position: str, attitude: str = '', **thrusters: Any) -> Settings:
@@ -258,14 +263,14 @@ def test_a_topic_without_a_layout_that_stays_is_not_looked_at_for_ever() -> None
     name = 'sensor_msgs/msg/Joy'
     both = Both(name, 'little', settings(position='axes'), '/in')
     content = message(name, Random(3))
-    for number in range(ATTEMPTS + 50):
+    for number in range(MAX_ATTEMPTS + 50):
         content.header.frame_id = f'{number:03}'
         both.events(written(name, content, 'little')[1])
     both.whole = 0
-    content.header.frame_id = f'{ATTEMPTS - 1:03}'
+    content.header.frame_id = f'{MAX_ATTEMPTS - 1:03}'
     both.events(written(name, content, 'little')[1])
     assert both.whole == 0  # the last one that was learned
-    content.header.frame_id = f'{ATTEMPTS:03}'
+    content.header.frame_id = f'{MAX_ATTEMPTS:03}'
     both.events(written(name, content, 'little')[1])
     both.events(written(name, content, 'little')[1])
     assert both.whole == 2

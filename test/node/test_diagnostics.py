@@ -19,7 +19,7 @@ from rclpy.serialization import deserialize_message
 from rovid_core.inputs.refusals import REASONS
 from rovid_core.pipeline.stream import Stream
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 from rovid_ros.node.health.console import (
     HealthMonitor,
     MAX_WARNINGS,

@@ -22,7 +22,7 @@ import pytest
 from rovid_core.pipeline.stream import Stream
 from rovid_ros.commands.main import main
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.types import build, standard_types
 from rovid_ros.results.outputs import Outputs
 import yaml

@@ -16,13 +16,13 @@ from rovid_core.model.samples import Event, Sample
 from rovid_core.ordering.event_order import EventOrder, MAX_HELD
 from rovid_ros.commands.running import LONGEST_LINE, printable
 from rovid_ros.config.parameter_file import load, ParameterFileError
-from rovid_ros.logs import order, paths
+from rovid_ros.logs import log as logs, paths
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.mcap import MAGIC
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.field_paths import FieldError, parse
-from rovid_ros.messages.types import build, LARGEST_MESSAGE, typestore, TypeUnknownError
+from rovid_ros.messages.types import build, MAX_MESSAGE_SIZE, typestore, TypeUnknownError
 import yaml
 import zstandard
 
@@ -236,7 +236,7 @@ def test_a_list_of_files_names_none_elsewhere(tmp_path: Path) -> None:
 
 def test_messages_that_overlap_are_not_held_without_end(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(order, 'MOST_HELD', 1 << 20)
+    monkeypatch.setattr(logs, 'MAX_HELD', 1 << 20)
     one = schema(1, 'std_msgs/msg/String', 'string data\n') + channel(1, 1, '/a')
     rows = b''.join(message(1, bytes(1000), time) for time in (1, 1_000_000) for _ in range(300))
     path = tmp_path / 'log.mcap'
@@ -249,7 +249,7 @@ def test_messages_that_overlap_are_not_held_without_end(
 def test_a_large_message_of_a_log_is_left_out_and_told(tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'
     with LogWriter(path) as writer:
-        for i, size in enumerate((10, LARGEST_MESSAGE, 20)):
+        for i, size in enumerate((10, MAX_MESSAGE_SIZE, 20)):
             writer.write('/a', 'std_msgs/msg/String', {'data': 'x' * size}, i)
     with Log([path]) as log:
         assert [len(message.data.data) for message in log.messages(['/a'])] == [10, 20]

@@ -11,7 +11,7 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.results.outputs import Outputs
 

@@ -11,7 +11,7 @@ from typing import Any
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.sensors import simulate
 from rovid_ros.commands.simulate import EPOCH
-from rovid_ros.messages.sensor_messages import SensorMessage, SensorMessages
+from rovid_ros.messages.simulated_messages import SensorMessage, SensorMessages
 from rovid_ros.messages.types import build, standard_types
 
 STAMP = struct.Struct('<iI')

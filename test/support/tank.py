@@ -13,7 +13,7 @@ from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
-from rovid_ros.messages.convert import Converter
+from rovid_ros.messages.converter import Converter
 
 from test.support.trials import CONFIG
 

@@ -22,9 +22,9 @@ from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.input_topics import inputs_of, section
-from rovid_ros.messages.convert import Converter, FieldError
-from rovid_ros.messages.types import LARGEST_MESSAGE, typestore, WireType
-from rovid_ros.messages.unpack import Unpacker
+from rovid_ros.messages.converter import Converter, FieldError
+from rovid_ros.messages.types import MAX_MESSAGE_SIZE, typestore, WireType
+from rovid_ros.messages.wire_layout import Unpacker
 from rovid_ros.node.recorder import Received
 from rovid_ros.node.transport.encoding import definition, import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import best_effort, DEPTH, latched, reliable
@@ -354,7 +354,7 @@ class InputDecoder:
 
     def _decode(self, received: Received) -> list[Event]:
         topic = received.topic
-        if len(received.cdr) > LARGEST_MESSAGE:
+        if len(received.cdr) > MAX_MESSAGE_SIZE:
             self._reject(topic, 'too_large')
             return []
         try:

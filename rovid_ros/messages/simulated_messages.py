@@ -1,18 +1,25 @@
-"""The messages that a vehicle's sensors would have sent: ``convert.py`` backwards."""
+"""The messages that a vehicle's sensors would have sent: ``converter.py`` backwards."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+import math
 from typing import Any
 
 import numpy as np
-from rovid_core.settings.run import InputSettings, Settings, SettingsError, ThrusterSettings
-from rovid_ros.messages import sensor_values
-from rovid_ros.messages.convert import Converter
+from rovid_core.model.dofs import Quaternion
+from rovid_core.model.quaternions import from_yaw, product
+from rovid_core.settings.run import Settings, SettingsError
+from rovid_ros.config.input_topics import sources
+from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import parse, resolve, Step
-from rovid_ros.messages.sensor_values import Values
 from rovid_ros.messages.types import build, standard_types
+
+Values = tuple[float, ...]
+
+NED_TO_ENU: Quaternion = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)  # and back: half a turn
+FRD_TO_FLU: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 
 class SimulationError(SettingsError):
@@ -36,7 +43,7 @@ class _Place:
     input: str
     part: int | None
     steps: tuple[Step, ...]
-    shape: str  # as field_values.resolve calls it
+    shape: str  # as resolve calls it
     whole: bool  # takes whole numbers only
 
 
@@ -101,32 +108,35 @@ class SensorMessages:
             if all(place.input in values for place in topic.places)]
 
     def _topic(self, topic: str) -> _Topic:
-        inputs = _inputs(self._settings, topic)
+        read = [source for source in sources(self._settings) if source.topic == topic]
         type_name = self._converter.topics[topic]
         if type_name not in standard_types().fielddefs:
             raise SimulationError(
-                f'{_key(inputs[0][0])}.type', f'got {type_name or "none"}, takes a message type '
+                f'{read[0].section}.type', f'got {type_name or "none"}, takes a message type '
                 'that comes with ROS 2: rovid simulate knows no others')
         skeleton: dict[str, Any] = {}
-        for name, _, given in inputs:
-            _put(skeleton, parse(given.field, f'{_key(name)}.field'), None)
+        for source in read:
+            _put(skeleton, parse(source.field, f'{source.section}.field'), None)
         store = standard_types()
         # there and back, for only a decoded message tells whole numbers from others
         blank = store.deserialize_cdr(
             store.serialize_cdr(build(store, type_name, skeleton), type_name), type_name)
         self._converter.check_type(topic, blank)
         places = []
-        for name, part, given in inputs:
-            if given.latency != inputs[0][2].latency:
+        for source in read:
+            if source.latency != read[0].latency:
                 raise SimulationError(
-                    f'{_key(name)}.latency', f'differs from that of {inputs[0][0]}, which comes '
-                    f'in the same message on {topic}; rovid simulate sends them at one time')
-            steps, like, shape = resolve(name, given.field, blank, f'{_key(name)}.field')
+                    f'{source.section}.latency', f'differs from that of {read[0].input}, which '
+                    f'comes in the same message on {topic}; rovid simulate sends them at one time')
+            steps, like, shape = resolve(
+                source.input, source.field, blank, f'{source.section}.field')
             whole = isinstance(like, int) or (
                 isinstance(like, np.ndarray) and like.dtype.kind in 'iu')
-            places.append(_Place(name, part, tuple(steps), shape, whole))
-        return _Topic(topic, type_name, round(inputs[0][2].latency * 1e9),
-                      hasattr(blank, 'header'), hasattr(blank, 'name'), tuple(places))
+            is_part = source.input == 'thrusters' and len(self._settings.thrusters.topics) > 1
+            places.append(_Place(
+                source.input, source.part if is_part else None, tuple(steps), shape, whole))
+        return _Topic(topic, type_name, read[0].latency, hasattr(blank, 'header'),
+                      hasattr(blank, 'name'), tuple(places))
 
     def _fields(self, topic: _Topic, stamp: int, values: Mapping[str, Values]
                 ) -> dict[str, Any]:
@@ -145,42 +155,23 @@ class SensorMessages:
         """Return what stands for the value in a field of this shape."""
         settings = self._settings
         if place.shape == 'quaternion':
-            return dict(zip('xyzw', sensor_values.quaternion(settings, value)))
+            return dict(zip('xyzw', _quaternion(settings, value)))
         if place.shape == 'vector':
-            return dict(zip('xyz', sensor_values.vector(settings, place.input, value)))
+            return dict(zip('xyz', _vector(settings, place.input, value)))
         if place.shape in ('twist', 'wrench'):
             names = ('linear', 'angular') if place.shape == 'twist' else ('force', 'torque')
             return {
-                name: dict(zip('xyz', sensor_values.vector(settings, name, part)))
+                name: dict(zip('xyz', _vector(settings, name, part)))
                 for name, part in zip(names, (value[:3], value[3:]))}
         if place.input in ('position', 'velocity', 'angular_velocity'):
-            numbers: Sequence[float] = sensor_values.vector(settings, place.input, value)
+            numbers: Sequence[float] = _vector(settings, place.input, value)
         elif place.input in ('thrusters', 'sign'):
             numbers = value if place.part is None else (value[place.part],)
         else:
-            numbers = (getattr(sensor_values, {
-                'attitude': 'heading', 'depth': 'depth'}[place.input])(settings, value),)
+            convert = _heading if place.input == 'attitude' else _depth
+            numbers = (convert(settings, value),)
         rounded = [round(x) for x in numbers] if place.whole else [*numbers]
         return rounded[0] if place.shape == 'number' else rounded
-
-
-def _key(name: str) -> str:
-    return 'thrusters.sign' if name == 'sign' else name
-
-
-def _inputs(settings: Settings, topic: str
-            ) -> list[tuple[str, int | None, InputSettings | ThrusterSettings]]:
-    """Return what is read from a topic: the input, which part of it, and its settings."""
-    found: list[tuple[str, int | None, InputSettings | ThrusterSettings]] = []
-    for name in settings.used_inputs():
-        if name != 'thrusters':
-            if settings.input(name).topic == topic:
-                found.append((name, None, settings.input(name)))
-            continue
-        topics = settings.thrusters.topics
-        found += [(name, part if len(topics) > 1 else None, settings.thrusters)
-                  for part, one in enumerate(topics) if one == topic]
-    return found
 
 
 def _put(fields: dict[Any, Any], steps: Sequence[Step], value: Any) -> None:
@@ -198,3 +189,34 @@ def _put(fields: dict[Any, Any], steps: Sequence[Step], value: Any) -> None:
         fields.setdefault(last, {}).update(value)
     else:
         fields[last] = value
+
+
+def _vector(settings: Settings, name: str, value: Values) -> Values:
+    """Return x, y, z of a position (world) or of a velocity (body) in the message's frame."""
+    x, y, z = value[:3]
+    if settings.frames == 'enu':
+        return (x, y, z)
+    return (y, x, -z) if name == 'position' else (x, -y, -z)
+
+
+def _quaternion(settings: Settings, value: Values) -> Quaternion:
+    """Return the attitude in the message's frames, before ``yaw_offset`` was added."""
+    x, y, z, w = value
+    turned = product(from_yaw(-settings.yaw_offset), (x, y, z, w))
+    if settings.frames == 'enu':
+        return turned
+    return product(product(NED_TO_ENU, turned), FRD_TO_FLU)
+
+
+def _heading(settings: Settings, value: Values) -> float:
+    """Return the heading in the message's unit and sense."""
+    x, y, z, w = value
+    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)) - settings.yaw_offset
+    frames = settings.heading_frames or settings.frames
+    angle = math.remainder(0.5 * math.pi - yaw if frames == 'ned' else yaw, 2.0 * math.pi)
+    return math.degrees(angle) if settings.heading_unit == 'deg' else angle
+
+
+def _depth(settings: Settings, value: Values) -> float:
+    """Return the reading that ``scale`` and ``offset`` turn into this z [m]."""
+    return (value[0] - settings.depth_offset) / settings.depth_scale

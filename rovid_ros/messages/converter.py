@@ -1,4 +1,8 @@
-"""From the fields of a message to the plain floats of a sample, in FLU, ENU and SI units."""
+"""
+Messages of any type to events in body FLU, world ENU and SI units.
+
+This is the one place that knows about ROS conventions: field paths, stamps, NED and FRD.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +14,26 @@ from typing import Any
 
 from rovid_core.model.dofs import Quaternion
 from rovid_core.model.quaternions import from_yaw, product
-from rovid_core.settings.run import Settings
+from rovid_core.model.samples import Event, Sample
+from rovid_core.settings.run import Settings, SettingsError
+from rovid_ros.config.input_topics import Source, sources
 from rovid_ros.messages.field_paths import (
     describe,
     field_names,
     FieldError,
     getter,
+    MissingIndexError,
+    nearest,
     resolve,
     Step,
     walk,
 )
-from rovid_ros.messages.sources import Source
+from rovid_ros.messages.types import standard_types
+
+__all__ = ['Access', 'Converter', 'FieldError', 'RefusedError', 'STAMP']
+
+STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
+"""Where the time of a message with a header is."""
 
 Floats = tuple[float, ...]
 Turn = Callable[[Any, Any, Any], Floats]
@@ -67,7 +80,213 @@ class Reading:
         return lambda message: tuple([get(message) for get in gets])
 
 
-def reading(source: Source, message: Any, settings: Settings, blank: bool = False) -> Reading:
+@dataclass(frozen=True, slots=True)
+class Access:
+    """
+    A source made fast for one kind of message: of a class, or serialised in one layout.
+
+    Attributes
+    ----------
+    fetch : callable
+        From the message to what the reading makes the value of.
+    stamp : callable or None
+        From the message to seconds and nanoseconds; None for the receive time.
+
+    """
+
+    source: Source
+    reading: Reading
+    fetch: Callable[[Any], tuple[Any, ...]]
+    stamp: Callable[[Any], tuple[int, int]] | None
+
+    def value(self, message: Any) -> tuple[float, ...]:
+        """Return the value of a sample."""
+        return self.reading.make(*self.fetch(message))
+
+
+class Converter:
+    """
+    Turns messages into events.
+
+    Parameters
+    ----------
+    settings : Settings
+        Names the topics, field paths, stamps and frames.
+    count : callable
+        Called with (input, reason) for what a message lacks: ``missing_index``,
+        ``missing_name``, ``wrong_length`` and ``not_numeric`` give no sample,
+        ``zero_stamp`` gives one at the receive time.
+
+    Attributes
+    ----------
+    topics : dict of str to str
+        The type of each topic to read; '' takes whatever it has.
+    details : dict
+        For some of what was counted, by (input, reason), what was wrong the first time.
+
+    Raises
+    ------
+    SettingsError
+        If two inputs expect one topic to have different types.
+
+    """
+
+    def __init__(self, settings: Settings, count: Callable[[str, str], None]) -> None:
+        self.topics: dict[str, str] = {}
+        self.details: dict[tuple[str, str], str] = {}
+        self._settings = settings
+        self._count = count
+        self._sources: dict[str, list[Source]] = {}
+        self._accesses: dict[tuple[str, type], list[Access]] = {}
+        for source in sources(settings):
+            self._sources.setdefault(source.topic, []).append(source)
+            known = self.topics.setdefault(source.topic, source.type)
+            if source.type and known and source.type != known:
+                raise _type_conflict(source, next(
+                    other for other in self._sources[source.topic] if other.type == known))
+            self.topics[source.topic] = known or source.type
+
+    def events(
+        self, topic: str, message: Any, receive_time: int, origin: Any = None,
+    ) -> list[Event]:
+        """
+        Convert a message.
+
+        Parameters
+        ----------
+        topic : str
+            As in ``topics``; another one gives no event.
+        message : object
+            An rclpy message or the dataclass that a log is decoded to.
+        receive_time : int
+            [ns]
+        origin : object
+            Kept in the events.
+
+        Returns
+        -------
+        events : list of Event
+            One per event time, which is one unless inputs differ in latency or stamp.
+
+        Raises
+        ------
+        FieldError
+            If the type of the message has no such field.
+
+        """
+        accesses = self._accesses.get((topic, type(message)))
+        if accesses is None:
+            accesses = self._compile(topic, message)
+        return self.read(accesses, message, receive_time, origin)
+
+    def accesses(self, topic: str, message: Any) -> list[Access]:
+        """Return how messages like one that was converted are read, none if it lacked any."""
+        return self._accesses.get((topic, type(message)), [])
+
+    def read(self, accesses: Sequence[Access], message: Any, receive_time: int,
+             origin: Any = None) -> list[Event]:
+        """Return the events of a message, as in ``events``."""
+        events: list[Event] = []
+        for access in accesses:
+            source = access.source
+            try:
+                value = access.reading.make(*access.fetch(message))
+            except RefusedError as refused:
+                self._refuse(source, refused.reason, refused.detail)
+                continue
+            except IndexError:
+                self._refuse(source, 'missing_index', f'{source.field!r} is beyond the end')
+                continue
+            time = receive_time
+            if access.stamp is not None:
+                seconds, nanoseconds = access.stamp(message)
+                if seconds or nanoseconds:
+                    time = seconds * 1_000_000_000 + nanoseconds
+                else:
+                    self._count(source.input, 'zero_stamp')
+            events.append(Event(time - source.latency, (
+                Sample(source.input, value, source.part),), origin))
+        return events if len(events) < 2 else _joined(events, origin)
+
+    def check_type(self, topic: str, blank: Any) -> None:
+        """
+        Refuse settings that do not fit a topic's type, before any message comes.
+
+        Parameters
+        ----------
+        topic : str
+            As in ``topics``.
+        blank : object
+            A message of the type with default values only.
+
+        Raises
+        ------
+        FieldError
+            Names the input, the path, the type and the fields that are there.
+
+        """
+        for source in self._sources.get(topic, ()):
+            _stamped(source, blank)
+            try:
+                _reading(source, blank, self._settings, blank=True)
+            except MissingIndexError:  # what an empty array would hold is not known yet
+                pass
+
+    def _compile(self, topic: str, message: Any) -> list[Access]:
+        sources = self._sources.get(topic, [])
+        accesses = []
+        for source in sources:
+            stamp = attrgetter(*STAMP) if _stamped(source, message) else None
+            try:
+                found = _reading(source, message, self._settings)
+            except MissingIndexError as missing:
+                self._refuse(source, 'missing_index', str(missing))
+            else:
+                accesses.append(Access(source, found, found.fetch(), stamp))
+        if len(accesses) == len(sources):
+            self._accesses[topic, type(message)] = accesses
+        return accesses
+
+    def _refuse(self, source: Source, reason: str, detail: str) -> None:
+        self._count(source.input, reason)
+        if detail and (source.input, reason) not in self.details:
+            self.details[source.input, reason] = f'{source.section}.field: {detail}'
+
+
+def _joined(events: Sequence[Event], origin: Any) -> list[Event]:
+    """Return one event per time."""
+    times: dict[int, tuple[Sample, ...]] = {}
+    for event in events:
+        times[event.time] = times.get(event.time, ()) + event.samples
+    return [Event(time, samples, origin) for time, samples in times.items()]
+
+
+def _stamped(source: Source, message: Any) -> bool:
+    """Return whether the time is that of the header, and not the receive time."""
+    if source.stamp == 'receive':
+        return False
+    header = getattr(message, 'header', None)
+    if 'header' in field_names(message) and 'stamp' in field_names(header):
+        return True
+    if source.stamp == 'header':
+        raise FieldError(
+            f'{source.section}.stamp', f"is 'header', but {describe(message)} has none, it has "
+                                   f"{', '.join(field_names(message))}; use 'receive'")
+    return False
+
+
+def _type_conflict(one: Source, other: Source) -> SettingsError:
+    """Return the error for two types of one topic; one that ROS does not know is at fault."""
+    types = standard_types().fielddefs
+    if other.type not in types and one.type in types:
+        one, other = other, one
+    hint = '' if one.type in types else nearest(one.type, [other.type, *types])
+    return SettingsError(
+        f'{one.section}.type', f'is {one.type}, but {other.section}.type reads {one.topic} as '
+                           f'{other.type}{hint}')
+
+
+def _reading(source: Source, message: Any, settings: Settings, blank: bool = False) -> Reading:
     """
     Return how to read a source's value from messages like this one.
 
@@ -82,7 +301,7 @@ def reading(source: Source, message: Any, settings: Settings, blank: bool = Fals
         If the path indexes an array that is too short in this message.
 
     """
-    key = f'{source.key}.field'
+    key = f'{source.section}.field'
     steps, value, shape = resolve(source.input, source.field, message, key)
     if source.input in ('thrusters', 'sign'):
         count = _expected(source, shape, value if blank else (), settings)
@@ -234,7 +453,7 @@ def _expected(source: Source, shape: str, value: Any, settings: Settings) -> int
     if gives != count:
         hint = f'; pick with [0:{count}]' if gives > count and shape == 'array' else ''
         raise FieldError(
-            f'{source.key}.field', f'{source.field!r} gives {gives} values for {count} '
+            f'{source.section}.field', f'{source.field!r} gives {gives} values for {count} '
                                    f'thrusters (the length of thrusters.gain){hint}')
     return count
 
@@ -244,7 +463,7 @@ def _joint_names(source: Source, steps: Sequence[Step], message: Any,
     """Return the path to the names beside an array, where entries are picked by name."""
     if not settings.thrusters.names:
         return None
-    parent = walk(message, steps[:-1], source.field, f'{source.key}.field')
+    parent = walk(message, steps[:-1], source.field, f'{source.section}.field')
     if 'name' in field_names(parent):
         return (*steps[:-1], 'name')
     if source.input == 'sign':

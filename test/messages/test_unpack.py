@@ -153,7 +153,8 @@ def test_other_encapsulations_have_no_layout() -> None:
     for kind in (b'\0\2', b'\0\3', b'\0\7', b'\1\0'):
         with pytest.raises(NoLayoutError):
             find_layout(wire, kind + data[2:])
-    assert find_layout(wire, data[:2] + b'\5\6' + data[4:]) == find_layout(wire, data)  # only options
+    # the other two bytes are options, which nobody reads
+    assert find_layout(wire, data[:2] + b'\5\6' + data[4:]) == find_layout(wire, data)
 
 
 def settings(position: str, attitude: str = '', **thrusters: Any) -> Settings:

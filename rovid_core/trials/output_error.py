@@ -198,9 +198,10 @@ class Residuals:
             total += (1.0 - lag / MAX_LAG) * (cross + cross.T)
         inverse = np.linalg.pinv(jacobian.T @ jacobian)
         count = int(self._active.sum())
-        ratio = (np.diag(inverse @ total @ inverse)[:count]
-                 / np.diag(inverse @ white @ inverse)[:count])
-        return max(1.0, float(ratio.max()))
+        found, expected = (
+            np.diag(inverse @ of @ inverse)[:count] for of in (total, white))
+        known = expected > 0.0  # the data show nothing of the others
+        return max(1.0, float((found[known] / expected[known]).max(initial=1.0)))
 
     def _fitted_residuals(self, parameters: Four) -> Array:
         """Return the residuals at the best starts, without outliers."""

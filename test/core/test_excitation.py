@@ -4,7 +4,7 @@ from math import pi, sin
 
 import numpy as np
 import pytest
-from rovid_core.identify.excitation import Excitation, Gram
+from rovid_core.identify.excitation import add_products, Excitation, Gram, NO_SUMS
 from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
@@ -104,3 +104,15 @@ def test_the_recent_matrix_forgets_and_the_whole_one_does_not():
     monitor = driven(lambda t: RICH(t) if t < 200.0 else 0.0, duration=800.0, noise=0.0)
     assert monitor.update_fading().reasons == ('no thrust',)
     assert monitor.since_start().reasons == ()
+
+
+def test_sums_of_products_are_the_same_at_once_or_one_by_one():
+    random = np.random.default_rng(0)
+    steps = [Step(dt, (v,) * 3, (f,) * 3) for dt, v, f in random.normal(size=(200, 3)).tolist()]
+    one = NO_SUMS
+    for step in steps:
+        one = add_products(one, [step], 0.1, 2.0)
+    assert add_products(NO_SUMS, steps, 0.1, 2.0) == one
+    dt, v, f = np.array([(s.dt, 2.0 * s.velocity[1], 0.1 * s.force[1]) for s in steps]).T
+    phi = np.stack([f, v * np.abs(v), v, np.ones_like(v)])
+    assert one == pytest.approx((phi * dt @ phi.T)[np.triu_indices(4)])

@@ -1,10 +1,8 @@
-"""What is written out in plain floats is the same as its short form."""
+"""The filter of the extended Kalman filter in plain floats is that of matrices."""
 
 from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.identify.aid.adaptive_identifier import INTEGRATORS
-from rovid_core.identify.aid.self_tuning import DIRECT_STEPS, full_gain_rates
 from rovid_core.identify.ekf.linearised_filter import (
     diagonal,
     ForceImpulse,
@@ -16,10 +14,7 @@ from rovid_core.identify.ekf.linearised_filter import (
     widened,
     with_motion,
 )
-from rovid_core.identify.excitation import add_products, NO_SUMS
-from rovid_core.model.samples import Step
 
-BOX = ((-9.0,) * 4, (9.0,) * 4)
 numbers = st.floats(-2.0, 2.0)
 
 
@@ -30,35 +25,6 @@ def symmetric(size, draw):
 
 def matrix(p):
     return np.array([row(p, i) for i in range(SIZE)])
-
-
-@pytest.mark.parametrize('integrator', DIRECT_STEPS)
-@given(data=st.data())
-def test_a_step_with_a_full_gamma_is_that_of_the_integrator(integrator, data):
-    gamma = tuple((0.1 * symmetric(4, data.draw))[np.triu_indices(4)].tolist())
-    theta = tuple(data.draw(st.tuples(numbers, *[st.floats(-2.0, 0.0)] * 2, numbers)))
-    v, start, end, force = data.draw(st.tuples(*[numbers] * 4))
-    step = Step(0.02, (start, 0.5 * (start + end), end), (force,) * 3)
-    state = INTEGRATORS[integrator](-2.0, gamma, (v, *theta), step, full_gain_rates)
-    low, high = (-5.0, -5.0, -1.5, -5.0), (5.0, 0.01, 0.0, 5.0)
-    moved = DIRECT_STEPS[integrator](-2.0, gamma, v, theta, step, (low, high))
-    phi = np.array([force, v * abs(v), v, 1.0])
-    full = np.zeros((4, 4))
-    full[np.triu_indices(4)] = gamma
-    full += np.triu(full, 1).T
-    turns = 0.02 * max(2.0 - 2.0 * theta[1] * abs(v) - theta[2], phi @ full @ phi)
-    inside = all(a <= p <= b for a, p, b in zip(low, state[1:], high))
-    if moved is None:
-        assert turns > 1.0 - 1e-9 or not inside
-    else:
-        assert turns < 1.0 + 1e-9
-        assert inside
-        assert (moved[0], *moved[1]) == pytest.approx(state, rel=1e-12, abs=1e-12)
-
-
-def test_heun_is_written_out_for_a_constant_force_alone():
-    step = Step(0.02, (0.1, 0.2, 0.3), (1.0, 2.0, 3.0))
-    assert DIRECT_STEPS['heun'](-2.0, (0.0,) * 10, 0.1, (1.0, 0.0, 0.0, 0.0), step, BOX) is None
 
 
 @given(st.data())
@@ -134,15 +100,3 @@ def test_an_impulse_is_the_mean_of_the_parabolas_on_either_side():
     for time in np.linspace(begin - 0.1, times[400] + 0.1, 1000).tolist():
         assert same.at(time) == impulses.at(time)
     assert begin > times[400] - 9.0  # it does not grow
-
-
-def test_sums_of_products_are_the_same_at_once_or_one_by_one():
-    random = np.random.default_rng(0)
-    steps = [Step(dt, (v,) * 3, (f,) * 3) for dt, v, f in random.normal(size=(200, 3)).tolist()]
-    one = NO_SUMS
-    for step in steps:
-        one = add_products(one, [step], 0.1, 2.0)
-    assert add_products(NO_SUMS, steps, 0.1, 2.0) == one
-    dt, v, f = np.array([(s.dt, 2.0 * s.velocity[1], 0.1 * s.force[1]) for s in steps]).T
-    phi = np.stack([f, v * np.abs(v), v, np.ones_like(v)])
-    assert one == pytest.approx((phi * dt @ phi.T)[np.triu_indices(4)])

@@ -19,14 +19,14 @@ unexport RMW_IMPLEMENTATION
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint bench browser clean
+.PHONY: help demo test lint figures browser clean
 
 help:
 	@echo 'make demo   simulate a vehicle and identify it; needs no ROS'
 	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
 	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest, WORKERS=2 at once'
 	@echo 'make lint   linters and types only'
-	@echo 'make bench  what it costs, beside other programs, into docs/measurements/'
+	@echo 'make figures  every table of docs/measurements/, in 50 minutes; ARGS="accuracy speed.step"'
 	@echo 'make browser  Debian Chromium, for the tests that open the report (needs root)'
 	@echo 'make clean  remove what the other targets made'
 	@echo 'All take PYTHON=..., the interpreter to use (3.10 or newer; now: $(PYTHON))'
@@ -44,9 +44,9 @@ ifeq ($(ROS_DISTRO),kilted)
 	$(TEST)/bin/mypy
 endif
 
-bench: $(TEST_READY)
+figures: $(TEST_READY)
 	$(TEST)/bin/python -m pip install --quiet --disable-pip-version-check -r benchmarks/requirements.txt
-	$(TEST)/bin/python -m benchmarks.speed.all_sections --output docs/measurements/performance.md
+	$(TEST)/bin/python -m benchmarks.figures $(ARGS)
 
 browser:
 	@if command -v chromium || command -v chromium-browser || command -v google-chrome; then :; \

@@ -12,12 +12,10 @@ hears sensors at 50 Hz over DDS.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from multiprocessing import get_context
-from multiprocessing.queues import Queue
 import os
-from queue import Empty
 
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
@@ -37,16 +35,8 @@ FASTER = 10.0
 METHODS = ('ekf', 'aid')
 
 
-def simulated(method: str, hours: float, samples: int = 200) -> Iterator[Soak]:
-    """
-    Let a vehicle run through the pipe, as the node does it, in one process.
-
-    Yields
-    ------
-    Soak
-        After every hour, and in the end.
-
-    """
+def simulated(method: str, hours: float, samples: int = 200) -> Soak:
+    """Let a vehicle run through the pipe, as the node does it, in one process."""
     settings = _settings()
     settings = replace(settings, identifier=replace(settings.identifier, method=method))
     stream = Stream(settings)
@@ -55,20 +45,7 @@ def simulated(method: str, hours: float, samples: int = 200) -> Iterator[Soak]:
     duration = 3600.0 * hours
     memory: list[tuple[float, int]] = []
 
-    def soak(time: float) -> Soak:
-        assert stream.estimate is not None
-        # two measurements make the first velocity, which the filters start from
-        missed = [stream.inputs[settings.source(dof.dof)].count - 2 - dof.steps
-                  for dof in stream.estimate.dofs]
-        return Soak(
-            f'{time / 3600.0:.3g} h of simulated time, {method}', time,
-            [*memory, (time, resident())], sum(dof.steps for dof in stream.estimate.dofs),
-            sum(missed),
-            {f'{name}.{reason}': count for (name, reason), count in stream.rejected.items()},
-            {dof.dof: dof.parameters for dof in stream.estimate.dofs})
-
-    begin, due, hour = 0, 0.0, 3600.0
-    count = 0
+    begin, due, count = 0, 0.0, 0
     for message in sensed(settings, duration):
         begin = begin or message.time
         for event in converter.events(message.topic, built(message), message.time):
@@ -80,16 +57,17 @@ def simulated(method: str, hours: float, samples: int = 200) -> Iterator[Soak]:
         if time >= due:
             memory.append((time, resident()))
             due += duration / samples
-        if time >= hour and hour < duration:
-            yield soak(hour)
-            hour += 3600.0
     stream.finish()
-    yield soak(duration)
-
-
-def _tell(method: str, hours: float, told: Queue[tuple[str, Soak]]) -> None:
-    for soak in simulated(method, hours):
-        told.put((method, soak))
+    assert stream.estimate is not None
+    # two measurements make the first velocity, which the filters start from
+    missed = [stream.inputs[settings.source(dof.dof)].count - 2 - dof.steps
+              for dof in stream.estimate.dofs]
+    return Soak(
+        f'{duration / 3600.0:.3g} h of simulated time, {method}', duration,
+        [*memory, (duration, resident())], sum(dof.steps for dof in stream.estimate.dofs),
+        sum(missed),
+        {f'{name}.{reason}': count for (name, reason), count in stream.rejected.items()},
+        {dof.dof: dof.parameters for dof in stream.estimate.dofs})
 
 
 def _settings() -> Settings:
@@ -97,9 +75,9 @@ def _settings() -> Settings:
 
 
 def main() -> None:
-    """Run, and print or write what came of it."""
+    """Run, and print what came of it."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument('--hours', type=float, default=24.0, help='simulated time, default: 24')
+    parser.add_argument('--hours', type=float, default=1.0, help='simulated time, default: 1')
     parser.add_argument('--methods', nargs='+', default=METHODS, choices=METHODS,
                         help='of the simulated time, one process each')
     parser.add_argument('--live', type=float, metavar='S', help='seconds of the node on DDS')
@@ -110,21 +88,10 @@ def main() -> None:
         soak = live(given.live)
         _print(f'The node on DDS, {RATE:g} Hz', soak)
         return
-    context = get_context('spawn')
-    told: Queue[tuple[str, Soak]] = context.Queue()
-    runs = [context.Process(target=_tell, args=(method, given.hours, told), daemon=True)
-            for method in given.methods]
-    for run in runs:
-        run.start()
-    while any(run.is_alive() for run in runs) or not told.empty():
-        try:
-            method, soak = told.get(timeout=1.0)
-        except Empty:
-            continue
-        if soak.duration == 3600.0 * given.hours:
-            _print(f'Simulated time, ten times the sensor rates, {method}', soak)
-    if any(run.exitcode for run in runs):
-        raise SystemExit('a run failed')
+    with ProcessPoolExecutor(len(given.methods), get_context('spawn')) as pool:  # each its own
+        for method, soak in zip(given.methods, pool.map(
+                simulated, given.methods, [given.hours] * len(given.methods))):
+            _print(f'Ten times the sensor rates, {method}', soak)
 
 
 def _print(title: str, soak: Soak) -> None:

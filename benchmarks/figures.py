@@ -1,0 +1,215 @@
+"""
+Make every table of docs/measurements/ again; ``make figures`` runs this.
+
+``python -m benchmarks.figures [PART | PART.SECTION ...] [--quick] [--output FOLDER]``
+
+Each part is a file, and each section of it what one module prints, with the command, the commit,
+the date and the machine below it. ``--quick`` tries everything with small sizes. The tank
+recordings are looked for in ``ROVID_DATA`` and in ``../shared/data``.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime, timezone
+import os
+from pathlib import Path
+import platform
+import re
+import shlex
+import subprocess
+import sys
+import time
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / 'docs' / 'measurements'
+
+
+@dataclass(frozen=True)
+class Section:
+    """
+    What one module prints.
+
+    Attributes
+    ----------
+    title : str
+        Above it.
+    module : str
+        Below ``benchmarks``.
+    arguments, quick : str
+        Of a run whose result is kept, and of one that only tries whether it works.
+    minutes : float
+        That the former takes on two cores.
+    recordings : bool
+        Whether the module takes the folder of the tank recordings.
+
+    """
+
+    title: str
+    module: str
+    arguments: str
+    quick: str
+    minutes: float
+    recordings: bool = False
+
+
+PARTS: dict[str, tuple[str, dict[str, Section]]] = {
+    'accuracy': ('How right the models are', {
+        'adaptive': Section('The adaptive identifier', 'accuracy.adaptive_identifier',
+                            '--seeds 20', '--seeds 1', 1.5, recordings=True),
+        'online': Section('The online methods', 'accuracy.online_methods', '--seeds 300',
+                          '--seeds 2', 7.0, recordings=True),
+        'offline': Section('The offline methods', 'accuracy.offline_methods', '--seeds 20',
+                           '--seeds 2', 3.0, recordings=True),
+    }),
+    'speed': ('What it costs', {
+        'replay': Section('Replay', 'speed.replay', '--runs 3', '--runs 1', 4.0),
+        'long': Section('Ten hours', 'speed.replay', '--ten --runs 1', '', 8.0),
+        'step': Section('One step', 'speed.step', '', '--runs 1', 0.5),
+        'start': Section('Start', 'speed.start', '', '--runs 2', 0.3),
+        'tune': Section('Tuning', 'speed.tune', '--runs 3', '--runs 1', 1.5),
+        'live': Section('The live node', 'speed.latency', '--runs 3', '--runs 1 --seconds 1', 3.0),
+        'load': Section('Load', 'speed.load', '--duration 5', '--duration 1 --rates 50', 2.5),
+    }),
+    'faults': ('What goes wrong, and what comes of it', {
+        'campaign': Section('Faults in the messages', 'faults.campaign', '', '--only nan', 5.0,
+                            recordings=True),
+        'kills': Section('kill -9 at random moments', 'faults.kills', '--count 20', '--count 2',
+                         3.0),
+    }),
+    'endurance': ('Long runs', {
+        'simulated': Section('Simulated time', 'endurance.soak', '--hours 1', '--hours 0.02', 4.0),
+        'live': Section('The node on DDS', 'endurance.soak', '--live 240', '--live 10', 4.5),
+    }),
+}
+
+
+def made(section: Section, quick: bool) -> tuple[str, bool]:
+    """Run a module; return what it printed and how that was made, and whether it failed."""
+    arguments = shlex.split(section.quick if quick else section.arguments)
+    if section.recordings and (logs := recordings()):
+        arguments.insert(0, str(logs))
+    began = time.monotonic()
+    # on its own: a process that has imported much gives its peak memory to its children
+    done = subprocess.run(
+        [sys.executable, '-m', f'benchmarks.{section.module}', *arguments], cwd=ROOT,
+        env={**os.environ, 'PYTHONPATH': str(ROOT), 'OPENBLAS_NUM_THREADS': '1'},
+        stdout=subprocess.PIPE, text=True, check=False)
+    command = ' '.join(['python', '-m', f'benchmarks.{section.module}', *(
+        'bluerov2_tank' if one == str(recordings()) else one for one in arguments)])
+    notes = [f'`{command}`, commit {commit()}, {datetime.now(timezone.utc):%Y-%m-%d}, '
+             f'{(time.monotonic() - began) / 60:.1f} min on {machine()}.']
+    if section.recordings and not recordings():
+        notes.append('The tank recordings were not there.')
+    if done.returncode:
+        notes.append(f'It ended with exit code {done.returncode}.')
+    return f'{done.stdout.strip()}\n\n{" ".join(notes)}', bool(done.returncode)
+
+
+def recordings() -> Path | None:
+    """Return the folder of the tank recordings, where it is there."""
+    data = Path(os.environ.get('ROVID_DATA', ROOT.parent / 'shared' / 'data'))
+    return data / 'bluerov2_tank' if (data / 'bluerov2_tank').is_dir() else None
+
+
+def commit() -> str:
+    """Return the commit of the sources, and whether they differ from it."""
+    try:
+        name, changes = (subprocess.run(
+            ['git', *arguments], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+            for arguments in (('rev-parse', '--short', 'HEAD'),
+                              ('status', '--porcelain', '--', ':!docs')))
+    except (OSError, subprocess.CalledProcessError):
+        return 'unknown'
+    return name.strip() + (' with changes' if changes else '')
+
+
+def machine() -> str:
+    """Return processor and Python."""
+    try:
+        text = Path('/proc/cpuinfo').read_text(encoding='utf-8')
+    except OSError:
+        text = ''
+    names = re.findall(r'^model name\s*:\s*(.*)$', text, re.M)
+    return (f'{names[0] if names else platform.processor() or platform.machine()}, '
+            f'{os.cpu_count()} cores, Python {platform.python_version()}')
+
+
+def sections_of(page: Path) -> dict[str, str]:
+    """Return the text of each section of a page that was made before, by its title."""
+    text = page.read_text(encoding='utf-8') if page.exists() else ''
+    return dict(re.findall(r'^## (.*)\n\n(.*?)\s*(?=^## |\Z)', text, re.M | re.S))
+
+
+def write(page: Path, name: str, texts: Mapping[str, str]) -> None:
+    """Write a part: its sections that have been made, in their order."""
+    title, sections = PARTS[name]
+    minutes = sum(section.minutes for section in sections.values())
+    parts = [f'# {title}', f"`make figures ARGS='{name}'` makes this file again, in about "
+             f'{minutes:.0f} minutes.']
+    for section in sections.values():
+        if section.title in texts:
+            parts += [f'## {section.title}', texts[section.title]]
+    page.parent.mkdir(parents=True, exist_ok=True)
+    page.write_text('\n\n'.join(parts) + '\n', encoding='utf-8')
+
+
+def chosen(names: Iterable[str]) -> dict[str, list[str]]:
+    """
+    Return part -> names of its sections that are asked for.
+
+    Raises
+    ------
+    ValueError
+        If there is no such part or section.
+
+    """
+    found: dict[str, list[str]] = {}
+    for name in names:
+        part, _, section = name.partition('.')
+        if part not in PARTS:
+            raise ValueError(f'no part {part!r}: takes {", ".join(PARTS)}')
+        sections = PARTS[part][1]
+        if section and section not in sections:
+            raise ValueError(f'no section {section!r}: {part} takes {", ".join(sections)}')
+        found.setdefault(part, []).extend([section] if section else sections)
+    return found
+
+
+def main() -> None:
+    """Make what is asked for, one after the other, and write each as soon as it is there."""
+    parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
+    parser.add_argument('parts', nargs='*', metavar='PART[.SECTION]',
+                        help=f'{", ".join(PARTS)}; default: all')
+    parser.add_argument('--quick', action='store_true', help='try it with small sizes')
+    parser.add_argument('--output', type=Path, default=FOLDER, metavar='FOLDER')
+    given = parser.parse_args()
+    try:
+        asked = chosen(given.parts or PARTS)
+    except ValueError as error:
+        parser.error(str(error))
+    failed = []
+    for part, names in asked.items():
+        page = given.output / f'{part}.md'
+        for name in names:
+            section = PARTS[part][1][name]
+            if given.quick and not section.quick:
+                continue
+            print(f'{part}.{name} ...', file=sys.stderr, flush=True)
+            text, has_failed = made(section, given.quick)
+            write(page, part, {**sections_of(page), section.title: text})
+            print(text.splitlines()[-1], file=sys.stderr, flush=True)
+            if has_failed:
+                failed.append(f'{part}.{name}')
+    if not given.parts and not given.quick:  # all are made: what no command makes goes
+        for page in given.output.glob('*.md'):
+            if page.stem not in PARTS:
+                page.unlink()
+    if failed:
+        raise SystemExit(f'failed: {", ".join(failed)}')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,48 @@
+"""The command that makes the tables of docs/measurements/ again."""
+
+import importlib.util
+from pathlib import Path
+import sys
+
+import pytest
+
+from benchmarks import figures
+
+
+def test_every_section_is_made_by_a_module() -> None:
+    for _, sections in figures.PARTS.values():
+        for section in sections.values():
+            assert importlib.util.find_spec(f'benchmarks.{section.module}'), section.module
+
+
+def test_a_part_or_one_section_of_it() -> None:
+    assert list(figures.chosen(figures.PARTS)) == list(figures.PARTS)
+    assert figures.chosen(['speed.step', 'faults.kills']) == {
+        'speed': ['step'], 'faults': ['kills']}
+    with pytest.raises(ValueError, match="no part 'sped'"):
+        figures.chosen(['sped'])
+    with pytest.raises(ValueError, match="no section 'stop': speed takes"):
+        figures.chosen(['speed.stop'])
+
+
+def test_a_section_is_put_in_its_place_and_the_others_stay(tmp_path: Path) -> None:
+    page = tmp_path / 'endurance.md'
+    figures.write(page, 'endurance', {'The node on DDS': '| a |\n\nmade so'})
+    figures.write(page, 'endurance', {
+        **figures.sections_of(page), 'Simulated time': 'another', 'of before': 'goes'})
+    assert figures.sections_of(page) == {
+        'Simulated time': 'another', 'The node on DDS': '| a |\n\nmade so'}
+    text = page.read_text()
+    assert text.index('## Simulated time') < text.index('## The node on DDS')
+
+
+def test_what_is_printed_is_kept_with_how_it_was_made(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(sys, 'argv', [
+        'figures', 'speed.start', '--quick', '--output', str(tmp_path)])
+    figures.main()
+    text = (tmp_path / 'speed.md').read_text()
+    assert '| import numpy |' in text
+    assert '`python -m benchmarks.speed.start --runs 2`, commit ' in text
+    assert figures.machine() in text

@@ -14,6 +14,7 @@ ROS_PACKAGES = (
     'diagnostic-msgs', 'geometry-msgs', 'lifecycle-msgs', 'nav-msgs', 'rcl-interfaces',
     'rclpy', 'rmw-fastrtps-cpp', 'rosgraph-msgs', 'sensor-msgs', 'std-msgs', 'std-srvs',
 )
+PLOTLY = 'plotly>=5.15'  # draws the HTML report; Debian has it as python3-plotly, rosdep not
 PACKAGE = ElementTree.parse('package.xml').getroot()
 
 
@@ -41,7 +42,7 @@ setup(
     maintainer=manifest('maintainer'),
     maintainer_email=PACKAGE.find('maintainer').attrib['email'],
     packages=find_packages(include=['rovid_*']),
-    package_data={f'{name}.report': ['page/*']},  # style and scripts of the HTML report
+    package_data={f'{name}.report': ['page/*']},  # style and script of the HTML report
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{name}']),
         (share, ['package.xml']),
@@ -59,9 +60,10 @@ setup(
         'ros': ros_wheels('kilted'),
         'kilted': ros_wheels('kilted'),
         'jazzy': ros_wheels('jazzy'),
+        'report': [PLOTLY],
         'test': [
-            'colcon-common-extensions', 'colcon-ros', 'hypothesis', 'mypy==2.4.*', 'pytest',
-            'pytest-xdist', 'ruff==0.17.*',
+            'colcon-common-extensions', 'colcon-ros', 'hypothesis', 'mypy==2.4.*', PLOTLY,
+            'pytest', 'pytest-xdist', 'ruff==0.17.*',
             'setuptools<80',  # the last with the commands that colcon calls
             'scipy-stubs', 'types-PyYAML',
         ],

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from rovid_ros.commands.long_work import in_parallel_with_progress
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import (
     check_written,
+    CommandError,
     located_errors,
     print_written,
     read_settings,
@@ -51,6 +53,8 @@ def run(args: argparse.Namespace) -> None:
     """Run ``rovid compare``."""
     validate = args.validate or []
     check_written([args.report, args.json], [*args.logs, *validate, args.params_file])
+    if args.report:
+        _check_plotly()
     settings = read_settings(args.params_file)
     with located_errors(args.params_file):
         trials = read_trials(
@@ -145,3 +149,10 @@ def _row(model: Model, name: str, trials: Sequence[Trial]) -> list[str]:
     return [name, str(logs.index(model.trained_on) + 1),
             *map(number, physical(model.fit.parameters)),
             number(model.scores[model.trained_on].mae), error, fit]
+
+
+def _check_plotly() -> None:
+    """Refuse a report that could not be drawn, before the work begins."""
+    if find_spec('plotly') is None:
+        raise CommandError('--report draws with plotly, which is not installed: '
+                           "pip install 'rovid_ros[report]' or apt install python3-plotly")

@@ -1,13 +1,15 @@
 """
-What the report's plots show, as plain values that ``page/*.js`` draws.
+The plots of the report, as the traces and layouts that plotly.js draws.
 
-A figure is a list of panels; a panel has one x column and several curves. Columns of
-numbers are kept once and named by their index.
+Every figure is one plotly plot: panels above each other that share their x axis. A trace's colour
+is the name of a colour of ``page/style.css``, so that the plots follow the dark style, and its
+``x`` and ``y`` are indices into columns of numbers that are kept once for the whole report.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from html import escape
 import math
 from typing import Any
 
@@ -15,10 +17,107 @@ from rovid_core.model.dofs import PARAMETERS
 from rovid_ros.report.markup import capital, finite, Html, join, quantity, SYMBOLS, tag, title
 
 Data = Mapping[str, Any]
-Spec = dict[str, Any]
+Values = Sequence[Any]
+Dict = dict[str, Any]
+
+POINTS = 3000
+"""Of a curve; a longer one keeps the lowest and the highest value of each of its parts."""
+
 TIME_DIGITS, DIGITS = 7, 5  # significant
-INK, REFERENCE = 0, 'reference'  # styles of curves; methods take 1 to STYLES
-STYLES = 6
+SPECTRUM_SPAN = 1e5
+"""From the lowest to the highest amplitude shown; below are only rounding errors."""
+
+HEIGHT, TALL, SPACE = 110, 190, 32  # [px] of a panel, of the first one, and above each
+MEASURED = {'color': 'measured', 'width': 2.8}
+REFERENCE = {'color': 'ink', 'dash': 'dash', 'width': 1.2}
+LINES = tuple({'color': f'c{1 + i % 6}', 'dash': dash, 'width': 1.4} for i, dash in enumerate(
+    ('solid', '8px,3px', '3px,2px', '9px,3px,2px,3px', '14px,3px', '6px,2px,2px,2px', '2px,4px')))
+
+
+class Plot:
+    """A plot that is being put together: its traces, its panels and the link of its x axis."""
+
+    def __init__(self, columns: Columns, x_axis: tuple[str, str], link: str | None = None) -> None:
+        self._columns = columns
+        self._x_axis = x_axis
+        self._link = link
+        self._traces: list[Dict] = []
+        self._panels: list[Dict] = []
+        self._names: set[str] = set()
+
+    def add_panel(self, name: str, unit: str, *, tall: bool = False, **axis: Any) -> None:
+        """Begin the next panel; ``axis`` goes into the layout of its y axis."""
+        self._panels.append({'text': _labelled(name, unit), 'unit': escape(unit), 'axis': axis,
+                             'height': TALL if tall else HEIGHT})
+
+    def add_curve(self, name: str, x: Values, y: Values, line: Mapping[str, Any]) -> None:
+        """Add a curve to the last panel; the same name in two panels is one legend entry."""
+        x, y = thinned(x, y)
+        self._add_line(name, x, y, line)
+
+    def add_level(self, name: str, x: Values, y: float, line: Mapping[str, Any]) -> None:
+        """Add a horizontal line over the whole of ``x`` to the last panel."""
+        ends = [x[0], x[-1]] if x else []
+        self._add_line(name, ends, [y] * len(ends), line)
+
+    def add_bars(self, name: str, edges: Values, counts: Values, color: str) -> None:
+        """Add a histogram to the last panel."""
+        self._add(name, [0.5 * (a + b) for a, b in zip(edges, edges[1:])], counts, {
+            'type': 'bar', 'marker': {'color': color},
+            'width': edges[1] - edges[0] if len(edges) > 1 else 1.0})
+
+    def spec(self) -> Dict:
+        """Return the plot as the page's script takes it."""
+        shared = [trace['yaxis'] for trace in self._traces]
+        told_apart = {trace['name'] for trace in self._traces if shared.count(trace['yaxis']) > 1}
+        for trace in self._traces:
+            trace['showlegend'] = trace['showlegend'] and trace['name'] in told_apart
+        bottom = 0
+        heights = [panel['height'] + SPACE for panel in self._panels]
+        total = sum(heights) or 1
+        layout: Dict = {'height': total, 'annotations': [], 'xaxis': {
+            'anchor': f'y{len(self._panels)}', 'title': {'text': _labelled(*self._x_axis)}}}
+        for i in reversed(range(len(self._panels))):
+            panel = self._panels[i]
+            top = bottom + panel['height']
+            layout[f'yaxis{i + 1}'] = {
+                'anchor': 'x', 'domain': [bottom / total, top / total], **panel['axis']}
+            layout['annotations'].append({
+                'text': panel['text'], 'y': top / total})
+            bottom += heights[i]
+        return {'traces': self._traces, 'layout': layout, 'link': self._link,
+                'entries': len(told_apart)}
+
+    def _add_line(self, name: str, x: Values, y: Values, line: Mapping[str, Any]) -> None:
+        self._add(name, x, y, {'type': 'scatter', 'mode': 'lines',
+                               'line': {'simplify': False, **line}})
+
+    def _add(self, name: str, x: Values, y: Values, look: Dict) -> None:
+        panel = self._panels[-1]
+        unit = f' {panel["unit"]}' if panel['unit'] else ''
+        digits = TIME_DIGITS if self._x_axis[1] == 's' else DIGITS
+        self._traces.append({
+            'x': self._columns.add(x, digits), 'y': self._columns.add(y, DIGITS),
+            'yaxis': f'y{len(self._panels)}', 'name': escape(name), 'legendgroup': escape(name),
+            'showlegend': name not in self._names,
+            'hovertemplate': f'%{{y:.4~g}}{unit}', **look})
+        self._names.add(name)
+
+
+class Columns:
+    """Columns of numbers, each kept once."""
+
+    def __init__(self) -> None:
+        self.values: list[list[float | None]] = []
+        self._known: dict[tuple[float | None, ...], int] = {}
+
+    def add(self, values: Values, digits: int) -> int:
+        """Return the index of a column of these values, rounded to significant digits."""
+        rounded = tuple(_rounded(finite(value), digits) for value in values)
+        if rounded not in self._known:
+            self._known[rounded] = len(self.values)
+            self.values.append(list(rounded))
+        return self._known[rounded]
 
 
 class Figures:
@@ -33,19 +132,19 @@ class Figures:
     """
 
     def __init__(self, data: Data) -> None:
-        self.columns: list[list[float | None]] = []
-        self.figures: dict[str, Spec] = {}
+        self._columns = Columns()
+        self._plots: dict[str, Dict] = {}
         methods = dict.fromkeys(
             method for values in data['dofs'].values()
             for log in (values.get('series') or {}).values()
             for method in log.get('simulated') or {})
-        self._style = {method: 1 + i % STYLES for i, method in enumerate(methods)}
+        self._line = {method: LINES[i % len(LINES)] for i, method in enumerate(methods)}
 
-    def document(self) -> Spec:
+    def document(self) -> Dict:
         """Return all that the page's script needs."""
-        return {'columns': self.columns, 'figures': self.figures}
+        return {'columns': self._columns.values, 'plots': self._plots}
 
-    def of_log(self, dof: str, values: Data, entry: Data, group: str) -> list[Html]:
+    def of_log(self, dof: str, values: Data, entry: Data) -> list[Html]:
         """
         Return the figures of one DOF on one log; their time axes are linked.
 
@@ -57,152 +156,168 @@ class Figures:
             The DOF's part of the report's input.
         entry : mapping
             The log; figures that it has no data for are left out.
-        group : str
-            Name of the linked axes.
 
         """
         units, log = values.get('units') or {}, entry['name']
         trained = ' trained on this log' if entry.get('role') != 'validate' else ''
         series = (values.get('series') or {}).get(log)
         found = (values.get('adaptation') or {}).get(log)
+        link = f'{dof} on {log}'
         out = []
         if series:
             out.append(self._figure(
-                'velocity', dof, log, self._velocity(series, units, group), 'Prediction.',
+                'velocity', dof, log, self._velocity(series, units, link), 'Prediction.',
                 f'Measured velocity and what the models{trained} simulate from the thrust '
                 'alone; the error (the paper’s Fig. 3); the thrust.'))
         if found:
-            out.append(self._figure(
-                'estimates', dof, log, self._estimates(found, units, group),
+            out.append(tag('div', self._figure(
+                'estimates', dof, log, self._estimates(found, units, link),
                 'Adaptive identifier.', 'v̂ and the parameter estimates, with the '
-                'least-squares values dashed (the paper’s Fig. 4).'))
-            out.append(self._figure(
-                'errors', dof, log, self._errors(found, units, group), 'Errors of the identifier.',
-                join('Velocity error, parameter errors against least squares'
-                     ', and the Lyapunov function W (the paper’s Fig. 5).',
-                     _fall(found.get('W') or (), _squared(units.get('velocity', ''))))))
+                'least-squares values dashed (the paper’s Fig. 4).'), self._figure(
+                'errors', dof, log, self._errors(found, units, link), 'Errors of the identifier.',
+                join('Velocity error, parameter errors against least squares, and the Lyapunov '
+                     'function W (the paper’s Fig. 5).',
+                     _fall(found.get('W') or (), _squared(units.get('velocity', ''))))),
+                class_='pair'))
         return out
 
-    def of_excitation(self, dof: str, values: Data, log: str, group: str) -> Html:
-        """Return the figure of what moved one DOF on one log."""
+    def of_excitation(self, dof: str, values: Data, log: str) -> Html:
+        """Return the figures of what moved one DOF on one log: histograms and spectra."""
         units = values.get('units') or {}
         found = values['excitation'][log]
-        panels = []
-        for i, name in enumerate(('force', 'velocity')):
-            unit, histogram = units.get(name, ''), found.get(f'{name}_histogram')
-            if histogram:
-                curve = {'y': self._add(histogram['counts']), 'bars': True, 'style': 1 + i,
-                         'label': 'samples'}
-                panels.append(self._panel(
-                    f'{group}/{name}', (_label(name), unit),
-                    self._add(histogram['edges']), ('samples', ''), [curve]))
         spectrum = found.get('spectrum') or {}
-        if spectrum.get('frequency'):
-            x = self._add(spectrum['frequency'])
-            for i, name in enumerate(('force', 'velocity')):
-                if spectrum.get(name):
-                    curve = {'y': self._add(spectrum[name]), 'style': 1 + i,
-                             'label': 'amplitude'}
-                    panels.append(self._panel(
-                        f'{group}/spectrum', ('frequency', 'Hz'), x,
-                        (f'{_label(name)} amplitude', units.get(name, '')), [curve],
-                        x_log=True, y_log=True))
-        return self._figure(
-            'excitation', dof, log, panels, f'{capital(dof)} on {log}.',
-            'How often each thrust and each velocity occurred, and their spectra.')
+        frequency = spectrum.get('frequency') or []
+        figures = []
+        for name, color in (('force', 'c1'), ('velocity', 'c2')):
+            label, unit = _label(name), units.get(name, '')
+            histogram = found.get(f'{name}_histogram')
+            if histogram:
+                bars = Plot(self._columns, (label, unit))
+                bars.add_panel('samples', '', tall=True)
+                bars.add_bars('samples', histogram['edges'], histogram['counts'], color)
+                figures.append(self._figure('excitation', dof, log, bars,
+                                            f'How often each {label} occurred.', link=False))
+            amplitudes = spectrum.get(name)
+            if frequency and amplitudes:
+                lines = Plot(self._columns, ('frequency', 'Hz'))
+                high = max(map(finite, amplitudes))
+                low = min((a for a in map(finite, amplitudes) if a > high / SPECTRUM_SPAN),
+                          default=0.0)
+                axis = {'range': [math.log10(low / 1.3), math.log10(high * 1.3)],
+                        'dtick': 1 if high > 100.0 * low else 'D2'} if low else {}
+                lines.add_panel(f'{label} amplitude', unit, tall=True, type='log', **axis)
+                lines.add_curve('amplitude', frequency, amplitudes,
+                                {'color': color, 'width': 1.4})
+                figures.append(self._figure('excitation', dof, log, lines,
+                                            f'Spectrum of the {label}.', link=False, log_x=True))
+        return join(tag('h3', f'{capital(dof)} on {log}'), tag('div', *figures, class_='pair')
+                    ) if figures else Html('')
 
-    def _velocity(self, series: Data, units: Mapping[str, str], group: str) -> list[Spec]:
-        t = self._add(series['t'], TIME_DIGITS)
-        measured = self._add(series['velocity'])
-        curves: list[Spec] = [{'y': measured, 'style': INK, 'label': 'measured'}]
-        errors: list[Spec] = []
-        for method, values in (series.get('simulated') or {}).items():
-            curve = {'y': self._add(values), 'style': self._style[method],
-                     'label': title(method)}
-            curves.append(curve)
-            errors.append({**curve, 'minus': measured})
-        unit = units.get('velocity', '')
-        panels = [self._time(group, t, ('velocity', unit), curves, tall=True),
-                  self._time(group, t, ('simulated − measured', unit), errors)]
+    def _velocity(self, series: Data, units: Mapping[str, str], link: str) -> Plot:
+        t, measured, unit = series['t'], series['velocity'], units.get('velocity', '')
+        simulated = series.get('simulated') or {}
+        plot = Plot(self._columns, ('time', 's'), link)
+        plot.add_panel('velocity', unit, tall=True)
+        plot.add_curve('measured', t, measured, MEASURED)
+        for method, values in simulated.items():
+            plot.add_curve(title(method), t, values, self._line[method])
+        if simulated:
+            plot.add_panel('simulated − measured', unit)
+        for method, values in simulated.items():
+            error = [finite(y) - finite(v) for y, v in zip(values, measured)]
+            plot.add_curve(title(method), t, error, self._line[method])
         if series.get('force'):
-            force: Spec = {'y': self._add(series['force']), 'style': 'thrust', 'label': 'thrust'}
-            panels.append(self._time(group, t, ('thrust', units.get('force', '')), [force]))
-        return panels
+            plot.add_panel('thrust', units.get('force', ''))
+            plot.add_curve('thrust', t, series['force'], {'color': 'ink', 'width': 1.2})
+        return plot
 
-    def _estimates(self, found: Data, units: Mapping[str, str], group: str) -> list[Spec]:
-        t = self._add(found['t'], TIME_DIGITS)
-        velocity: list[Spec] = []
-        for name, label, style in (('velocity', 'measured v', INK), ('v_hat', 'v̂', 1)):
+    def _estimates(self, found: Data, units: Mapping[str, str], link: str) -> Plot:
+        t = found['t']
+        plot = Plot(self._columns, ('time', 's'), link)
+        plot.add_panel('velocity', units.get('velocity', ''))
+        for name, label, line in (('velocity', 'measured v', MEASURED), ('v_hat', 'v̂', LINES[0])):
             if found.get(name):
-                velocity.append({'y': self._add(found[name]), 'style': style, 'label': label})
-        panels = [self._time(group, t, ('velocity', units.get('velocity', '')), velocity)]
-        for name in _known(found):
-            curves: list[Spec] = [{'y': self._add(found[name]), 'style': 2,
-                                   'label': 'estimate'}]
-            reference = finite((found.get('reference') or {}).get(name))
+                plot.add_curve(label, t, found[name], line)
+        for name, reference in _estimated(found):
+            plot.add_panel(_label(name), units.get(name, ''))
+            plot.add_curve('estimate', t, found[name], {'color': 'c2', 'width': 1.4})
             if math.isfinite(reference):
-                curves.append({'constant': reference, 'style': REFERENCE,
-                               'label': 'least squares'})
-            panels.append(self._time(group, t, (_label(name), units.get(name, '')), curves,
-                                     half=True))
-        return panels
+                plot.add_level('least squares', t, reference, REFERENCE)
+        return plot
 
-    def _errors(self, found: Data, units: Mapping[str, str], group: str) -> list[Spec]:
-        t = self._add(found['t'], TIME_DIGITS)
-        unit = units.get('velocity', '')
-        panels = []
+    def _errors(self, found: Data, units: Mapping[str, str], link: str) -> Plot:
+        t, unit = found['t'], units.get('velocity', '')
+        plot = Plot(self._columns, ('time', 's'), link)
         if found.get('dv'):
-            panels.append(self._time(group, t, ('Δv = v̂ − v', unit), [
-                {'y': self._add(found['dv']), 'style': 1, 'label': 'Δv'}]))
-        for name in _known(found):
-            reference = finite((found.get('reference') or {}).get(name))
+            plot.add_panel('Δv = v̂ − v', unit)
+            plot.add_curve('Δv', t, found['dv'], LINES[0])
+        for name, reference in _estimated(found):
             if math.isfinite(reference):
                 label = f'Δ{SYMBOLS[name]}'
-                panels.append(self._time(group, t, (label, units.get(name, '')), [
-                    {'y': self._add(found[name]), 'less': reference, 'style': 2,
-                     'label': label}], half=True))
-        if _any(found.get('W')):
-            panels.append(self._time(group, t, ('W', _squared(unit)), [
-                {'y': self._add(found['W']), 'style': 3, 'label': 'W'}], y_log=True))
-        return panels
+                plot.add_panel(label, units.get(name, ''))
+                plot.add_curve(label, t, [finite(y) - reference for y in found[name]],
+                               {'color': 'c2', 'width': 1.4})
+        if any(math.isfinite(finite(value)) for value in found.get('W') or ()):
+            plot.add_panel('W', _squared(unit), type='log')
+            plot.add_curve('W', t, found['W'], {'color': 'c3', 'width': 1.4})
+        return plot
 
-    def _time(self, group: str, t: int, y: tuple[str, str], curves: Sequence[Spec],
-              **options: bool) -> Spec:
-        return self._panel(group, ('time', 's'), t, y, curves, **options)
-
-    def _panel(self, group: str, x_axis: tuple[str, str], x: int, y_axis: tuple[str, str],
-               curves: Sequence[Spec], **options: bool) -> Spec:
-        return {'group': group, 'x': x, 'xAxis': x_axis, 'yAxis': y_axis, 'curves': curves,
-                **{key: True for key, on in options.items() if on}}
-
-    def _add(self, values: Sequence[Any], digits: int = DIGITS) -> int:
-        """Keep a column, rounded; return its index."""
-        self.columns.append([
-            float(f'{value:.{digits}g}') if math.isfinite(value) else None
-            for value in map(finite, values)])
-        return len(self.columns) - 1
-
-    def _figure(self, kind: str, dof: str, log: str, panels: list[Spec],
-                start: str, caption: str) -> Html:
-        name = f'figure{len(self.figures)}'
-        self.figures[name] = {'panels': panels}
+    def _figure(self, kind: str, dof: str, log: str, plot: Plot, heading: str, text: str = '', *,
+                link: bool = True, log_x: bool = False) -> Html:
+        spec = plot.spec()
+        if log_x:
+            spec['layout']['xaxis']['type'] = 'log'
+        if not spec['traces']:
+            return Html('')
+        name = f'figure{len(self._plots)}'
+        self._plots[name] = spec
+        panels = ', '.join(a['text'] for a in reversed(spec['layout']['annotations']))
         return tag(
-            'figure', tag('figcaption', tag('b', start), ' ', caption),
-            tag('div', class_='plot'), id=name, class_=kind, data_kind=kind, data_dof=dof,
-            data_log=log, aria_label=f'{capital(dof)} on {log}: {kind}')
+            'figure', tag('figcaption', tag('b', heading), ' ' if text else '', text),
+            tag('div', class_='plot', role='img', aria_label=f'{heading} {panels}'),
+            id=name, data_kind=kind, data_dof=dof, data_log=log)
+
+
+def thinned(x: Values, y: Values) -> tuple[Values, Values]:
+    """
+    Return a curve of at most ``POINTS`` points that looks the same.
+
+    Of each of ``POINTS / 3`` equal parts it has the points with the lowest and the highest
+    value, and the first missing one, where the curve breaks.
+
+    """
+    if len(y) <= POINTS:
+        return x, y
+    values = [finite(value) for value in y]
+    kept: set[int] = set()
+    parts = POINTS // 3
+    for i in range(parts):
+        part = range(i * len(y) // parts, (i + 1) * len(y) // parts)
+        known = [k for k in part if math.isfinite(values[k])]
+        if known:
+            kept |= {min(known, key=values.__getitem__), max(known, key=values.__getitem__)}
+        if len(known) < len(part):
+            kept.add(next(k for k in part if not math.isfinite(values[k])))
+    order = sorted(kept)
+    return [x[k] for k in order], [y[k] for k in order]
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    return float(f'{value:.{digits}g}') if math.isfinite(value) else None
 
 
 def _label(name: str) -> str:
     return f'{name} {SYMBOLS[name]}' if name in SYMBOLS else name.replace('force', 'thrust')
 
 
-def _any(values: Sequence[Any] | None) -> bool:
-    return any(math.isfinite(finite(value)) for value in values or ())
+def _labelled(name: str, unit: str) -> str:
+    return escape(f'{name} [{unit}]' if unit else name)
 
 
-def _known(found: Data) -> list[str]:
-    """Return the parameters that were estimated; one that is left out is 0 throughout."""
-    return [name for name in PARAMETERS if any(
+def _estimated(found: Data) -> list[tuple[str, float]]:
+    """Return the parameters that were estimated, with their reference; one left out is 0."""
+    reference = found.get('reference') or {}
+    return [(name, finite(reference.get(name))) for name in PARAMETERS if any(
         finite(value) != 0.0 for value in found.get(name) or () if value is not None)]
 
 
@@ -210,7 +325,7 @@ def _squared(unit: str) -> str:
     return '/'.join(f'{part}²' for part in unit.split('/')) if unit else ''
 
 
-def _fall(values: Sequence[Any], unit: str) -> Html:
+def _fall(values: Values, unit: str) -> Html:
     known = [value for value in map(finite, values) if math.isfinite(value)]
     if len(known) < 2:
         return Html('')

@@ -1,9 +1,9 @@
 """
 The report of a comparison: one HTML file that needs nothing but a browser.
 
-Everything that can be said in tables is in the file as text; ``page/*.js`` draws the plots
-from numbers embedded as JSON. A content security policy allows this script, this style and
-nothing else: no request leaves the file.
+Everything that can be said in tables is in the file as text; plotly.js, which is in the file
+too, draws the plots from numbers embedded as JSON. A content security policy forbids every
+request.
 """
 
 from __future__ import annotations
@@ -16,21 +16,22 @@ import json
 from pathlib import Path
 from typing import Any
 
+from plotly.offline import get_plotlyjs
 from rovid_ros.files.whole_files import write_text
 from rovid_ros.report.figures import Figures
 from rovid_ros.report.markup import capital, Html, join, tag
-from rovid_ros.report.quality import excitation, quality
 from rovid_ros.report.tables import (
     best_terms,
     equal_terms,
+    excitation,
     findings,
     heat_legend,
     matrix,
     parameters,
+    quality,
 )
 
 Data = Mapping[str, Any]
-SCRIPTS = ('axes.js', 'plot.js', 'readout.js', 'zoom.js', 'page.js')
 
 
 def write_report(path: Path, data: Data) -> None:
@@ -60,9 +61,12 @@ def page(data: Data) -> str:
     figures = Figures(data)
     sections = _sections(data, figures)
     style = _source('style.css')
-    script = "(() => {\n'use strict';\n" + ''.join(map(_source, SCRIPTS)) + '})();\n'
-    policy = (f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
-              "base-uri 'none'; form-action 'none'")
+    plotly = get_plotlyjs()
+    script = f"(() => {{\n'use strict';\n{_source('draw.js')}}})();\n"
+    allowed = f"'{_hash(plotly)}' '{_hash(script)}'"
+    # plotly writes style attributes, and exports a picture by way of a data URL
+    policy = (f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
+              "img-src data: blob:; base-uri 'none'; form-action 'none'")
     title = f'Identification of {", ".join(data["dofs"]) or "nothing"}'
     head = join(
         Html('<meta charset="utf-8">'),
@@ -76,7 +80,8 @@ def page(data: Data) -> str:
         tag('main', *(tag('section', tag('h2', heading), content, id=name)
                       for name, heading, content in sections)),
         Html(f'<script type="application/json" id="numbers">{_json(figures.document())}'
-             f'</script><script>{script}</script>'))
+             f'</script><script type="text/plain" id="plotly">{plotly}</script>'
+             f'<script>{script}</script>'))
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>{body}</body></html>\n'
 
 
@@ -96,10 +101,10 @@ def _sections(data: Data, figures: Figures) -> list[tuple[str, str, Html]]:
                      'one standard deviation, where the method gives one.'),
             equal_terms(data), best_terms(data))),
     ]
-    for i, (dof, values) in enumerate(dofs.items()):
+    for dof, values in dofs.items():
         plots: list[Html] = []
-        for j, log in enumerate(logs):
-            drawn = figures.of_log(dof, values, log, f'{i}/{j}')
+        for log in logs:
+            drawn = figures.of_log(dof, values, log)
             plots += [tag('h3', f'{capital(dof)} on {log["name"]}'), *drawn] if drawn else []
         if plots:
             hint = [_hint()] if len(sections) == 4 else []
@@ -113,10 +118,10 @@ def _excitation(data: Data, figures: Figures) -> Html:
     parts: list[Html] = [tag(
         'p', 'A parameter can only be told from data in which it mattered. Large and slow '
              'thrust identifies best.')]
-    for i, (dof, values) in enumerate(data['dofs'].items()):
+    for dof, values in data['dofs'].items():
         parts.append(excitation(dof, values))
-        parts += [figures.of_excitation(dof, values, log, f'e{i}/{j}')
-                  for j, log in enumerate(values.get('excitation') or {})]
+        parts += [figures.of_excitation(dof, values, log)
+                  for log in values.get('excitation') or {}]
     return join(*parts)
 
 
@@ -138,10 +143,9 @@ def _contents(sections: list[tuple[str, str, Html]]) -> Html:
 
 def _hint() -> Html:
     return join(
-        tag('p', 'Drag across a plot, pinch it, or turn the wheel after a click (or with Ctrl) '
-                 'to zoom: all plots of the same log and degree of freedom follow. Double-click, '
-                 'press 0 or use the button to see everything again. Names in the legend switch '
-                 'curves on and off.', class_='hint script'),
+        tag('p', 'Drag across a plot, or pinch it, to zoom: all plots of the same log and degree '
+                 'of freedom follow. Double-click to see everything again. Names in the legend '
+                 'switch curves on and off; the camera saves a picture.', class_='hint script'),
         tag('noscript', tag('p', 'The plots need JavaScript. All results are in the tables.')))
 
 

@@ -151,3 +151,16 @@ def test_a_part_of_each_log(folder: Path, capsys: pytest.CaptureFixture[str]) ->
     capsys.readouterr()
     assert main([*arguments, '--start', '500']) == 1
     assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_report_without_plotly_is_refused_before_the_work(
+        folder: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr('rovid_ros.commands.compare.find_spec', lambda name: None)
+    monkeypatch.setattr('rovid_ros.commands.compare.read_trials', pytest.fail)
+    out = folder / 'none.html'
+    assert main(['compare', str(folder / 't1.mcap'), '--params-file', str(folder / 'p.yaml'),
+                 '--report', str(out)]) == 1
+    error, = capsys.readouterr().err.splitlines()
+    assert "pip install 'rovid_ros[report]'" in error
+    assert not out.exists()

@@ -22,7 +22,7 @@ COMMANDS = {
     'replay': 'identify from recorded logs',
     'compare': 'identify by every method and score every model',
     'simulate': 'write the log of a simulated vehicle',
-    'tune': 'find delay, lag, heading offset, cutoff and gains',
+    'tune': 'find delay, lag, dead-band, heading offset and terms',
     'plan': 'propose the thrust profile to drive next',
     'export': 'write identified parameters for other programs',
 }

@@ -14,7 +14,7 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_core.trials.tuning.choice import Done
 from rovid_core.trials.tuning.log import TuningLog
-from rovid_core.trials.tuning.tune import observed, Score, Stage, tune, Tuned, TuningError
+from rovid_core.trials.tuning.tune import observed, tune, Tuned, TuningError
 from rovid_ros.commands.arguments import add_json, add_logs, add_params_file, add_part
 from rovid_ros.commands.long_work import in_parallel, Progress
 from rovid_ros.commands.replay import replay
@@ -35,11 +35,6 @@ DESCRIPTION = (
     'Tries them on blocks of the log that the model was not identified from, and writes a '
     'parameter file with what clearly predicts better; the rest of the file stays as it is.')
 
-BEFORE = 0.4
-"""Share of the work before the gains."""
-
-MODEL, IDENTIFIER = 'output error', 'aid'
-
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add what ``rovid tune`` takes."""
@@ -48,9 +43,6 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         '--output', type=Path, required=True, metavar='TUNED.yaml',
         help='parameter file to write')
-    command.add_argument(
-        '--method', default='', metavar='M',
-        help="tune for this method, not the file's; gains are those of aid")
     add_json(command, 'result')
     add_part(command)
 
@@ -58,7 +50,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Run ``rovid tune``."""
     check_written([args.output, args.json], [*args.logs, args.params_file])
-    settings = read_settings(args.params_file, args.method)
+    settings = read_settings(args.params_file)
     with located_errors(args.params_file):
         tuned = tune_logs(args.logs, settings, start=args.start, duration=args.duration,
                           warn=partial(warn, args.prog))
@@ -74,14 +66,14 @@ class TuneError(ValueError):
     """A log that nothing can be tuned with; the text is the line to print."""
 
 
-class _Motion(Stream):
-    """A stream of which the motion alone counts."""
+class _MotionStream(Stream):
+    """A stream for its velocities: what a recorded node did with its identifier is left out."""
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Begin anew: what an identifier held is of no use here."""
+        """Begin anew: the state of an identifier is of no use here."""
 
     def control(self, name: str, value: str) -> list[Estimate]:
-        """Follow time alone."""
+        """Do a control again only if it is about time."""
         return super().control(name, value) if name in ('time_jump', 'interrupt') else []
 
     def change(self, settings: Settings, told: str) -> None:
@@ -89,11 +81,11 @@ class _Motion(Stream):
 
 
 class TuningPlayer(PipelinePlayer):
-    """The pipe, which keeps what is needed to run it with other settings."""
+    """The pipeline, which keeps what is needed to predict the log with other settings."""
 
     def __init__(self, settings: Settings) -> None:
         self.scores = self.log = TuningLog(settings)
-        self.stream = _Motion(settings, recorder=self.log, scorer=self.log)
+        self.stream = _MotionStream(settings, recorder=self.log, scorer=self.log)
         self.converter = Converter(settings, self.stream.reject)
 
 
@@ -111,88 +103,88 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
         If the log tells nothing.
 
     """
-    seen = observed(settings)
-    player = TuningPlayer(seen)
-    ours = tuple(f'{dof}: its ' for dof in seen.dofs)  # of typical sizes, which are found here
-    replay(logs, seen, player, start=start, duration=duration,
-           warn=lambda line: None if line.startswith(ours) else warn(line))
+    read_with = observed(settings)
+    player = TuningPlayer(read_with)
+    # typical sizes are found here, so that warnings about them would be out of place
+    hidden = tuple(f'{dof}: its ' for dof in read_with.dofs)
+    replay(logs, read_with, player, start=start, duration=duration,
+           warn=lambda line: None if line.startswith(hidden) else warn(line))
     share = 0.0
     with Progress('tune', lambda: share) as progress:
-        def done(now: float) -> None:
+        def show(done: float) -> None:
             nonlocal share
-            share = now
+            share = done
             progress.tick()
 
         def each(work: Callable[[int], Done], given: Sequence[int]) -> list[Done]:
-            begin = share
-            left = 1.0 - begin if begin >= BEFORE else 0.0  # before, it is done soon
-            return in_parallel(
-                work, given, lambda count: done(begin + left * count / len(given)))
+            return in_parallel(work, given, lambda count: progress.tick())
 
         try:
-            return tune(player.log, settings, done, each)
+            return tune(player.log, settings, show, each)
         except TuningError as error:
             raise TuneError(f'{", ".join(map(str, logs))}: {error}') from None
 
 
 def tuned_text(tuned: Tuned) -> str:
     """Return what ``rovid tune`` prints."""
-    parts = [table(_keys(tuned.stages)), *_notes(tuned), table(_scores(tuned.scores), left=2),
-             'mean |v_sim - v| on blocks of the log that the model was not identified from. '
-             'Output error\nneeds no gains: it tells delay, lag and heading alone.']
-    return '\n\n'.join(part for part in parts if part)
+    errors = [['', 'before', 'after', '']]
+    errors += [[dof, *map(number, pair), unit(dof, 'mae')] for dof, pair in tuned.errors.items()]
+    return '\n\n'.join([
+        table(_keys(tuned)), _notes(tuned), table(errors),
+        'mean |v_sim - v| on blocks of the log that the model was not identified from, by output '
+        'error.'])
 
 
-def _keys(stages: Sequence[Stage]) -> list[list[str]]:
+def _keys(tuned: Tuned) -> list[list[str]]:
     rows = [['', 'before', 'after', 'as good']]
-    for stage in stages:
+    for stage in tuned.stages:
         for key, change in stage.keys.items():
             after = number(change.after) if change.after != change.before else 'stays'
             known = math.isfinite(change.low) and change.low < change.high
             rows.append([key, number(change.before), after,
                          f'{number(change.low)} .. {number(change.high)}' if known else NONE])
+    for terms in tuned.terms:
+        after = ' '.join(terms.after) if terms.after != terms.before else 'stay'
+        rows.append([terms.key, ' '.join(terms.before), after, NONE])
     return rows
 
 
-def _notes(tuned: Tuned) -> list[str]:
+def _notes(tuned: Tuned) -> str:
     lines = []
     for stage in tuned.stages:
-        names = list(stage.keys)
-        what = names[0] if len(names) == 1 else f'{names[0]} to {names[-1]}' \
-            if len(names) > 2 else ' and '.join(names)
-        gain = f'{100.0 * stage.gain:.1f} ± {100.0 * stage.spread:.1f} % on held-out blocks'
-        better = stage.gain > stage.spread
-        lines.append(f'{what}: gain {gain}' + ('' if better else ': not clearly better, stay'))
+        better = '' if stage.gain > stage.spread else ': not clearly better, stay'
+        lines.append(
+            f'{" and ".join(stage.keys)}: gain {_gain(stage.gain, stage.spread)}{better}')
         if stage.note:
             lines.append(f'  {stage.note}')
+    for terms in tuned.terms:
+        if terms.after != terms.before:
+            better = '' if terms.gain > terms.spread else ': as good with fewer terms'
+            lines.append(f'{terms.key}: gain {_gain(terms.gain, terms.spread)}{better}')
     lines += [f'{dof}: left out: {why}; what is shared by all DOFs changes for it too'
               for dof, why in tuned.left_out.items()]
-    return ['\n'.join([*lines, *tuned.notes])]
+    return '\n'.join(lines)
 
 
-def _scores(scores: Mapping[str, Score]) -> list[list[str]]:
-    rows = [['', 'model', 'before', 'after', '']]
-    for dof, score in scores.items():
-        for name, pair in ((MODEL, score.model), (IDENTIFIER, score.identifier)):
-            if pair is not None:
-                rows.append([dof, name, *map(number, pair), unit(dof, 'mae')])
-    return rows
+def _gain(gain: float, spread: float) -> str:
+    return f'{100.0 * gain:.1f} ± {100.0 * spread:.1f} % on held-out blocks'
 
 
 def tuned_document(tuned: Tuned) -> dict[str, Any]:
     """Return what ``--json`` writes."""
+    keys: dict[str, Any] = {
+        key: {'before': change.before, 'after': change.after, 'low': _finite(change.low),
+              'high': _finite(change.high), 'gain': stage.gain, 'spread': stage.spread}
+        for stage in tuned.stages for key, change in stage.keys.items()}
+    for terms in tuned.terms:
+        keys[terms.key] = {'before': terms.before, 'after': terms.after,
+                           'gain': terms.gain, 'spread': terms.spread}
     return {
-        'keys': {key: {
-            'before': change.before, 'after': change.after, 'low': _finite(change.low),
-            'high': _finite(change.high), 'gain': stage.gain, 'spread': stage.spread}
-            for stage in tuned.stages for key, change in stage.keys.items()},
-        'dofs': {dof: {name: None if pair is None else
-                       {'before': _finite(pair[0]), 'after': _finite(pair[1])}
-                       for name, pair in (('output_error', score.model),
-                                          ('aid', score.identifier))}
-                 for dof, score in tuned.scores.items()},
+        'keys': keys,
+        'dofs': {dof: {'output_error': {'before': _finite(before), 'after': _finite(after)}}
+                 for dof, (before, after) in tuned.errors.items()},
         'left_out': dict(tuned.left_out),
-        'notes': [*tuned.notes, *(stage.note for stage in tuned.stages if stage.note)]}
+        'notes': [stage.note for stage in tuned.stages if stage.note]}
 
 
 def _finite(value: float) -> float | None:

@@ -297,7 +297,7 @@ class _Reader:
         return values
 
 
-def edited(path: Path, changes: Mapping[str, float]) -> str:
+def edited(path: Path, changes: Mapping[str, float | tuple[str, ...]]) -> str:
     """
     Return the text of a parameter file with other values.
 
@@ -306,7 +306,8 @@ def edited(path: Path, changes: Mapping[str, float]) -> str:
     path : Path
         A parameter file that has ``dofs``.
     changes : mapping
-        New number by dotted name. A key that the file does not have goes to its neighbours.
+        New number, or words of a list, by dotted name. A key that the file does not have goes
+        to its neighbours.
 
     Raises
     ------
@@ -326,8 +327,12 @@ def edited(path: Path, changes: Mapping[str, float]) -> str:
 
     for name, value in changes.items():
         root = list(_section_nodes(yaml.compose(text, Loader=yaml.SafeLoader)))[section_of(name)]
-        text = _text_with(text, root, name, repr(float(value)))
+        text = _text_with(text, root, name, _as_yaml(value))
     return text
+
+
+def _as_yaml(value: float | tuple[str, ...]) -> str:
+    return f'[{", ".join(value)}]' if isinstance(value, tuple) else repr(float(value))
 
 
 def _section_nodes(node: yaml.Node | None) -> Iterator[yaml.MappingNode]:
@@ -343,7 +348,9 @@ def _section_nodes(node: yaml.Node | None) -> Iterator[yaml.MappingNode]:
 def _text_with(text: str, root: yaml.MappingNode, name: str, value: str) -> str:
     there = _value_node(root, name)
     if there is not None:
-        return text[:there.start_mark.index] + value + text[there.end_mark.index:]
+        begin, end = there.start_mark.index, there.end_mark.index
+        end = begin + len(text[begin:end].rstrip())  # a list in lines of its own ends too late
+        return text[:begin] + value + text[end:]
     mapping, rest = _innermost(root, name)
     *groups, last = rest.split('.')
     entry = f'{last}: {value}'

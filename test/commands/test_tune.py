@@ -58,7 +58,8 @@ def test_the_tuned_file_replays_better(
     assert thrusters.delay + thrusters.time_constant == pytest.approx(0.2, abs=0.03)
     found = json.loads((folder / 'tune.json').read_text())
     assert found['keys']['thrusters.delay']['after'] == thrusters.delay
-    assert found['dofs']['surge']['aid']['after'] < found['dofs']['surge']['aid']['before']
+    error = found['dofs']['surge']['output_error']
+    assert error['after'] < error['before']
     errors = []
     for file in (mine, tuned):
         assert main(['replay', f'{folder}/log.mcap', '--params-file', str(file),
@@ -101,9 +102,21 @@ def test_a_missing_key_is_put_in(tmp_path: Path) -> None:
     changes = {'thrusters.delay': 0.125, 'velocity.cutoff': 1.5, 'surge.typical.force': 90.0,
                'surge.typical.velocity': 0.25, 'attitude.yaw_offset': 0.1,
                'surge.initial.mass': 300.0}
-    (tmp_path / 'tuned.yaml').write_text(edited(path, changes))
-    assert load(tmp_path / 'tuned.yaml') == {**load(path), **changes}
+    (tmp_path / 'tuned.yaml').write_text(edited(path, {**changes, 'surge.terms': ('alpha',)}))
+    assert load(tmp_path / 'tuned.yaml') == {
+        **load(path), **changes, 'surge.terms': ['alpha']}
     settings_from(load(tmp_path / 'tuned.yaml'))
+
+
+@pytest.mark.parametrize('terms', [
+    'terms: [alpha, beta]', 'terms: [alpha,\n                    beta]  # both',
+    'terms:\n      - alpha\n      - beta'])
+def test_a_list_is_replaced(terms: str, tmp_path: Path) -> None:
+    path = tmp_path / 'mine.yaml'
+    key = '    surge.initial.mass'
+    path.write_text(SURGE.replace(key, f'    surge.{terms}\n{key}'))
+    (tmp_path / 'tuned.yaml').write_text(edited(path, {'surge.terms': ('alpha', 'gamma')}))
+    assert load(tmp_path / 'tuned.yaml') == {**load(path), 'surge.terms': ['alpha', 'gamma']}
 
 
 def test_of_two_sections_the_one_that_counts(tmp_path: Path) -> None:
@@ -121,6 +134,6 @@ def test_the_tank(log: str, data: Path, tmp_path: Path,
     tuned = tmp_path / 'tuned.yaml'
     assert main(['tune', str(data / 'bluerov2_tank' / log), '--output', str(tuned),
                  '--params-file', str(CONFIG / 'bluerov2_tank.yaml'),
-                 '--duration', '70', '--method', 'aid']) == 0
+                 '--duration', '70']) == 0
     assert 'yaw: left out' in capsys.readouterr().out
     settings_from(load(tuned))

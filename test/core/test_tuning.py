@@ -9,16 +9,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
-from rovid_core.model.samples import Event, Sample, Step
+from rovid_core.model.samples import Event, Sample
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Scales, Settings
+from rovid_core.settings.run import Settings
 from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.trials.tuning.blocks import edges
-from rovid_core.trials.tuning.choice import choose, nearest
+from rovid_core.trials.tuning.choice import choose
 from rovid_core.trials.tuning.commanded import Commanded
-from rovid_core.trials.tuning.gains import Candidate, GainSweep, Steps
 from rovid_core.trials.tuning.log import TuningLog
 from rovid_core.trials.tuning.tune import observed, tune, Tuned, TuningError
 from rovid_ros.config.parameter_file import load
@@ -93,37 +91,6 @@ def test_the_force_of_a_log_is_that_of_the_pipe(
     np.testing.assert_allclose(impulse - impulse[0], expected - expected[0], atol=1e-9)
 
 
-@pytest.mark.parametrize('integrator', ['euler', 'heun', 'rk4'])
-def test_many_identifiers_do_as_one(surge: Settings, integrator: str) -> None:
-    rng = np.random.default_rng(1)
-    n = 300
-    dt = rng.uniform(0.05, 0.15, n)
-    dt[50] = 0.9  # is divided
-    v = np.cumsum(rng.normal(0.0, 0.03, (2, n + 1)), axis=1)
-    force = 100.0 * np.sin(0.1 * np.arange(n)) * np.ones((2, 1))
-    force[:, 100:160], v[:, 100:161] = 0.0, 0.001  # at rest
-    restarts = np.isin(np.arange(n), [0, 200])
-    trial = Steps(dt, np.arange(1, n + 1), restarts, v[:, :-1], v[:, 1:], force)
-    own = Scales.of(surge.dof['surge'])
-    candidates = [Candidate(3.0, 60.0, 0.3), Candidate(20.0, 150.0, 0.5)]
-    found = GainSweep(own, 2, candidates, integrator).run(trial, [150, n])
-    for row in range(2):
-        for j, c in enumerate(candidates):
-            scales = Scales(c.force, c.velocity, own.initial, own.active)
-            one = AdaptiveIdentifier(scales, Gains.from_time(c.adaptation_time, scales),
-                                     integrator)
-            for k in range(n):
-                a, b, f = v[row, k], v[row, k + 1], force[row, k]
-                if restarts[k]:
-                    one.restart(a)
-                one.step(Step(dt[k], (a, 0.5 * (a + b), b), (f, f, f)))
-                if k == 149:
-                    np.testing.assert_allclose(
-                        found[0, :, row, j], one.parameters, rtol=1e-9)
-            if not np.isnan(found[1, 0, row, j]):
-                np.testing.assert_allclose(found[1, :, row, j], one.parameters, rtol=1e-9)
-
-
 def test_finds_delay_and_lag(delayed: Tuned) -> None:
     keys = {key: change for stage in delayed.stages for key, change in stage.keys.items()}
     assert keys['thrusters.delay'].after == pytest.approx(DELAY, abs=0.03)
@@ -137,25 +104,38 @@ def test_finds_the_heading(delayed: Tuned) -> None:
     assert math.degrees(change.after) == pytest.approx(0.0, abs=0.5)
 
 
-def test_another_method_has_no_gains(surge: Settings) -> None:
-    settings = replace(surge, identifier=replace(surge.identifier, method='rls'))
-    tuned = tune(read(settings, 70.0, delay=0.3), settings)
-    assert tuned.changes()['thrusters.delay'] > 0.1
-    assert not any(key.startswith(('surge', 'identifier')) for key in tuned.changes())
-    assert 'the method is rls' in tuned.notes[0]
+def test_finds_the_dead_band(surge: Settings) -> None:
+    log = read(surge, 120.0, deadband=0.5)
+    tuned = tune(log, surge)
+    assert tuned.changes()['thrusters.deadband'] == pytest.approx(0.5, abs=0.15)
+
+
+def test_a_term_that_is_not_there_is_left_out(surge: Settings) -> None:
+    truth = surge.simulation.dofs['surge']
+    without = replace(surge, simulation=replace(surge.simulation, dofs={
+        'surge': replace(truth, linear_drag=0.0, bias=0.0)}))
+    tuned = tune(read(without, 120.0), without)
+    assert tuned.changes() == {'surge.terms': ('alpha', 'beta')}
+
+
+def test_a_term_that_is_missing_is_added(surge: Settings) -> None:
+    settings = replace(surge, dof={'surge': replace(surge.dof['surge'], terms=('alpha', 'gamma'))})
+    tuned = tune(read(settings, 120.0), settings)
+    assert 'beta' in tuned.changes()['surge.terms']  # type: ignore[operator]
+    before, after = tuned.errors['surge']
+    assert after < 0.8 * before
 
 
 def test_says_what_was_gained(delayed: Tuned) -> None:
-    score = delayed.scores['surge']
-    assert score.model[1] < 0.6 * score.model[0]
-    assert score.identifier is not None
-    assert score.identifier[1] < 0.6 * score.identifier[0]
+    before, after = delayed.errors['surge']
+    assert after < 0.6 * before
 
 
 def test_what_is_right_stays(surge: Settings) -> None:
     tuned = tune(read(surge, 120.0), surge)
     assert not tuned.changes().keys() & {
-        'thrusters.delay', 'thrusters.time_constant', 'attitude.yaw_offset'}
+        'thrusters.delay', 'thrusters.time_constant', 'attitude.yaw_offset',
+        'thrusters.deadband'}
 
 
 @pytest.mark.parametrize(('duration', 'commands', 'why'), [
@@ -190,8 +170,3 @@ def test_a_clear_gain_is_taken() -> None:
     assert choice.index == 7
     assert choice.is_better
     assert choice.gain == pytest.approx(0.2, abs=0.05)
-
-
-def test_the_nearest_of_those_that_are_as_good() -> None:
-    scores = np.array([[2.0, 2.1], [1.0, 1.2], [1.1, 1.05], [math.inf, 1.0]])
-    assert nearest(scores, np.array([0.0, 2.0, 1.0, 0.5])) == 2

@@ -83,27 +83,6 @@ def sure_error(values: Array) -> Array:
     return SURE * _error(values)
 
 
-def nearest(scores: Array, distance: Array) -> int:
-    """
-    Return the candidate next to the present one that is as good as the best.
-
-    That is, worse by at most one standard error of the difference: the rule of Breiman et
-    al. (1984), which keeps from chasing after chance.
-
-    Parameters
-    ----------
-    scores : ndarray, shape (candidates, folds)
-        Errors; infinite for a candidate that does not work.
-    distance : ndarray, shape (candidates,)
-        From the present one.
-
-    """
-    worse = scores - scores[scores.mean(axis=1).argmin()]
-    with np.errstate(invalid='ignore'):
-        good = worse.mean(axis=1) <= _error(worse)
-    return int(np.where(good, distance, np.inf).argmin())
-
-
 def _error(values: Array) -> Array:
     return np.asarray(values.std(axis=-1, ddof=1) / np.sqrt(values.shape[-1]))
 

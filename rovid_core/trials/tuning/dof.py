@@ -45,10 +45,22 @@ class Dof:
     def __init__(self, name: str, row: int, stretches: list[Stretch], blocks: Blocks,
                  settings: DofSettings, cutoff: float) -> None:
         self.name, self.row, self.stretches, self.blocks = name, row, stretches, blocks
-        self.settings = settings
+        self.settings, self.cutoff = settings, cutoff
         self.problem = OutputError(blocks, Scales.of(settings), cutoff)
         self._begin: Array | None = None  # scaled parameters to begin with
         self._models: dict[tuple[float, float], Models] = {}
+
+    def fit_commands(self, candidates: Sequence[Commanded], pair: tuple[float, float]) -> Models:
+        """Fit and score a model for each way in which commands become a force."""
+        force = [self.blocks.force(commanded, self.row, *pair) for commanded in candidates]
+        return self.problem.fit(np.stack(force, 1), None, self._begin_of(force[0]), 6)
+
+    def fit_terms(self, commanded: Commanded, pair: tuple[float, float],
+                  terms: tuple[str, ...]) -> Models:
+        """Fit and score a model with other terms."""
+        problem = OutputError(
+            self.blocks, Scales.of(replace(self.settings, terms=terms)), self.cutoff)
+        return problem.fit(self.blocks.force(commanded, self.row, *pair)[:, None], iterations=30)
 
     def fit(self, commanded: Commanded, pairs: Sequence[tuple[float, float]],
             measured: Array | None = None) -> Models:
@@ -56,9 +68,13 @@ class Dof:
         force = np.stack([self.blocks.force(commanded, self.row, *pair) for pair in pairs], 1)
         if measured is not None:
             force = np.broadcast_to(force, measured.shape)
+        return self.problem.fit(force, measured, self._begin_of(force[:, 0]), 6)
+
+    def _begin_of(self, force: Array) -> Array:
+        """Return the parameters that a fit begins with; they are found once."""
         if self._begin is None:
-            self._begin = self.problem.fit(force[:, :1], iterations=30).theta[0]
-        return self.problem.fit(force, measured, self._begin, 6)
+            self._begin = self.problem.fit(force[:, None], iterations=30).theta[0]
+        return self._begin
 
     def model(self, commanded: Commanded, pair: tuple[float, float]) -> Models:
         """Return the model for one pair of delay and lag; it is fitted once."""

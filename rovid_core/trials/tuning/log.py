@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.samples import Event
 from rovid_core.model.trajectory import Array
-from rovid_core.settings.run import Settings
+from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.force_history import MAX_FORCE
-from rovid_core.thrust.thruster_curve import are_commands, wrench
+from rovid_core.thrust.thruster_curve import are_commands, wrench, wrench_model
 from rovid_core.trials.score import ScoreLog
 from rovid_core.trials.tuning.commanded import Commanded
 
@@ -107,15 +107,20 @@ class TuningLog(ScoreLog):
             return
         if self._times and self._times[-1] == time:  # another topic of the same instant
             self._times.pop()
-            del self._commands[-len(forces):]
+            del self._commands[-len(raw):]
         self._times.append(time)
-        self._commands.extend(forces)
+        self._commands.extend(raw)
 
-    def commanded(self) -> Commanded:
-        """Return the force on the DOFs of the run, in their order."""
-        table = np.array(self._commands).reshape(-1, len(self._settings.dofs)).T
-        return Commanded(np.array(self._times), table,
-                         self._settings.thrusters.hold == 'linear')
+    def commands(self) -> Array:
+        """Return the raw commands, shape (n, thrusters)."""
+        return np.array(self._commands).reshape(-1, self._settings.thrusters.count)
+
+    def commanded(self, thrusters: ThrusterSettings | None = None) -> Commanded:
+        """Return the force on the DOFs of the run, in their order, with these thrusters."""
+        thrusters = thrusters or self._settings.thrusters
+        force = wrench_model(thrusters, self._settings.dofs)
+        forces = np.array([force(raw) for raw in self.commands().tolist()])
+        return Commanded(np.array(self._times), forces.T, thrusters.hold == 'linear')
 
     def stretches(self, dof: str) -> list[Stretch]:
         """Return the motion of a DOF."""

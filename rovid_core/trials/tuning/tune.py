@@ -1,10 +1,9 @@
 """
-Finding delay, lag, heading offset, cutoff and gains from a log by cross-validation.
+Finding delay, lag, dead-band, heading offset and terms from a log by cross-validation.
 
-The log is divided into blocks of time. Delay, lag and heading offset are those with which a
-model that output error fitted to the other blocks predicts a block best. Cutoff and gains are
-those with which the adaptive identifier has found, up to some time, the model that predicts
-the blocks after it best. Nothing is changed that does not gain more than chance.
+The log is divided into blocks of time. What is found is that with which a model that output
+error fitted to the other blocks predicts a block best. Nothing is changed that does not gain
+more than chance; only a term is left out as soon as the model predicts as well without it.
 """
 
 from __future__ import annotations
@@ -16,10 +15,11 @@ from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
 from rovid_core.trials.tuning.blocks import blocks, edges
 from rovid_core.trials.tuning.choice import Change, Done, Each, Stage
 from rovid_core.trials.tuning.commanded import Commanded
+from rovid_core.trials.tuning.deadband import tune_deadband
 from rovid_core.trials.tuning.dof import Dof, usable
 from rovid_core.trials.tuning.heading import tune_heading
-from rovid_core.trials.tuning.identifier import tune_identifier
 from rovid_core.trials.tuning.log import TuningLog, turnable, turned
+from rovid_core.trials.tuning.terms import TermsChange, tune_terms
 from rovid_core.trials.tuning.thrust import tune_thrust
 
 UNUSED = DofSettings(1.0)
@@ -34,24 +34,6 @@ class TuningError(ValueError):
 
 
 @dataclass(frozen=True)
-class Score:
-    """
-    Mean absolute error of the velocity that models predict on held-out blocks.
-
-    Attributes
-    ----------
-    model : tuple of 2 floats
-        Before and after, of output error, which has no gains [m/s or rad/s].
-    identifier : tuple of 2 floats, or None
-        Before and after, of the adaptive identifier; None where its gains are not tuned.
-
-    """
-
-    model: tuple[float, float]
-    identifier: tuple[float, float] | None
-
-
-@dataclass(frozen=True)
 class Tuned:
     """
     What was found.
@@ -60,24 +42,29 @@ class Tuned:
     ----------
     stages : tuple of Stage
         Keys that were sought together.
-    scores : dict
-        Per DOF.
+    terms : tuple of TermsChange
+        The terms of each DOF.
+    errors : dict
+        Per DOF before and after: mean absolute error of the velocity that models predict on
+        held-out blocks [m/s or rad/s].
     left_out : dict
         Why nothing was tuned with a DOF, by name.
-    notes : tuple of str
-        What was not tuned, and why.
 
     """
 
     stages: tuple[Stage, ...]
-    scores: Mapping[str, Score]
+    terms: tuple[TermsChange, ...]
+    errors: Mapping[str, tuple[float, float]]
     left_out: Mapping[str, str]
-    notes: tuple[str, ...]
 
-    def changes(self) -> dict[str, float]:
+    def changes(self) -> dict[str, float | tuple[str, ...]]:
         """Return the keys that have a better value, with that."""
-        return {key: change.after for stage in self.stages
-                for key, change in stage.keys.items() if change.after != change.before}
+        changes: dict[str, float | tuple[str, ...]] = {
+            key: change.after for stage in self.stages
+            for key, change in stage.keys.items() if change.after != change.before}
+        changes.update({terms.key: terms.after for terms in self.terms
+                        if terms.after != terms.before})
+        return changes
 
 
 def observed(settings: Settings) -> Settings:
@@ -131,34 +118,23 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
         raise TuningError('nothing to tune with: ' + '; '.join(
             f'{name}: {why}' for name, why in left_out.items()))
     done(0.05)
-    pairs = [(settings.thrusters.delay, settings.thrusters.time_constant)]
-    heading = tune_heading(log, old, commanded, seen, pairs[0])
+    present = (settings.thrusters.delay, settings.thrusters.time_constant)
+    heading = tune_heading(log, old, commanded, seen, present)
     stages = [_rounded(heading)] if heading else []
-    new = _with_heading(log, old, heading, commanded, seen, pairs[0])
+    new = _with_heading(log, old, heading, commanded, seen, present)
     done(0.1)
     stages.append(_rounded(tune_thrust(
-        new, commanded, settings, each, lambda share: done(0.1 + 0.3 * share))))
-    pairs.append(tuple(change.after for change in stages[-1].keys.values()))  # type: ignore
-    notes = [_no_gains(settings)]
-    identified: Mapping[str, tuple[float, float]] = {}
-    if not notes[0]:
-        stage, identified = tune_identifier(
-            old, new, pairs, commanded, settings, each)
-        stages.append(_rounded(stage))
-    scores = {after.name: Score(
-        (_error(before, commanded, pairs[0]), _error(after, commanded, pairs[1])),
-        identified.get(after.name)) for before, after in zip(old, new)}
-    return Tuned(tuple(stages), scores, left_out, tuple(filter(None, notes)))
-
-
-def _no_gains(settings: Settings) -> str:
-    if settings.identifier.method != 'aid':
-        return (f'cutoff and gains are tuned for aid alone; the method is '
-                f'{settings.identifier.method}')
-    if settings.identifier.adaptation_gains:
-        return ('cutoff and gains stay: raw adaptation_gains are given; leave them out to have '
-                'adaptation_time tuned')
-    return ''
+        new, commanded, settings, each, lambda share: done(0.1 + 0.6 * share))))
+    delay, lag = (change.after for change in stages[-1].keys.values())
+    stage, banded = tune_deadband(log, new, seen, (delay, lag))
+    stages.append(_rounded(stage))
+    done(0.8)
+    terms = tuple(each(lambda k: tune_terms(new[k], banded, (delay, lag)), range(len(new))))
+    errors = {}
+    for before, after, chosen in zip(old, new, terms):
+        error = after.fit_terms(banded, (delay, lag), chosen.after).scores.mean()
+        errors[after.name] = (_error(before, commanded, present), float(error))
+    return Tuned(tuple(stages), terms, errors, left_out)
 
 
 def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
@@ -195,4 +171,4 @@ def _rounded(stage: Stage) -> Stage:
         for key, change in stage.keys.items()})
 
 
-__all__ = ['Change', 'observed', 'Score', 'Stage', 'tune', 'Tuned', 'TuningError']
+__all__ = ['Change', 'observed', 'Stage', 'TermsChange', 'tune', 'Tuned', 'TuningError']

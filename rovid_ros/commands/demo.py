@@ -19,7 +19,7 @@ from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import CommandError, read_settings, run_to_exit_code
 from rovid_ros.commands.simulate import simulate_log, truth
 from rovid_ros.logs.player import PipelinePlayer
-from rovid_ros.results.summary import summary
+from rovid_ros.results.documents import summary
 from rovid_ros.results.text import NONE, percent, quantity, table
 
 CONFIG = 'jhurov.yaml'

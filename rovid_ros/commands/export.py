@@ -9,8 +9,8 @@ import sys
 from rovid_ros.commands.arguments import add_params_file
 from rovid_ros.commands.running import check_written, print_written, read_settings, UsageError
 from rovid_ros.files.whole_files import write_text
+from rovid_ros.results.documents import read_estimates
 from rovid_ros.results.export import export
-from rovid_ros.results.identified import read_estimates
 
 DESCRIPTION = (
     'yaml: initial values for a parameter file; csv: a table; sdf: the hydrodynamics plugin of '

@@ -48,7 +48,7 @@ from rovid_ros.commands.running import (
     warn,
 )
 from rovid_ros.files.whole_files import write_json, write_text
-from rovid_ros.results.identified import Identified, read_estimates
+from rovid_ros.results.documents import Identified, read_estimates
 from rovid_ros.results.text import number, table, unit
 
 DESCRIPTION = (

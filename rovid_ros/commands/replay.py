@@ -8,8 +8,11 @@ from contextlib import ExitStack
 from functools import partial
 import json
 from pathlib import Path
+import textwrap
+from typing import Any
 
 from rovid_core.identify.estimate import Estimate
+from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.settings.run import Settings
 from rovid_ros.commands.arguments import (
     add_json,
@@ -39,9 +42,9 @@ from rovid_ros.logs.player import CONTROL, PipelinePlayer, Player
 from rovid_ros.logs.writer import OutputLog, unfinished
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.types import Decoder, WireType
+from rovid_ros.results.documents import Result, summary
 from rovid_ros.results.outputs import LATCHED, Output, Outputs
-from rovid_ros.results.summary import Result, summary
-from rovid_ros.results.text import report
+from rovid_ros.results.text import NONE, number, percent, quantity, table
 
 DESCRIPTION = (
     'Prints the parameters of each degree of freedom, how well they predict the log, and what '
@@ -310,3 +313,95 @@ def _control(message: LogMessage) -> tuple[str, str]:
         return str(control['control']), str(control['value'])
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise ReplayError(f'{CONTROL}: has what is no control of a node') from None
+
+
+def report(result: Result) -> str:
+    """Return what ``rovid replay`` prints."""
+    dofs = result.dofs
+    method = result.settings.identifier.method
+    if method == 'aid':
+        method += f' ({result.settings.identifier.integrator})'
+    spanning = 'spanning ' if len(result.logs) > 1 else ''  # the gaps between them count
+    parts = [
+        f'{_names(result.logs)}: {spanning}{result.duration:,.1f} s, '
+        f'{result.messages:,} messages, {result.steps:,} steps of {method}',
+        table(_status_rows(dofs), left=2),
+        _legend(dofs),
+        table(_physical_rows(dofs)),
+        table(_lumped_rows(dofs)),
+        f'refused   {_refused(result.rejected)}',
+    ]
+    return '\n\n'.join(part for part in parts if part)
+
+
+def _names(logs: Sequence[Path]) -> str:
+    more = f' and {len(logs) - 2} more' if len(logs) > 2 else ''
+    return ', '.join(map(str, logs[:2])) + more
+
+
+def _status_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
+    rows = [['', 'status', 'steps', 'mae', 'fit']]
+    for dof, values in dofs.items():
+        rows.append([
+            dof, values['status'], f'{values["steps"]:,}', quantity(dof, 'mae', values),
+            percent(values['fit'])])
+    return rows
+
+
+def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
+    lines = []
+    for dof, values in dofs.items():
+        verdict = values['verdict']
+        reasons = [reason for reason in values['reasons'] if reason not in verdict]
+        if reasons:
+            lines.append(_filled(f'{dof} is {values["status"]}: {"; ".join(reasons)}'))
+        if verdict:
+            lines.append(_filled(f'{dof}, from all of the data: {verdict}'))
+        delayed = values['delay_s']
+        if delayed and abs(delayed['value']) > 3.0 * delayed['std']:  # else it may be 0
+            delay, std = (number(delayed[name]) for name in ('value', 'std'))
+            lines.append(f'{dof}: the thrust is delayed by {delay} ± {std} s')
+    lines.append(
+        'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
+        'model\npredicts from the logged thrust alone.')
+    return '\n'.join(lines)
+
+
+def _filled(line: str) -> str:
+    return textwrap.fill(line, 99, subsequent_indent='  ', break_long_words=False)
+
+
+def _physical_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
+    rows = [['', 'effective mass', 'quadratic drag', 'linear drag', 'bias']]
+    for dof, values in dofs.items():
+        rows.append([dof, *(quantity(dof, name, values) for name in PHYSICAL)])
+        if values['intervals']:
+            rows.append(['95 %', *(_interval(values['intervals'][name]) for name in PHYSICAL)])
+    return rows
+
+
+def _interval(interval: Sequence[float | None] | None) -> str:
+    """Return an interval; an end that the data leave open is infinite."""
+    if interval is None:
+        return NONE
+    low, high = interval
+    return f'{"-inf" if low is None else number(low)} .. {"inf" if high is None else number(high)}'
+
+
+def _lumped_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
+    rows = [['', *PARAMETERS]]
+    for dof, values in dofs.items():
+        rows.append([dof, *(quantity(dof, name, values) for name in PARAMETERS)])
+        if values['std']:
+            rows.append(['', *(
+                NONE if values['std'][name] is None
+                else f'± {quantity(dof, name, values["std"])}' for name in PARAMETERS)])
+    return rows
+
+
+def _refused(rejected: Mapping[tuple[str, str], int]) -> str:
+    by_input: dict[str, list[str]] = {}
+    for (name, reason), count in sorted(rejected.items()):
+        by_input.setdefault(name, []).append(f'{count:,} {reason}')
+    parts = [f'{name}: {", ".join(counts)}' for name, counts in by_input.items()]
+    return '\n          '.join(parts) or 'nothing'

@@ -26,7 +26,7 @@ from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.player import PipelinePlayer
-from rovid_ros.results.summary import Result
+from rovid_ros.results.documents import Result
 
 PAPER = 'aid'
 """The paper's method, of which the report draws the figures."""

@@ -6,23 +6,63 @@ yaml
 csv
     A table: one row per degree of freedom, all parameters and their units.
 sdf
-    Gazebo Sim's hydrodynamics plugin; see :mod:`rovid_ros.export_sdf`.
+    Gazebo Sim's hydrodynamics plugin.
+
+The plugin puts on the link, per degree of freedom, in the frame of the link (without the
+Coriolis forces between DOFs, which it makes from the added masses, and without a current)::
+
+    f = a v' + l v + q |v| v          a: xDotU ... nDotR, l: xU ... nR, q: xUabsU ... nRabsR
+
+(``Hydrodynamics::PreUpdate``, gz-sim 7.5 and newer: the total wrench goes on the link with a
+minus, and each of its terms has one), so all of them are negative or 0, as in Fossen's and
+SNAME's notation. With the link's own mass m the motion is::
+
+    m v' = tau + a v' + l v + q |v| v
+
+and that of rovid is, with the effective mass M::
+
+    M v' = tau - d_L v - d_Q v|v| - b
+
+Hence a = -(M - m) with m = ``<dof>.dry_mass``, l = -d_L, q = -d_Q. The bias b has no place
+in the plugin.
+
+The link's axes have to be those of rovid: x forward, y left, z up, the convention of ROS and
+of Gazebo. All these parameters are on the diagonal, and so are the same in a body frame with
+y right and z down.
+
+The plugin takes v' from the step before: where the added mass is not below the link's own, the
+simulation diverges (gazebosim/gz-sim#1923), whatever the time step. DART, Gazebo's usual
+engine, takes added mass in the link's ``<fluid_added_mass>`` instead, with positive values:
+this is always stable, and is given in a comment.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass
 import io
 from pathlib import Path
+import re
 import sys
+import textwrap
+from xml.sax.saxutils import escape
 
-from rovid_core.model.dofs import PARAMETERS, PHYSICAL
+from rovid_core.model.dofs import DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import Settings
-from rovid_ros.results.export_sdf import sdf
-from rovid_ros.results.identified import Identified
-from rovid_ros.results.text import number, unit
+from rovid_ros.results.documents import Identified
+from rovid_ros.results.text import number, quantity, unit
+
+_AXES = dict(zip(DOFS, ('xU', 'yV', 'zW', 'kP', 'mQ', 'nR')))
+"""Force and velocity of each DOF in the notation of SNAME."""
+
+_DRY = dict(zip(DOFS, ('mass', 'mass', 'mass', 'ixx', 'iyy', 'izz')))
+_ADDED = dict(zip(DOFS, ('xx', 'yy', 'zz', 'pp', 'qq', 'rr')))
+"""Elements in a link's ``<inertial>`` and in its ``<fluid_added_mass>``."""
+
+
+class ExportError(ValueError):
+    """What the format needs is not known; the text is the line to print."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +103,7 @@ def export(models: Sequence[Identified], format: str, origin: Path, *,
     if format == 'yaml':
         text, more = _yaml(models, origin)
     else:
-        text, more = sdf(models, settings, link, origin)
+        text, more = _sdf(models, settings, link, origin)
     return Export(text, (*notes, *more))
 
 
@@ -120,3 +160,98 @@ def _yaml_number(value: float) -> str:
 
 def _ascii(text: str) -> str:
     return text.replace('²', '^2')
+
+
+def _sdf(models: Sequence[Identified], settings: Settings | None, link: str,
+        origin: Path) -> tuple[str, list[str]]:
+    """Return the plugin's element and what has to be said about it, one line each."""
+    found = {model.dof: model for model in models}
+    dry = {dof: _dry_mass(dof, settings) for dof in found}
+    added = {dof: _added_mass(model, dry[dof]) for dof, model in found.items()}
+    left_out = 'bias, which the plugin does not have: ' + ', '.join(
+        f'{dof} {quantity(dof, "bias", model.physical)}' for dof, model in found.items())
+    left_out += '; that of heave is weight less buoyancy' if 'heave' in found else ''
+    lines = [
+        '<plugin filename="gz-sim-hydrodynamics-system" name="gz::sim::systems::Hydrodynamics">',
+        _comment(f'Identified by rovid, from {origin.name!r}. For Gazebo Sim 7.5 or newer, and '
+                 'a link with x forward, y left, z up that has the dry '
+                 f'{", ".join(_dry_texts(dry))}. Negative values slow down.'),
+        _comment(f'Left out: {left_out}.'),
+        f'  <link_name>{escape(link)}</link_name>']
+    for dof in DOFS:
+        lines += _elements(dof, found.get(dof), added.get(dof, 0.0))
+    elements = ''.join(f' <{_ADDED[dof]}>{value!r}</{_ADDED[dof]}>'
+                       for dof, value in added.items())
+    lines += [
+        _comment('Better with the DART engine, and needed where the added mass is not below the '
+                 "link's own: leave out the ...Dot... elements, and put into the link's inertial "
+                 f'element <fluid_added_mass>{elements} </fluid_added_mass>'),
+        '</plugin>']
+    notes = [f'left out: {left_out}', *_identified_notes(found), *_mass_notes(dry, added)]
+    return '\n'.join(lines) + '\n', notes
+
+
+def _dry_mass(dof: str, settings: Settings | None) -> float:
+    """Return the mass of the link, or the moment of inertia of an angular DOF."""
+    known = settings.dof.get(dof) if settings else None
+    if known is None or not known.dry_mass:
+        how = f'set {dof}.dry_mass' if settings else f'give a --params-file with {dof}.dry_mass'
+        raise ExportError(f'{dof}.dry_mass: is unknown, and the added mass is the effective mass '
+                          f'less the dry mass: {how}')
+    return known.dry_mass
+
+
+def _added_mass(model: Identified, dry: float) -> float:
+    mass = model.physical['mass']
+    if mass < dry:
+        kg = unit(model.dof, 'mass')
+        raise ExportError(f'{model.dof}.dry_mass: {dry!r} {kg} is above the identified effective '
+                          f'mass {mass!r} {kg}: the added mass cannot be negative')
+    return mass - dry
+
+
+def _elements(dof: str, model: Identified | None, added: float) -> Iterator[str]:
+    axis = _AXES[dof]
+    force, speed = axis[0], axis[1]
+    if model is None:
+        yield _comment(f'{dof}: not identified')
+        drags = (0.0, 0.0)
+    else:
+        yield _comment(f'{dof}: {model.source}')
+        drags = (model.physical['linear_drag'], model.physical['quadratic_drag'])
+    names = (f'{force}Dot{speed}', axis, f'{axis}abs{speed}')
+    for name, value in zip(names, (added, *drags)):
+        yield f'  <{name}>{0.0 - value!r}</{name}>'
+
+
+def _identified_notes(found: Mapping[str, Identified]) -> Iterator[str]:
+    others = [dof for dof in DOFS if dof not in found]
+    if others:
+        yield f'not identified and so 0: {", ".join(others)}'
+    for dof, model in found.items():
+        for name in ('linear_drag', 'quadratic_drag'):
+            if model.physical[name] < 0.0:
+                yield (f'warning: {dof}: the {name.replace("_", " ")} is '
+                       f'{quantity(dof, name, model.physical)}: it drives the vehicle instead of '
+                       'slowing it down')
+
+
+def _mass_notes(dry: Mapping[str, float], added: Mapping[str, float]) -> Iterator[str]:
+    if len({dry[dof] for dof in dry if dof in LINEAR_DOFS}) > 1:
+        yield f'warning: a link has one mass, the dry masses are {", ".join(_dry_texts(dry))}'
+    unstable = [dof for dof in dry if added[dof] >= dry[dof]]
+    if unstable:
+        yield (f'warning: {", ".join(unstable)}: the added mass is not below the dry mass: the '
+               "plugin's way to put it on diverges; take <fluid_added_mass> from the last comment")
+
+
+def _dry_texts(dry: Mapping[str, float]) -> list[str]:
+    texts = [f'{_DRY[dof]} {value:g} {unit(dof, "mass")}' for dof, value in dry.items()]
+    return list(dict.fromkeys(texts))
+
+
+def _comment(text: str) -> str:
+    """Return an XML comment, which cannot have two hyphens in a row."""
+    lines = textwrap.wrap(re.sub('-(?=-)', '- ', text), 90, break_long_words=False,
+                          break_on_hyphens=False)
+    return f'  <!-- {chr(10).join(lines)} -->'.replace('\n', '\n       ')

@@ -13,7 +13,7 @@ from rovid_ros.commands.main import main
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.results.identified import read_estimates
+from rovid_ros.results.documents import read_estimates
 import yaml
 
 CONFIG = Path(__file__).parents[2] / 'config' / 'jhurov.yaml'

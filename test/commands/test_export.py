@@ -18,8 +18,8 @@ from rovid_ros.commands.main import main
 from rovid_ros.commands.running import read_settings
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
+from rovid_ros.results.documents import Identified
 from rovid_ros.results.export import export
-from rovid_ros.results.identified import Identified
 
 TRUE = {'surge': (250.0, 290.0, 43.5, 2.9), 'heave': (270.0, 2000.0, 240.0, 10.0),
         'yaw': (60.0, 70.0, 13.5, 0.5)}

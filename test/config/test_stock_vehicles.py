@@ -22,7 +22,7 @@ from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types
-from rovid_ros.results.summary import Result
+from rovid_ros.results.documents import Result
 
 REPOSITORY = Path(__file__).parents[2]
 ARDUSUB = REPOSITORY / 'config/bluerov2_ardusub.yaml'

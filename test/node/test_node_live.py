@@ -25,8 +25,8 @@ from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.node.transport.publishers import latched
+from rovid_ros.results.documents import summary
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
-from rovid_ros.results.summary import summary
 from std_srvs.srv import SetBool, Trigger
 
 from test.support.live_drive import (

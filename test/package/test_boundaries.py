@@ -31,7 +31,7 @@ ROS_ROOMS = {
     'config': set(),
     'files': {'config'},
     'messages': {'config'},
-    'logs': {'files', 'messages'},
+    'logs': {'config', 'files', 'messages'},
     'results': {'messages'},
     'comparison': {'logs', 'messages', 'results', 'commands'},  # commands: what plays a log
     'report': {'files', 'results'},

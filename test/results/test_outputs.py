@@ -11,8 +11,8 @@ from rovid_core.identify.status import Judgement, STATUSES
 from rovid_core.model.dofs import Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
 from rovid_core.trials.score import Score
+from rovid_ros.results.documents import summary
 from rovid_ros.results.outputs import LEVELS, OK, Output, Outputs, TOPICS, WARN
-from rovid_ros.results.summary import summary
 
 TIME = 1_700_000_000_123_456_789
 AWKWARD = (1.0 / 3.0, -0.1 - 0.2, -1e-17, 5e-324)

@@ -140,7 +140,7 @@ def machine() -> str:
 def sections_of(page: Path) -> dict[str, str]:
     """Return the text of each section of a page that was made before, by its title."""
     text = page.read_text(encoding='utf-8') if page.exists() else ''
-    return dict(re.findall(r'^## (.*)\n\n(.*?)\s*(?=^## |\Z)', text, re.M | re.S))
+    return dict(re.findall(r'^## ([^\n]*)\n\n(.*?)\s*(?=^## |\Z)', text, re.M | re.S))
 
 
 def write(page: Path, name: str, texts: Mapping[str, str]) -> None:

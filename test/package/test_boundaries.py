@@ -33,7 +33,7 @@ ROS_ROOMS = {
     'messages': {'config'},
     'logs': {'config', 'files', 'messages'},
     'results': {'messages'},
-    'comparison': {'logs', 'messages', 'results', 'commands'},  # commands: what plays a log
+    'comparison': {'logs', 'messages', 'results'},
     'report': {'files', 'results'},
     'commands': EVERYTHING_BUT_THE_NODE | {'node'},  # the node only where it is asked for
     'node': EVERYTHING_BUT_THE_NODE - {'comparison', 'report'},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -66,7 +65,7 @@ def run(args: argparse.Namespace) -> None:
         write_json(args.json, document(models))
     if args.report:
         from rovid_ros.report.report import write_report  # what draws is needed only here
-        write_report(args.report, asdict(report_data(models, trials, settings)))
+        write_report(args.report, report_data(models, trials, settings))
     print_written(args.report, args.json)
 
 

@@ -96,7 +96,7 @@ class Gram:
         return math.sqrt(square / d) if square > 0.0 else 0.0
 
     def uncertainty(self, covariance: Sequence[float]) -> float:
-        """Return the root mean variance of theta . phi for a covariance, 16 by rows."""
+        """Return the root of the mean variance of theta . phi, from a covariance of 16 floats."""
         p, pq, pr, ps, _, q, qr, qs, _, _, r, rs, _, _, _, s = covariance
         t, u, v, w = self.scale
         a, ab, ac, ad, b, bc, bd, c, cd, d = self.sums

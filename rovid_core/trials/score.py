@@ -125,19 +125,17 @@ class ScoreLog:
     ----------
     settings : Settings
         Of the run.
-    spill : bool
-        False keeps all steps in memory.
     block : int
         Number of steps that are kept in memory, and processed at a time.
 
     """
 
-    def __init__(self, settings: Settings, spill: bool = True, block: int = BLOCK) -> None:
+    def __init__(self, settings: Settings, block: int = BLOCK) -> None:
         self._cutoff = settings.cutoff
         self._block = block
-        self._tables = {dof: SpillingTable(2, 4, spill, block) for dof in settings.dofs}
+        self._tables = {dof: SpillingTable(2, 4, block) for dof in settings.dofs}
         self.runs: dict[str, list[ScoredRun]] = {dof: [] for dof in settings.dofs}
-        self._references = SpillingTable(1, len(DOFS), spill, block)
+        self._references = SpillingTable(1, len(DOFS), block)
 
     def begin_run(self, dof: str, time: int, velocity: float) -> None:
         """Begin a run of steps of a DOF at a time [ns] and a measured velocity."""
@@ -369,8 +367,6 @@ class SpillingTable:
     ----------
     times, values : int
         Number of times and of values in a row.
-    spill : bool
-        False keeps all rows in memory.
     block : int
         Number of rows that are kept in memory.
 
@@ -381,13 +377,12 @@ class SpillingTable:
 
     """
 
-    def __init__(self, times: int, values: int, spill: bool = True, block: int = BLOCK) -> None:
+    def __init__(self, times: int, values: int, block: int = BLOCK) -> None:
         self.count = 0
         self._block = block
         self._width = times, values
         self._times = array('q')
         self._values = array('d')
-        self._spill = spill
         self._file: BinaryIO | None = None
         self._spilled = 0  # rows
 
@@ -396,7 +391,7 @@ class SpillingTable:
         self._times.extend(times)
         self._values.extend(values)
         self.count += 1
-        if self._spill and self.count - self._spilled == self._block:
+        if self.count - self._spilled == self._block:
             self._spill_rows()
 
     def read(self, first: int, last: int) -> tuple[Times, Array]:

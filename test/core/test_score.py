@@ -23,10 +23,10 @@ BLOCK = 64
 
 
 def filled(counts: tuple[int, ...], sensor: bool = False, reference: bool = False,
-           spill: bool = True, block: int = BLOCK) -> ScoreLog:
+           block: int = BLOCK) -> ScoreLog:
     """Return the log of runs with so many steps, which begin in the middle of a second."""
     random = np.random.default_rng(0)
-    log = ScoreLog(SETTINGS, spill, block)
+    log = ScoreLog(SETTINGS, block)
     time = 1_700_000_000_000_000_000
     for count in counts:
         log.begin_run('surge', time, float(random.normal()))
@@ -99,8 +99,8 @@ def test_in_parts_a_model_that_runs_away_scores_as_badly_as_can_be() -> None:
 
 
 def test_what_is_many_is_not_in_memory() -> None:
-    on_disk, in_memory = (max(lengths(filled((1000,), reference=True, spill=spill)))
-                          for spill in (True, False))
+    on_disk, in_memory = (max(lengths(filled((1000,), reference=True, block=block)))
+                          for block in (BLOCK, 100_000))
     assert on_disk < 4 * BLOCK  # rows of several columns
     assert in_memory > 2000
 

@@ -14,7 +14,7 @@ import math
 from typing import Any, cast
 
 from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
-from rovid_core.identify.intervals import NO_UNCERTAINTY, Uncertainty
+from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four, PARAMETERS, Three
 from rovid_core.model.samples import finite, Step
 from rovid_core.settings.run import Scales, SettingsError
@@ -151,7 +151,7 @@ def piece_of_step(step: Step, k: int, pieces: int) -> Step:
         (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))
 
 
-class AdaptiveIdentifier:
+class AdaptiveIdentifier(Identifier):
     """
     The adaptive identifier on one DOF.
 
@@ -189,12 +189,6 @@ class AdaptiveIdentifier:
 
     """
 
-    note = ''
-    uncertainty: Uncertainty = NO_UNCERTAINTY
-    std, covariance, delay_std = (
-        NO_UNCERTAINTY.std, NO_UNCERTAINTY.covariance, NO_UNCERTAINTY.delay_std)
-    delay = math.nan
-
     def __init__(self, scales: Scales, gains: Gains, integrator: str = 'euler') -> None:
         if integrator not in INTEGRATORS:
             raise SettingsError(
@@ -220,9 +214,6 @@ class AdaptiveIdentifier:
         self.theta_hat = self.parameters = self._scales.initial
         self.v_hat = math.nan
         self.excitation = 0.0
-
-    def retune(self, adaptation_time: float) -> None:
-        """Do nothing: the time follows from the raw gains."""
 
     def restart(self, velocity: float) -> None:
         """Set v_hat to a measured velocity [m/s or rad/s] and keep the parameters."""

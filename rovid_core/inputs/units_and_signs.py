@@ -8,7 +8,7 @@ from operator import mul, sub
 
 from rovid_core.model.dofs import Vector
 from rovid_core.model.samples import Step
-from rovid_core.settings.run import DofSettings, Scales, Settings
+from rovid_core.settings.run import DofSettings, Scales, Settings, ThrusterSettings
 
 NS = 1e-9
 
@@ -140,6 +140,22 @@ class UnitCheck:
                        f'{UNITS[self._input]}')
 
 
+def look_like_pulse_widths(thrusters: ThrusterSettings, low: float, high: float) -> bool:
+    """
+    Tell whether commands are pulse widths [us] whose middle the settings take for thrust.
+
+    Parameters
+    ----------
+    thrusters : ThrusterSettings
+        With an offset, a polynomial or a table the middle is no thrust.
+    low, high : float
+        The smallest and the largest command as it came.
+
+    """
+    return (thrusters.offset == 0.0 and thrusters.model in ('linear', 'quadratic')
+            and PULSES[0] <= low <= NEUTRAL <= high <= PULSES[1])
+
+
 class PulseWidthCheck:
     """
     Warn when thruster commands are pulse widths, and their middle is taken for thrust.
@@ -154,8 +170,9 @@ class PulseWidthCheck:
     """
 
     def __init__(self, settings: Settings, warn: Callable[[str], None]) -> None:
-        thrusters = settings.thrusters
-        self._is_active = thrusters.offset == 0.0 and thrusters.model in ('linear', 'quadratic')
+        self._thrusters = settings.thrusters
+        # with an offset, a polynomial or a table no commands look so
+        self._is_active = look_like_pulse_widths(settings.thrusters, NEUTRAL, NEUTRAL)
         self._warn = warn
         self._low, self._high = math.inf, -math.inf
         self._count = 0
@@ -168,7 +185,8 @@ class PulseWidthCheck:
         self._count += 1
         if not PULSES[0] <= self._low <= self._high <= PULSES[1]:
             self._is_active = False
-        elif self._count >= COMPARE_AFTER and self._low < NEUTRAL < self._high:
+        elif self._count >= COMPARE_AFTER and look_like_pulse_widths(
+                self._thrusters, self._low, self._high):
             self._is_active = False
             self._warn(f'the thruster commands lie between {self._low:g} and {self._high:g}, as '
                        'pulse widths do: set thrusters.offset to what gives no thrust, such as '

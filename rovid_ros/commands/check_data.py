@@ -7,6 +7,7 @@ import math
 from typing import Any, cast
 
 from rovid_core.inputs.refusals import REASONS
+from rovid_core.inputs.units_and_signs import look_like_pulse_widths
 from rovid_core.model.dofs import Quaternion
 from rovid_core.model.quaternions import normalised, rotation_between
 from rovid_core.pipeline.stream import Stream
@@ -90,9 +91,6 @@ APART = 1.0
 
 SHARED = 0.5
 """Share of their time that inputs should have in common."""
-
-PULSES = 900.0
-"""Commands that are never below this are lengths of pulses [us]."""
 
 
 class SampleStatistics:
@@ -345,10 +343,11 @@ def _check_commands(seen: Observation, findings: Findings) -> None:
                              'what only it drives cannot be identified')
     if min(low) >= thrusters.offset and max(high) > thrusters.offset and 'sign' not in (
             seen.settings.used_inputs()):
-        pulses = min(low) >= PULSES and not thrusters.offset
+        pulses = look_like_pulse_widths(thrusters, min(low), max(high))
         findings.warning(
             'thrusters', f'no command is below thrusters.offset {thrusters.offset:g} (they are '
-            f'{min(low):g} to {max(high):g})', 'pulses in us: set thrusters.offset 1500' if pulses
+            f'{min(low):g} to {max(high):g})', 'pulses in us: set thrusters.offset to what '
+            'gives no thrust, such as 1500' if pulses
             else 'if they are magnitudes, give their direction with thrusters.sign')
 
 

@@ -173,7 +173,7 @@ def test_a_check_makes_and_changes_nothing(tmp_path: Path) -> None:
     outcome = checked(tmp_path, {'record.path': str(tmp_path / 'new' / 'r.mcap'),
                                  'checkpoint.path': str(kept)})
     assert outcome.errors == 0
-    assert 'is not a checkpoint' in findings(outcome, WARNING)[0].text
+    assert 'is not a saved state' in findings(outcome, WARNING)[0].text
     assert sorted(path.name for path in tmp_path.iterdir()) == ['kept.json', 'parameters.yaml']
     assert kept.read_text() == '{}'
 
@@ -290,7 +290,7 @@ def backwards(message: Message) -> Message:
     (of_another_clock, WARNING, 'position', 'stamps are 3600.0 s older than those of'),
     (of_another_clock, ERROR, 'position, depth, attitude, thrusters', 'no time in common'),
     (as_magnitudes, WARNING, 'thrusters', 'thrusters.sign'),
-    (as_pulses, WARNING, 'thrusters', 'set thrusters.offset 1500'),
+    (as_pulses, WARNING, 'thrusters', 'such as 1500'),
     (without_vertical, WARNING, 'thrusters', 'thruster 3 (vertical) is always at 0'),
     (with_a_hole, WARNING, 'position', 'is above max_gap 1 s'),
     (with_nan, WARNING, 'depth', 'are no numbers'),

@@ -5,7 +5,7 @@ import math
 from random import Random
 
 import pytest
-from rovid_core.inputs.units_and_signs import TwoSendersCheck
+from rovid_core.inputs.units_and_signs import look_like_pulse_widths, TwoSendersCheck
 from rovid_core.model.quaternions import from_yaw
 from rovid_core.settings.run import InputSettings
 
@@ -70,6 +70,16 @@ def test_ned_read_as_enu_turns_heave_and_yaw():
 @pytest.mark.parametrize('method', ['aid', 'ekf', 'rls'])
 def test_a_sound_stream_is_not_accused(method):
     assert run(vehicle(method), clean()).take_warnings() == []
+
+
+@pytest.mark.parametrize('low, high, changes, expected', [
+    (1100.0, 1900.0, {}, True), (800.0, 2200.0, {}, True), (1500.0, 1900.0, {}, True),
+    (799.0, 1900.0, {}, False), (1100.0, 2201.0, {}, False), (1510.0, 1900.0, {}, False),
+    (-1.0, 1.0, {}, False), (1100.0, 1900.0, {'offset': 1500.0}, False),
+    (1100.0, 1900.0, {'model': 'polynomial', 'polynomial': (-1500.0, 1.0)}, False)])
+def test_what_looks_like_pulse_widths(low, high, changes, expected):
+    thrusters = replace(vehicle().thrusters, **changes)
+    assert look_like_pulse_widths(thrusters, low, high) is expected
 
 
 def test_pulses_with_an_offset_or_a_table_are_no_slip():

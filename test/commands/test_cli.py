@@ -11,7 +11,7 @@ from threading import Thread
 import pytest
 from rovid_ros import __version__
 from rovid_ros.commands.long_work import Progress
-from rovid_ros.commands.main import main
+from rovid_ros.commands.main import COMMANDS, main
 from rovid_ros.commands.running import check_written, CommandError, Interrupted, run_to_exit_code
 from rovid_ros.files.whole_files import write_json
 from rovid_ros.results.text import number, percent, table, unit
@@ -32,7 +32,7 @@ def one_line(capsys: pytest.CaptureFixture[str]) -> str:
 
 
 @pytest.mark.parametrize('arguments', [
-    ['--help'], ['replay', '--help'], ['simulate', '--help'], ['--version']])
+    ['--help'], ['--version'], *([command, '--help'] for command in COMMANDS)])
 def test_help_and_version(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(arguments) == 0
     out, err = capsys.readouterr()

@@ -8,7 +8,7 @@ F, so that hours of log take milliseconds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 import math
 
 import numpy as np
@@ -85,6 +85,34 @@ def midpoint_trajectory(parameters: Array, start: float, dt: Array, force: Array
         return 2.0 * w - v, (1.0 + half) / (1.0 - half)
 
     return _newton(step, start, len(dt))[0]
+
+
+def midpoint_steps(parameters: Array, start: Array, dt: Iterable[float | Array],
+                   force: Iterable[float | Array]) -> Iterator[tuple[Array, Array]]:
+    """
+    Step many vehicles side by side by the implicit midpoint rule.
+
+    Parameters
+    ----------
+    parameters : ndarray, shape (4, ...)
+        alpha, beta <= 0, gamma <= 0, delta of each vehicle.
+    start : ndarray, shape (...)
+        Velocities at the start [m/s or rad/s].
+    dt, force : iterable
+        Length [s] and mean force [N or N m] of each step; numbers, or arrays over vehicles.
+
+    Yields
+    ------
+    mean, end : ndarray, shape (...)
+        Velocities over each step and at its end.
+
+    """
+    alpha, beta, gamma, delta = parameters
+    v = start
+    for h, f in zip(dt, force):
+        mean = mean_velocity(v, 0.5 * h, alpha * f + delta, beta, gamma)
+        v = 2.0 * mean - v
+        yield mean, v
 
 
 def sensitivities(parameters: Array, velocity: Array, dt: Array, force: Array) -> Array:

@@ -12,9 +12,9 @@ from typing import Any
 from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
-from rovid_core.trials.tuning.choice import Done
+from rovid_core.trials.tuning.cross_validation import Result
 from rovid_core.trials.tuning.log import TuningLog
-from rovid_core.trials.tuning.tune import observed, tune, Tuned, TuningError
+from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningError
 from rovid_ros.commands.arguments import add_json, add_logs, add_params_file, add_part
 from rovid_ros.commands.long_work import in_parallel, Progress
 from rovid_ros.commands.replay import replay
@@ -103,7 +103,7 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
         If the log tells nothing.
 
     """
-    read_with = observed(settings)
+    read_with = reading_settings(settings)
     player = TuningPlayer(read_with)
     # typical sizes are found here, so that warnings about them would be out of place
     hidden = tuple(f'{dof}: its ' for dof in read_with.dofs)
@@ -116,7 +116,7 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
             share = done
             progress.tick()
 
-        def each(work: Callable[[int], Done], given: Sequence[int]) -> list[Done]:
+        def each(work: Callable[[int], Result], given: Sequence[int]) -> list[Result]:
             return in_parallel(work, given, lambda count: progress.tick())
 
         try:

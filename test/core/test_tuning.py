@@ -14,11 +14,9 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.force_history import ForceHistory
-from rovid_core.trials.tuning.blocks import edges
-from rovid_core.trials.tuning.choice import choose
-from rovid_core.trials.tuning.commanded import Commanded
-from rovid_core.trials.tuning.log import TuningLog
-from rovid_core.trials.tuning.tune import observed, tune, Tuned, TuningError
+from rovid_core.trials.tuning.cross_validation import choose, fold_bounds
+from rovid_core.trials.tuning.log import CommandedForce, TuningLog
+from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningError
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 
@@ -42,8 +40,8 @@ def read(settings: Settings, duration: float, noise: np.random.Generator | None 
     With noise, this stands in the place of the logged commands.
     """
     true = replace(settings, thrusters=replace(settings.thrusters, **truth), yaw_offset=0.0)
-    log = TuningLog(observed(settings))
-    stream = Stream(observed(settings), recorder=log, scorer=log)
+    log = TuningLog(reading_settings(settings))
+    stream = Stream(reading_settings(settings), recorder=log, scorer=log)
     half = 0.5 * settings.yaw_offset
     for time, name, value in simulate(true, duration, seed=1):
         if name == 'attitude':  # the wrong offset is added, as the converter does
@@ -66,8 +64,8 @@ def delayed(surge: Settings) -> Tuned:
 
 
 def test_a_pause_belongs_to_no_fold() -> None:
-    stretches = [SimpleNamespace(start=start, ends=[start + 99]) for start in (1000, 100_000)]
-    assert edges(stretches).tolist() == [  # type: ignore[arg-type]
+    segments = [SimpleNamespace(start=start, ends=[start + 99]) for start in (1000, 100_000)]
+    assert fold_bounds(segments).tolist() == [  # type: ignore[arg-type]
         1000, 1025, 1050, 1075, 100_000, 100_025, 100_050, 100_075, 100_100]
 
 
@@ -86,7 +84,7 @@ def test_the_force_of_a_log_is_that_of_the_pipe(
         plain.add_commands(time, (u, u, 0.0))
     forces = np.array([[80.0 * u for u in commands]])
     at = np.arange(int(times[0]) + 120_000_000, int(times[-1]), 7_000_000)
-    impulse = Commanded(times, forces, linear).impulse(0, at, 0.12, lag)
+    impulse = CommandedForce(times, forces, linear).impulse(0, at, 0.12, lag)
     expected = np.array([thrust.integrals((t,))[0][0] for t in at.tolist()])
     np.testing.assert_allclose(impulse - impulse[0], expected - expected[0], atol=1e-9)
 

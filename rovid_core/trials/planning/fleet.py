@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from rovid_core.model.trajectory import Array, mean_velocity
+from rovid_core.model.trajectory import Array, midpoint_steps
 
 CHUNK = 32
 """Measurements that are squared together, which is quicker than one by one."""
@@ -127,10 +127,8 @@ def paths(parameters: Array, force: Array, dt: float) -> Array:
 def _steps(parameters: Array, force: Array,
            dt: float) -> Iterator[tuple[Array, Array, Array, Array]]:
     """Yield the force, shape (p, 1), v at the end, v at the middle and its size."""
-    alpha, beta, gamma, delta = parameters
-    v = np.zeros((force.shape[1], parameters.shape[1]))
-    for row in force:
-        f = row[:, None]
-        middle = mean_velocity(v, 0.5 * dt, alpha * f + delta, beta, gamma)
-        v = 2.0 * middle - v
+    columns = force[:, :, None]
+    start = np.zeros((force.shape[1], parameters.shape[1]))
+    steps = midpoint_steps(parameters, start, np.full(len(force), dt), columns)
+    for f, (middle, v) in zip(columns, steps):
         yield f, v, middle, np.abs(middle)

@@ -1,4 +1,4 @@
-"""What tuning keeps of a log: the commands before delay and lag, and the measured motion."""
+"""What tuning keeps of a log: the measured motion, and the commands before delay and lag."""
 
 from __future__ import annotations
 
@@ -10,16 +10,83 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.samples import Event
-from rovid_core.model.trajectory import Array
+from rovid_core.model.trajectory import Array, linear_recurrence
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.force_history import MAX_FORCE
 from rovid_core.thrust.thruster_curve import are_commands, wrench, wrench_model
 from rovid_core.trials.score import ScoreLog
-from rovid_core.trials.tuning.commanded import Commanded
+
+NS = 1e-9
+BEFORE = 60.0
+"""[s] The first command is taken to have stood this long, whatever the delay."""
+
+
+class CommandedForce:
+    """
+    The force that was commanded on each DOF, before delay and lag.
+
+    ``impulse`` is that of ``Thrust``, for all times of a log at once.
+
+    Parameters
+    ----------
+    times : ndarray of int64, shape (n,)
+        Of the commands [ns], increasing.
+    forces : ndarray, shape (dofs, n)
+        [N or N m]
+    linear : bool
+        Whether the force goes in a straight line from one command to the next.
+
+    """
+
+    def __init__(self, times: NDArray[np.int64], forces: Array, linear: bool) -> None:
+        self._origin = int(times[0])
+        self._at = np.concatenate([[-BEFORE], (times - times[0]) * NS])
+        self._forces = np.concatenate([forces[:, :1], forces], axis=1)
+        rise = np.diff(self._forces) / np.diff(self._at)
+        # after the last command its force stays
+        self._slopes = np.concatenate([rise * linear, np.zeros((len(forces), 1))], axis=1)
+
+    def impulse(self, dof: int, times: NDArray[np.int64], delay: float,
+                lag: float) -> Array:
+        """
+        Return the integral of the force on a DOF up to some times.
+
+        Parameters
+        ----------
+        dof : int
+            Row of the forces.
+        times : ndarray of int64
+            [ns]
+        delay, lag : float
+            Dead time and time constant [s].
+
+        Returns
+        -------
+        ndarray
+            [N s or N m s], from a start that is the same for all times.
+
+        """
+        at, force, slope = self._at, self._forces[dof], self._slopes[dof]
+        step = np.diff(at)
+        decay = np.exp(-step / lag) if lag > 0.0 else np.zeros_like(step)
+        # what the lagged force is behind its steady response to the ramp
+        ends = force[:-1] + slope[:-1] * (step - lag) - force[1:] + slope[1:] * lag
+        behind = np.concatenate([[0.0], linear_recurrence(decay, ends)]) if lag > 0.0 else 0.0 * at
+        spans = _span(force[:-1], slope[:-1], behind[:-1], step, lag)
+        total = np.concatenate([[0.0], np.cumsum(spans)])
+        x = (times - self._origin) * NS - delay
+        i = np.maximum(np.searchsorted(at, x, 'right') - 1, 0)
+        return np.asarray(total[i] + _span(force[i], slope[i], behind[i], x - at[i], lag))
+
+
+def _span(force: Array, slope: Array, behind: Array, x: Array, lag: float) -> Array:
+    """Return the impulse over ``x`` [s] from a command on."""
+    transient = -behind * lag * np.expm1(-x / lag) if lag > 0.0 else 0.0
+    return np.asarray(force * x + slope * x * (0.5 * x - lag) + transient)
 
 
 @dataclass(frozen=True)
-class Stretch:
+class Segment:
     """
     The motion of one DOF between two interruptions.
 
@@ -115,26 +182,26 @@ class TuningLog(ScoreLog):
         """Return the raw commands, shape (n, thrusters)."""
         return np.array(self._commands).reshape(-1, self._settings.thrusters.count)
 
-    def commanded(self, thrusters: ThrusterSettings | None = None) -> Commanded:
+    def commanded(self, thrusters: ThrusterSettings | None = None) -> CommandedForce:
         """Return the force on the DOFs of the run, in their order, with these thrusters."""
         thrusters = thrusters or self._settings.thrusters
         force = wrench_model(thrusters, self._settings.dofs)
         forces = np.array([force(raw) for raw in self.commands().tolist()])
-        return Commanded(np.array(self._times), forces.T, thrusters.hold == 'linear')
+        return CommandedForce(np.array(self._times), forces.T, thrusters.hold == 'linear')
 
-    def stretches(self, dof: str) -> list[Stretch]:
+    def segments(self, dof: str) -> list[Segment]:
         """Return the motion of a DOF."""
         found = []
         for run in self.runs[dof]:
             times, values = run.steps
             if run.count:
-                found.append(Stretch(
+                found.append(Segment(
                     run.start, run.velocity, times[0], times[1], values[3]))
         return found
 
 
-def turned(forward: list[Stretch], sideways: list[Stretch],
-           angle: float) -> tuple[list[Stretch], list[Stretch]]:
+def turned(forward: list[Segment], sideways: list[Segment],
+           angle: float) -> tuple[list[Segment], list[Segment]]:
     """
     Return surge and sway as they are when ``angle`` [rad] is added to every heading.
 
@@ -142,9 +209,9 @@ def turned(forward: list[Stretch], sideways: list[Stretch],
     """
     c, s = math.cos(angle), math.sin(angle)
     pairs = list(zip(forward, sideways))
-    return ([Stretch(u.start, c * u.velocity + s * v.velocity, u.fixes, u.ends,
+    return ([Segment(u.start, c * u.velocity + s * v.velocity, u.fixes, u.ends,
                      c * u.means + s * v.means) for u, v in pairs],
-            [Stretch(v.start, c * v.velocity - s * u.velocity, v.fixes, v.ends,
+            [Segment(v.start, c * v.velocity - s * u.velocity, v.fixes, v.ends,
                      c * v.means - s * u.means) for u, v in pairs])
 
 

@@ -12,15 +12,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
-from rovid_core.trials.tuning.blocks import blocks, edges
-from rovid_core.trials.tuning.choice import Change, Done, Each, Stage
-from rovid_core.trials.tuning.commanded import Commanded
-from rovid_core.trials.tuning.deadband import tune_deadband
-from rovid_core.trials.tuning.dof import Dof, usable
-from rovid_core.trials.tuning.heading import tune_heading
-from rovid_core.trials.tuning.log import TuningLog, turnable, turned
-from rovid_core.trials.tuning.terms import TermsChange, tune_terms
-from rovid_core.trials.tuning.thrust import tune_thrust
+from rovid_core.trials.tuning.cross_validation import (
+    blocks,
+    Change,
+    fold_bounds,
+    ParallelMap,
+    Result,
+    Stage,
+)
+from rovid_core.trials.tuning.dof_fit import Dof, dof_or_reason
+from rovid_core.trials.tuning.log import CommandedForce, TuningLog, turnable, turned
+from rovid_core.trials.tuning.searches import (
+    TermsChange,
+    tune_deadband,
+    tune_heading,
+    tune_terms,
+    tune_thrust,
+)
 
 UNUSED = DofSettings(1.0)
 """A DOF that is only looked at."""
@@ -67,7 +75,7 @@ class Tuned:
         return changes
 
 
-def observed(settings: Settings) -> Settings:
+def reading_settings(settings: Settings) -> Settings:
     """
     Return the settings with which a log is read to be tuned.
 
@@ -80,20 +88,20 @@ def observed(settings: Settings) -> Settings:
                    identifier=IdentifierSettings(integrator='euler'))
 
 
-def one_by_one(work: Callable[[int], Done], given: Sequence[int]) -> list[Done]:
+def one_by_one(work: Callable[[int], Result], given: Sequence[int]) -> list[Result]:
     """Return ``work`` of each."""
     return [work(k) for k in given]
 
 
 def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lambda share: None,
-         each: Each = one_by_one) -> Tuned:
+         each: ParallelMap = one_by_one) -> Tuned:
     """
     Tune with a log.
 
     Parameters
     ----------
     log : TuningLog
-        Read with ``observed`` settings.
+        Read with ``reading_settings`` settings.
     settings : Settings
         As they are.
     done : callable
@@ -109,9 +117,9 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
     """
     if log.jumped:
         raise TuningError('time jumps back in it: take a part of it with --start and --duration')
-    seen = observed(settings)
+    seen = reading_settings(settings)
     commanded = log.commanded()
-    found = {name: usable(log, seen, name, commanded) for name in settings.dofs}
+    found = {name: dof_or_reason(log, seen, name, commanded) for name in settings.dofs}
     left_out = {name: why for name, why in found.items() if isinstance(why, str)}
     old = [dof for dof in found.values() if isinstance(dof, Dof)]
     if not old:
@@ -138,7 +146,7 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
 
 
 def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
-                  commanded: Commanded, settings: Settings,
+                  commanded: CommandedForce, settings: Settings,
                   pair: tuple[float, float]) -> list[Dof]:
     """Return the DOFs as they are with the new heading."""
     names = turnable(settings)
@@ -147,19 +155,19 @@ def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
     change = heading.keys['attitude.yaw_offset']
     if change.after == change.before:
         return dofs
-    forward, sideways = turned(log.stretches(names[0]), log.stretches(names[1]),
+    forward, sideways = turned(log.segments(names[0]), log.segments(names[1]),
                                change.after - change.before)
     moved = {names[0]: forward, names[1]: sideways}
     made = []
     for dof in dofs:
-        stretches = moved.get(dof.name, dof.stretches)
-        parts = blocks(stretches, edges(stretches)) if dof.name in moved else None
+        segments = moved.get(dof.name, dof.segments)
+        parts = blocks(segments, fold_bounds(segments)) if dof.name in moved else None
         made.append(dof if parts is None else Dof(
-            dof.name, dof.row, stretches, parts, dof.settings, settings.cutoff))
+            dof.name, dof.row, segments, parts, dof.settings, settings.cutoff))
     return made
 
 
-def _error(dof: Dof, commanded: Commanded, pair: tuple[float, float]) -> float:
+def _error(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -> float:
     return float(dof.model(commanded, pair).scores.mean())
 
 
@@ -171,4 +179,4 @@ def _rounded(stage: Stage) -> Stage:
         for key, change in stage.keys.items()})
 
 
-__all__ = ['Change', 'observed', 'Stage', 'TermsChange', 'tune', 'Tuned', 'TuningError']
+__all__ = ['Change', 'reading_settings', 'Stage', 'TermsChange', 'tune', 'Tuned', 'TuningError']

@@ -1,0 +1,267 @@
+"""
+Blocks of a trial that are held out in turn, and the choice among candidates by them.
+
+The trial of a degree of freedom is divided into ``FOLDS`` folds of equal time. A candidate is
+scored on each fold by a model that was fitted to the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+import math
+from typing import Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.model.lowpass import MOST_TURN
+from rovid_core.model.trajectory import Array
+from rovid_core.trials.tuning.log import CommandedForce, Segment
+
+NS = 1e-9
+
+FOLDS = 8
+"""Blocks of time of equal length; each is held out once."""
+
+STEP = 0.2
+"""[s] Shorter steps are joined: a vehicle's velocity hardly bends in this time, and the
+impulse over it is exact whatever the delay."""
+
+MIN_STEPS = 8
+"""A piece with fewer says nothing."""
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """
+    Pieces of a trial without interruption, each in one fold, padded to one length.
+
+    Attributes
+    ----------
+    nodes : ndarray of int64, shape (steps + 1, pieces)
+        Bounds of the steps [ns]; the padding has length 0.
+    measured : ndarray, shape (steps, pieces)
+        Mean velocity of each step [m/s or rad/s].
+    fold : ndarray of int, shape (pieces,)
+        Which fold each piece is in.
+
+    """
+
+    nodes: NDArray[np.int64]
+    measured: Array
+    fold: NDArray[np.intp]
+
+    @property
+    def dt(self) -> Array:
+        """Return the lengths of the steps [s]."""
+        return np.asarray(np.diff(self.nodes, axis=0) * NS)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Tell which steps are no padding."""
+        return np.asarray(np.diff(self.nodes, axis=0) > 0)
+
+    def force(self, commanded: CommandedForce, dof: int, delay: float, lag: float) -> Array:
+        """Return the mean force of every step, 0 in the padding [N or N m]."""
+        impulse = commanded.impulse(dof, self.nodes.ravel(), delay, lag)
+        dt = self.dt
+        return np.asarray(np.diff(impulse.reshape(self.nodes.shape), axis=0)
+                          / np.where(dt > 0.0, dt, np.inf))
+
+    def weights(self, cutoff: float) -> Array:
+        """Return the weight of each step in the low-pass with ``cutoff`` [Hz]."""
+        weight = -np.expm1(-np.minimum(2.0 * math.pi * cutoff * self.dt, MOST_TURN))
+        weight[0] = 1.0
+        return np.asarray(weight)
+
+    def by_fold(self, values: Array) -> Array:
+        """Return the means over each fold of values of shape (steps, ..., pieces)."""
+        total = np.einsum('k...p,kp->...p', values, self.valid.astype(float))
+        member = self.fold[:, None] == np.arange(FOLDS)
+        return np.asarray(total @ member / (self.valid.sum(axis=0) @ member))
+
+
+def fold_bounds(segments: Sequence[Segment]) -> Array:
+    """Return the bounds of the folds [ns], with as much time in steps each; (FOLDS + 1,)."""
+    first = segments[0].start
+    times, so_far = [], [0]
+    for segment in segments:
+        start, end = segment.start - first, segment.ends[-1] + 1 - first
+        times += [start, end]
+        so_far += [so_far[-1] + end - start] * 2
+    shares = np.linspace(0, so_far[-1], FOLDS + 1)
+    return np.asarray(first + np.interp(shares, so_far[:-1], times))
+
+
+def blocks(segments: Sequence[Segment], bounds: Array) -> Blocks | None:
+    """
+    Divide a trial into blocks.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        The trial of one DOF.
+    bounds : ndarray, shape (FOLDS + 1,)
+        Of the folds [ns].
+
+    Returns
+    -------
+    Blocks or None
+        None if some fold has no piece.
+
+    """
+    pieces: list[tuple[int, NDArray[np.int64], Array]] = []
+    for segment in segments:
+        nodes, means = _joined(*_intervals(segment))
+        of_step = np.searchsorted(bounds, nodes[:-1], 'right') - 1
+        for fold in range(FOLDS):
+            own = np.flatnonzero(of_step == fold)
+            if len(own) >= MIN_STEPS:
+                pieces.append((fold, nodes[own[0]:own[-1] + 2], means[own]))
+    if {fold for fold, _, _ in pieces} != set(range(FOLDS)):
+        return None
+    longest = max(len(means) for _, _, means in pieces)
+    return Blocks(
+        np.stack([np.pad(nodes, (0, longest + 1 - len(nodes)), mode='edge')
+                  for _, nodes, _ in pieces], axis=1),
+        np.stack([np.pad(means, (0, longest - len(means))) for _, _, means in pieces], axis=1),
+        np.array([fold for fold, _, _ in pieces]))
+
+
+def _intervals(segment: Segment) -> tuple[NDArray[np.int64], Array]:
+    """Return times and the mean velocities between them."""
+    if segment.fixes[-1] != segment.ends[-1]:
+        return segment.fixes, segment.means[:-1]
+    samples = np.concatenate([[segment.velocity], segment.means])
+    return segment.bounds, 0.5 * (samples[:-1] + samples[1:])
+
+
+def _joined(nodes: NDArray[np.int64], means: Array) -> tuple[NDArray[np.int64], Array]:
+    """Join steps to about ``STEP``."""
+    if not len(means):
+        return nodes, means
+    dt = np.diff(nodes) * NS
+    size = max(1, round(STEP / float(np.median(dt))))
+    count = len(means) // size * size
+    path = np.concatenate([[0.0], np.cumsum(means * dt)])[:count + 1:size]
+    nodes = nodes[:count + 1:size]
+    return nodes, np.diff(path) / (np.diff(nodes) * NS)
+
+
+T95 = 2.4
+"""Standard errors of a mean over 8 folds, for 95 % (Student's t)."""
+
+
+Result = TypeVar('Result')
+
+
+class ParallelMap(Protocol):
+    """What does the same work on many things, possibly at the same time."""
+
+    def __call__(self, work: Callable[[int], Result], given: Sequence[int]) -> Sequence[Result]:
+        """Return what ``work`` made of each."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """
+    The best candidate.
+
+    Attributes
+    ----------
+    index : int
+        Which one.
+    gain, spread : float
+        By how much it scores better than the current one, in shares of that one's score,
+        and ``T95`` standard errors of it. For each fold the best is chosen by the others, so
+        that the luckiest of many gains nothing by its luck.
+    as_good : ndarray of int
+        The candidates that the data can not tell from the best.
+
+    """
+
+    index: int
+    gain: float
+    spread: float
+    as_good: NDArray[np.intp]
+
+    @property
+    def is_better(self) -> bool:
+        """Tell whether the gain is more than chance."""
+        return self.gain > self.spread
+
+
+def choose(scores: Array, current: int) -> Choice:
+    """
+    Choose the candidate with the lowest mean score.
+
+    Parameters
+    ----------
+    scores : ndarray, shape (candidates, folds)
+        Errors; infinite for a candidate that does not work, but the current one.
+    current : int
+        The one that is in use.
+
+    """
+    total = scores.sum(axis=1)
+    best = int(total.argmin())
+    without = np.where(np.isfinite(scores), total[:, None] - scores, np.inf)
+    folds = np.arange(scores.shape[1])
+    gains = scores[current] - scores[without.argmin(axis=0), folds]
+    usable = np.flatnonzero(np.isfinite(total))
+    worse = scores[usable] - scores[best]
+    as_good = usable[worse.mean(axis=1) <= half_width(worse)]
+    mean = float(scores[current].mean())
+    return Choice(best, float(gains.mean()) / mean, float(half_width(gains)) / mean, as_good)
+
+
+def half_width(values: Array) -> Array:
+    """Return half the width of the 95 % interval of the mean over the last axis."""
+    return np.asarray(T95 * values.std(axis=-1, ddof=1) / np.sqrt(values.shape[-1]))
+
+
+def relative(parts: Sequence[Array], current: int) -> Array:
+    """Return the scores of several DOFs as one: each in its present ones' mean."""
+    return np.asarray(sum(part / part[current].mean() for part in parts) / len(parts))
+
+
+@dataclass(frozen=True)
+class Change:
+    """
+    What was found for one key.
+
+    Attributes
+    ----------
+    before, after : float
+        The same where nothing better was found.
+    low, high : float
+        Range that the data can not tell from the best; NaN if it is not known.
+
+    """
+
+    before: float
+    after: float
+    low: float = math.nan
+    high: float = math.nan
+
+
+@dataclass(frozen=True)
+class Stage:
+    """
+    Keys that were sought together.
+
+    Attributes
+    ----------
+    keys : dict
+        Change by key.
+    gain, spread : float
+        Of the best against the present values on held-out blocks, as a share.
+    note : str
+        What has to be known about it, '' if nothing.
+
+    """
+
+    keys: Mapping[str, Change]
+    gain: float
+    spread: float
+    note: str = ''

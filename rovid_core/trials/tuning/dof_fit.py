@@ -1,0 +1,350 @@
+"""
+The model of one degree of freedom, fitted by output error for many candidates at once.
+
+The blocks of a trial are simulated side by side, the velocity is compared after one low-pass,
+and each candidate is scored on the blocks that it was not fitted to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.model.trajectory import Array, midpoint_steps
+from rovid_core.settings.run import DofSettings, Scales, Settings
+from rovid_core.trials.tuning.cross_validation import Blocks, blocks, fold_bounds, FOLDS
+from rovid_core.trials.tuning.log import CommandedForce, Segment, TuningLog
+
+ITERATIONS = 10
+SETTLED = 1e-4
+"""Relative change of the cost after which an iteration ends."""
+
+HUBER_LIMIT = 2.0
+"""Residuals beyond this many median ones count less and less (Huber)."""
+
+MIN_INFORMATION = 1e-6
+"""Of the largest: what the data do not show stays where it was."""
+
+
+MIN_TIME = 60.0
+"""[s] of steps, for less the blocks are too short to be predicted."""
+
+MIN_GAIN = 0.05
+"""A model has to be this much better than a constant velocity for a DOF to count."""
+
+
+@dataclass(frozen=True)
+class Models:
+    """
+    What was found for the candidates.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (candidates, 4)
+        From all blocks, in units of typical force and velocity.
+    start : ndarray, shape (candidates, pieces)
+        Velocity at each piece's start, in typical ones.
+    scores : ndarray, shape (candidates, FOLDS)
+        Mean absolute error on each block of the model of the others [m/s or rad/s].
+
+    """
+
+    theta: Array
+    start: Array
+    scores: Array
+
+
+@dataclass
+class NormalEquations:
+    """
+    Errors of the candidates, and normal equations per piece without the start's velocity.
+
+    Attributes
+    ----------
+    limit : ndarray, shape (candidates,)
+        Beyond which residuals count less.
+    cost, before : ndarray, shape (candidates,)
+        With this limit, and with the one before.
+    inside, slope : ndarray, shape (candidates, pieces, 4, 4) and (candidates, pieces, 4)
+        Matrix and right-hand side.
+    cross, right : ndarray, shape (candidates, pieces, 4) and (candidates, pieces)
+        How the start's velocity follows the parameters, and its own step.
+
+    """
+
+    limit: Array
+    cost: Array
+    before: Array
+    inside: Array
+    slope: Array
+    cross: Array
+    right: Array
+
+    def replace(self, which: NDArray[np.bool_], other: NormalEquations) -> None:
+        """Replace the candidates ``which`` by those of another."""
+        for mine, new in zip(vars(self).values(), vars(other).values()):
+            mine[which] = new[which]
+
+
+class OutputError:
+    """
+    The fit of one DOF's model.
+
+    Parameters
+    ----------
+    blocks : Blocks
+        The trial; its measured velocities may be replaced in ``fit``.
+    scales : Scales
+        Typical sizes and terms.
+    cutoff : float
+        Of the low-pass through which velocities are compared [Hz].
+
+    """
+
+    def __init__(self, blocks: Blocks, scales: Scales, cutoff: float) -> None:
+        self.blocks, self.scales = blocks, scales
+        self.weights = blocks.weights(cutoff)
+        self._dt, self._valid = blocks.dt, blocks.valid[:, None, :]
+        self._active = np.array(scales.active)
+        self._units = scales.velocity * np.array(scales.regressor)
+        self.first = self.scaled(np.array(scales.initial))
+        self._low, self._high = (self.scaled(np.array(bound)) for bound in scales.bounds())
+
+    def scaled(self, parameters: Array) -> Array:
+        """Return scaled parameters of lumped ones, shape (..., 4)."""
+        return np.asarray(parameters / self._units)
+
+    def fit(self, force: Array, measured: Array | None = None, begin: Array | None = None,
+            iterations: int = ITERATIONS) -> Models:
+        """
+        Fit and score all candidates.
+
+        Parameters
+        ----------
+        force : ndarray, shape (steps, candidates, pieces)
+            [N or N m]
+        measured : ndarray, shape (steps, candidates, pieces), optional
+            Where the candidates differ in it.
+        begin : ndarray, shape (4,), optional
+            Scaled parameters to begin with.
+        iterations : int
+            Of Gauss and Newton.
+
+        """
+        force = force / self.scales.force
+        target = (self.blocks.measured[:, None, :] if measured is None else measured)
+        target = np.broadcast_to(target / self.scales.velocity, force.shape)
+        count = force.shape[1]
+        theta = np.tile(self.first if begin is None else begin, (count, 1))
+        start = target[:5].mean(axis=0)
+        damping = np.full(count, 1e-2)
+        kept = self._normal(theta, start, force, target, np.full(count, np.inf))
+        for _ in range(iterations):
+            step, begins = self._step(theta, kept, damping)
+            trial = self._normal(theta + step, start + begins, force, target, kept.limit)
+            better = trial.before <= kept.cost * (1.0 + SETTLED)
+            settled = better & (trial.before >= kept.cost * (1.0 - SETTLED))
+            damping = np.where(better, damping * 0.1, damping * 10.0)
+            theta[better] += step[better]
+            start[better] += begins[better]
+            kept.replace(better, trial)
+            if settled.all():
+                break
+        return Models(theta, start, self._held_out(theta, start, kept, force, target))
+
+    def score(self, theta: Array, start: Array, force: Array, target: Array) -> Array:
+        """
+        Return the mean absolute error on each fold, shape (candidates, FOLDS) [m/s or rad/s].
+
+        Parameters
+        ----------
+        theta : ndarray, shape (4, candidates, pieces or 1)
+        start : ndarray, shape (candidates or 1, pieces)
+        force, target : ndarray, shape (steps, candidates or 1, pieces)
+            All in typical sizes.
+
+        """
+        errors, error = np.empty(target.shape), np.zeros(target.shape[1:])
+        steps = midpoint_steps(theta, start, self._dt, force)
+        for k, (mean, _) in enumerate(steps):
+            errors[k] = error = error + self.weights[k] * (mean - target[k] - error)
+        return self.blocks.by_fold(np.abs(errors)) * self.scales.velocity
+
+    def _held_out(self, theta: Array, start: Array, normal: NormalEquations, force: Array,
+                  target: Array) -> Array:
+        """Take each block out by a Newton step, for sums over blocks can be taken apart."""
+        member = (self.blocks.fold[:, None] == np.arange(FOLDS)).astype(float)
+        rest = 1.0 - member  # (pieces, FOLDS)
+        own = np.empty((len(theta), FOLDS, 4))
+        for fold in range(FOLDS):
+            own[:, fold] = theta + self._solved(
+                theta, np.einsum('cpij,p->cij', normal.inside, rest[:, fold]),
+                np.einsum('cpi,p->ci', normal.slope, rest[:, fold]), np.full(len(theta), 1e-9))
+        of_piece = own[:, self.blocks.fold].transpose(2, 0, 1)
+        return self.score(of_piece, start, force, target)
+
+    def _normal(self, theta: Array, start: Array, force: Array, target: Array,
+                limit: Array) -> NormalEquations:
+        errors, slopes = self._residuals(theta, start, force, target)
+        size = np.abs(errors)
+        own_limit = HUBER_LIMIT * np.maximum(1e-9, np.array(
+            [np.median(size[:, c][self._valid[:, 0]]) for c in range(len(theta))]))
+        weight = self._valid * np.minimum(
+            1.0, own_limit[:, None] / np.maximum(size, 1e-300))
+        full = np.einsum('kicp,kjcp->cpij', slopes, slopes * weight[:, None], optimize=True)
+        right = np.einsum('kicp,kcp->cpi', slopes, weight * errors, optimize=True)
+        own = np.maximum(full[..., 4, 4], 1e-12)
+        cross = full[..., :4, 4] / own[..., None]
+        return NormalEquations(
+            own_limit, self._huber(size, own_limit), self._huber(size, limit),
+            full[..., :4, :4] - cross[..., :, None] * full[..., None, :4, 4],
+            right[..., :4] - cross * right[..., 4:], cross, right[..., 4] / own)
+
+    def _huber(self, size: Array, limit: Array) -> Array:
+        inner = np.minimum(size, limit[:, None])
+        return np.asarray((self._valid * inner * (2.0 * size - inner)).sum(axis=(0, 2)))
+
+    def _residuals(self, theta: Array, start: Array, force: Array,
+                   target: Array) -> tuple[Array, Array]:
+        """Return the errors and their derivatives by theta and start, after the low-pass."""
+        parameters = theta.T[:, :, None]
+        _, beta, gamma, _ = parameters
+        slope = np.zeros((5, *start.shape))
+        slope[4] = 1.0
+        errors, slopes = np.empty(force.shape), np.empty((len(force), *slope.shape))
+        error, filtered = np.zeros_like(start), np.zeros_like(slope)
+        regressor = np.zeros_like(slope)
+        regressor[3] = 1.0
+        steps = midpoint_steps(parameters, start, self._dt, force)
+        for k, (mean, _) in enumerate(steps):
+            size, half = np.abs(mean), 0.5 * self._dt[k]
+            regressor[0], regressor[1], regressor[2] = force[k], mean * size, mean
+            of_mean = (slope + half * regressor) / (1.0 - half * (gamma + 2.0 * beta * size))
+            slope = 2.0 * of_mean - slope
+            errors[k] = error = error + self.weights[k] * (mean - target[k] - error)
+            slopes[k] = filtered = filtered + self.weights[k] * (of_mean - filtered)
+        return errors, slopes
+
+    def _step(self, theta: Array, normal: NormalEquations, damping: Array) -> tuple[Array, Array]:
+        step = self._solved(
+            theta, normal.inside.sum(axis=1), normal.slope.sum(axis=1), damping)
+        return step, -normal.right - np.einsum('cpi,ci->cp', normal.cross, step)
+
+    def _solved(self, theta: Array, inside: Array, slope: Array, damping: Array) -> Array:
+        """Return the Newton step inside the bounds."""
+        free = np.broadcast_to(self._active, theta.shape)
+        diagonal = np.einsum('cii->ci', inside)
+        most = diagonal.max(axis=1, keepdims=True)
+        extra = damping[:, None] * diagonal + MIN_INFORMATION * most + 1e-12
+        step = np.zeros_like(theta)
+        for _ in range(3):  # again with what would leave the bounds at its bound
+            pair = free[:, :, None] & free[:, None, :]
+            matrix = np.where(pair, inside, 0.0) + np.eye(4) * np.where(free, extra, 1.0)[
+                :, None, :]
+            right = slope + np.einsum('cij,cj->ci', inside, np.where(free, 0.0, step))
+            solved = np.linalg.solve(matrix, np.where(free, right, 0.0)[..., None])[..., 0]
+            step = np.clip(theta + np.where(free, -solved, step), self._low,
+                           self._high) - theta
+            free = free & (theta - solved > self._low) & (theta - solved < self._high)
+        return np.asarray(step)
+
+
+class Dof:
+    """
+    One DOF that is tuned with.
+
+    Parameters
+    ----------
+    name : str
+        Of the DOF.
+    row : int
+        Of its force.
+    segments : list of Segment
+        Its motion.
+    blocks : Blocks
+        The same in blocks.
+    settings : DofSettings
+        With typical sizes from the data.
+    cutoff : float
+        Of the low-pass through which predictions are compared [Hz].
+
+    """
+
+    def __init__(self, name: str, row: int, segments: list[Segment], blocks: Blocks,
+                 settings: DofSettings, cutoff: float) -> None:
+        self.name, self.row, self.segments, self.blocks = name, row, segments, blocks
+        self.settings, self.cutoff = settings, cutoff
+        self.problem = OutputError(blocks, Scales.of(settings), cutoff)
+        self._begin: Array | None = None  # scaled parameters to begin with
+        self._models: dict[tuple[float, float], Models] = {}
+
+    def fit_commands(self, candidates: Sequence[CommandedForce],
+                     pair: tuple[float, float]) -> Models:
+        """Fit and score a model for each way in which commands become a force."""
+        force = [self.blocks.force(commanded, self.row, *pair) for commanded in candidates]
+        return self.problem.fit(np.stack(force, 1), None, self._begin_of(force[0]), 6)
+
+    def fit_terms(self, commanded: CommandedForce, pair: tuple[float, float],
+                  terms: tuple[str, ...]) -> Models:
+        """Fit and score a model with other terms."""
+        problem = OutputError(
+            self.blocks, Scales.of(replace(self.settings, terms=terms)), self.cutoff)
+        return problem.fit(self.blocks.force(commanded, self.row, *pair)[:, None], iterations=30)
+
+    def fit(self, commanded: CommandedForce, pairs: Sequence[tuple[float, float]],
+            measured: Array | None = None) -> Models:
+        """Fit and score a model for each pair of delay and lag."""
+        force = np.stack([self.blocks.force(commanded, self.row, *pair) for pair in pairs], 1)
+        if measured is not None:
+            force = np.broadcast_to(force, measured.shape)
+        return self.problem.fit(force, measured, self._begin_of(force[:, 0]), 6)
+
+    def _begin_of(self, force: Array) -> Array:
+        """Return the parameters that a fit begins with; they are found once."""
+        if self._begin is None:
+            self._begin = self.problem.fit(force[:, None], iterations=30).theta[0]
+        return self._begin
+
+    def model(self, commanded: CommandedForce, pair: tuple[float, float]) -> Models:
+        """Return the model for one pair of delay and lag; it is fitted once."""
+        if pair not in self._models:
+            self._models[pair] = self.fit(commanded, [pair])
+        return self._models[pair]
+
+
+def typical(blocks: Blocks, force: Array, settings: DofSettings) -> DofSettings:
+    """Return a DOF with the amplitudes of sinusoids as large as its force and velocity."""
+    rms = [math.sqrt(2.0 * float(np.mean(x[blocks.valid] ** 2)))
+           for x in (force, blocks.measured)]
+    return replace(settings, typical_force=rms[0], typical_velocity=rms[1])
+
+
+def dof_or_reason(log: TuningLog, settings: Settings, name: str,
+           commanded: CommandedForce) -> Dof | str:
+    """Return a DOF, or why nothing can be tuned with it."""
+    segments = log.segments(name)
+    time = sum(int(s.ends[-1]) - s.start for s in segments) * 1e-9
+    if time < MIN_TIME:
+        return f'{time:.0f} s of steps, takes {MIN_TIME:.0f} s'
+    parts = blocks(segments, fold_bounds(segments))
+    if parts is None:
+        return f'an eighth of the log without steps, takes steps in each of {FOLDS} parts'
+    row = settings.dofs.index(name)
+    thrusters = settings.thrusters
+    pair = (thrusters.delay, thrusters.time_constant)
+    force = parts.force(commanded, row, *pair)
+    if np.ptp(force[parts.valid]) <= 1e-9 * max(1.0, float(np.abs(force).max())):
+        return 'no thrust that changes'
+    if not np.ptp(parts.measured[parts.valid]):
+        return 'no motion'
+    dof = Dof(name, row, segments, parts, typical(parts, force, settings.dof[name]),
+              settings.cutoff)
+    error = float(dof.model(commanded, pair).scores.mean())
+    level = parts.measured - parts.by_fold(parts.measured).mean()
+    still = float(np.abs(np.where(parts.valid, level, 0.0)).sum() / parts.valid.sum())
+    if not error < (1.0 - MIN_GAIN) * still:
+        return 'a motion that its thrust does not explain'
+    return dof

@@ -402,7 +402,7 @@ def test_the_live_graph(tmp_path: Path, log: Path) -> None:
     thread = Thread(target=executor.spin, daemon=True)
     thread.start()
     try:
-        outcome = checked(tmp_path, {'position.topic': 'position'}, live=True, timeout=10.0,
+        outcome = checked(tmp_path, {'position.topic': 'position'}, live=True, timeout=5.0,
                           namespace='/rov1')
     finally:
         executor.shutdown()
@@ -411,7 +411,7 @@ def test_the_live_graph(tmp_path: Path, log: Path) -> None:
         context.try_shutdown()
     lines = {one.subject: str(one) for one in findings(outcome, ERROR)}
     assert lines.keys() == {'attitude', 'depth.topic', 'thrusters.topic', 'steps'}, outcome.text
-    assert 'no messages on /imu within 10 s, though there is a publisher' in lines['attitude']
+    assert 'no messages on /imu within 5 s, though there is a publisher' in lines['attitude']
     assert '/depth carries geometry_msgs/msg/PoseStamped, not' in lines['depth.topic']
     assert 'no publisher on /current; did you mean /currents' in lines['thrusters.topic']
     assert outcome.document['inputs']['position']['count'] > 10

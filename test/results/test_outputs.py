@@ -11,6 +11,7 @@ from rovid_core.identify.status import Judgement, STATUSES
 from rovid_core.model.dofs import Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
 from rovid_core.trials.score import Score
+from rovid_ros.results import outputs
 from rovid_ros.results.documents import summary
 from rovid_ros.results.outputs import LEVELS, OK, Output, Outputs, TOPICS, WARN
 
@@ -185,13 +186,13 @@ def test_summary_without_a_step_has_the_initial_values() -> None:
 
 def test_the_first_message_is_there_before_the_next_is_made(
         monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[str] = []
-    monkeypatch.setattr(Outputs, '_diagnostics', lambda *_: made.append('diagnostics') or {})
+    made: list[int] = []  # the parameters have no header, what comes after them has
+    monkeypatch.setattr(outputs, 'header', lambda time: made.append(time) or {})
     messages = Outputs(settings()).each(estimate(), TOPICS)
     assert next(messages).topic == 'rov/params'
     assert made == []
     assert [output.topic for output in messages] == list(TOPICS)[1:]
-    assert made == ['diagnostics']
+    assert made
 
 
 def test_a_status_that_is_kept_is_that_of_its_step() -> None:

@@ -8,9 +8,9 @@ from test.support.replay_kills import replay_kills
 
 
 def test_killed_replays(tmp_path: Path) -> None:
-    tally = replay_kills(tmp_path, 5, seed=3, duration=40.0)
+    tally = replay_kills(tmp_path, 3, seed=3, duration=40.0)
     assert tally.faults == []
-    assert tally.kills == 5
+    assert tally.kills == 3
     assert tally.states > 0
     assert tally.messages > 0
     assert tally.finished > 0
@@ -19,8 +19,8 @@ def test_killed_replays(tmp_path: Path) -> None:
 def test_killed_nodes(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     from test.support.live_kills import live_kills
-    tally = live_kills(tmp_path, 5, seed=2)
+    tally = live_kills(tmp_path, 3, seed=2)
     assert tally.faults == []
-    assert tally.kills == 5
+    assert tally.kills == 3
     assert tally.states > 0
     assert tally.messages > 0

@@ -106,11 +106,10 @@ class _Live:
     def end(self) -> Outcome:
         """Stop the node and return what it said."""
         told = len(self._health)
-        self._settle()
         self.peer.until(lambda: len(self._own(told)) > 1)  # the first may be older
         rejected = rejected_in(self._own(told)[-1])
         code = self.node.stop()
-        self._settle()
+        self.peer.spin(0.5)  # it waits until all has come, only this side may have to take it
         outcome = Outcome(rejected, _warnings(self.node.output))
         outcome.failed = '' if code == 0 and 'Traceback' not in self.node.output else (
             f'exit code {code}: {self.node.output[-300:]}')

@@ -14,8 +14,7 @@ from rovid_core.model.trajectory import integral, trajectory
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Scales
 from rovid_core.simulation.sensors import simulate
-from rovid_core.trials.least_squares import with_acceleration
-from rovid_core.trials.offline import METHODS, subsets
+from rovid_core.trials.offline import METHODS, subsets, with_acceleration
 from rovid_core.trials.output_error import information, noise, output_error
 from rovid_core.trials.score import ScoreLog
 

@@ -9,8 +9,7 @@ from statistics import median
 import numpy as np
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.settings.run import Scales
-from rovid_core.trials.least_squares import with_acceleration
-from rovid_core.trials.offline import adaptive_identifier
+from rovid_core.trials.offline import adaptive_identifier, with_acceleration
 from rovid_core.trials.output_error import information, noise, output_error
 from rovid_core.trials.record import Record
 

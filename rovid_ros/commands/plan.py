@@ -48,7 +48,7 @@ from rovid_ros.commands.running import (
     warn,
 )
 from rovid_ros.files.whole_files import write_json, write_text
-from rovid_ros.results.documents import Identified, read_estimates
+from rovid_ros.results.documents import Identified, json_number, read_estimates
 from rovid_ros.results.text import number, table, unit
 
 DESCRIPTION = (
@@ -393,7 +393,7 @@ def document(proposal: Proposal) -> dict[str, Any]:
             'model': proposal.sources[dof],
             'profile': profile_text({dof: plan.planned.waveforms}),
             'limits': {'force': limits.force, 'speed': limits.speed,
-                       'room': limits.room if math.isfinite(limits.room) else None},
+                       'room': json_number(limits.room)},
             'planned': _prospect_document(plan, plan.planned),
             'naive': {'profile': profile_text({dof: plan.naive.waveforms}),
                       **_prospect_document(plan, plan.naive)}}
@@ -411,8 +411,7 @@ def _prospect_document(plan: Plan, prospect: Prospect) -> dict[str, Any]:
         'speed': {'model': float(prospect.speed[0]), 'worst': float(prospect.speed.max())},
         'room': {'model': float(prospect.room[0]), 'worst': float(prospect.room.max())},
         'uncertainty': {name: float(prospect.uncertainty(i < 4)[0, i % 4]) for i, name in names},
-        'worst_relative': {name: value if math.isfinite(value) else None
-                           for name, value in worst.items()}}
+        'worst_relative': {name: json_number(value) for name, value in worst.items()}}
 
 
 def profile_csv(proposal: Proposal, settings: Settings) -> str:

@@ -36,7 +36,8 @@ from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.output_error import information
 from rovid_ros import __version__
-from rovid_ros.comparison.trials import best_of, finite, Model, Number, Trial
+from rovid_ros.comparison.trials import best_of, Model, Trial
+from rovid_ros.results.documents import json_number, json_numbers
 from rovid_ros.results.text import number, percent, unit
 
 MAX_POINTS = 3000
@@ -91,7 +92,7 @@ def sentence(best: Model, trials: Sequence[Trial]) -> str:
         f'{percent(score.fit)}).')
 
 
-def _verdict(relative: Mapping[str, Number]) -> str:
+def _verdict(relative: Mapping[str, float | None]) -> str:
     """Return in words which parameters a log determines and what would help."""
     known = [name for name, x in relative.items() if x is not None and x <= DETERMINED]
     vague = [name for name, x in relative.items() if x is None or x > VAGUE]
@@ -144,8 +145,8 @@ def _values(model: Model, names: tuple[str, ...], values: Four) -> Data:
     reports = {}
     for name, value in zip(names, values):
         low, high = found.get(name, (math.nan, math.nan))
-        reports[name] = {'value': finite(value), 'low': finite(low), 'high': finite(high),
-                         'unit': unit(model.dof, name)}
+        reports[name] = {'unit': unit(model.dof, name), **json_numbers(
+            ('value', 'low', 'high'), (value, low, high))}
     return reports
 
 
@@ -189,21 +190,21 @@ def _adaptation(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
         'velocity': _picked(history.velocities, kept), 'dv': _picked(dv, kept),
         **{name: _picked([p[i] for p in history.parameters], kept)
            for i, name in enumerate(PARAMETERS)},
-        'W': [finite(energy(dv[k], history.theta_hats[k], reference)) for k in kept],
-        'reference': dict(zip(PARAMETERS, map(finite, reference)))}
+        'W': [json_number(energy(dv[k], history.theta_hats[k], reference)) for k in kept],
+        'reference': json_numbers(PARAMETERS, reference)}
 
 
 def _excitation(dof: str, trial: Trial, best: Model, settings: Settings) -> Data:
     times, velocities, forces = trial.scores.series(dof)
     records = trial.scores.records(dof)
-    relative: dict[str, Number] = dict.fromkeys(best.terms)
+    relative: dict[str, float | None] = dict.fromkeys(best.terms)
     condition = None
     if records and all(map(math.isfinite, best.fit.parameters)):
         bound = information(records, Scales.of(settings.dof[dof]), best.fit.parameters)
-        condition = finite(bound.condition) if bound else None
+        condition = json_number(bound.condition) if bound else None
         for i, name in enumerate(PARAMETERS):
             if bound and name in relative and best.fit.parameters[i]:
-                relative[name] = finite(
+                relative[name] = json_number(
                     math.sqrt(bound.covariance[i, i]) / abs(best.fit.parameters[i]))
     return {
         'force_histogram': _histogram(forces), 'velocity_histogram': _histogram(velocities),
@@ -240,7 +241,7 @@ def _thinned(count: int) -> range:
 
 
 def _picked(values: Sequence[float], kept: Sequence[int]) -> Column:
-    return [finite(values[k]) for k in kept]
+    return [json_number(values[k]) for k in kept]
 
 
 def _seconds(times: Sequence[int]) -> list[float]:

@@ -26,7 +26,7 @@ from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.player import PipelinePlayer
-from rovid_ros.results.documents import Result
+from rovid_ros.results.documents import json_numbers, Result
 
 PAPER = 'aid'
 """The paper's method, of which the report draws the figures."""
@@ -42,9 +42,6 @@ WORTH = 0.01
 
 DELAY_SIGNIFICANCE = 3.0
 """Standard deviations from 0 above which an identified delay of the thrust is noted."""
-
-Number = float | None
-"""None is what JSON has for a value that is not known."""
 
 Given = TypeVar('Given')
 Made = TypeVar('Made')
@@ -249,10 +246,10 @@ class Model:
         """Return the model's part of the JSON."""
         parameters = self.fit.parameters
         return {
-            **_named(PARAMETERS, parameters), **_named(PHYSICAL, physical(parameters)),
-            'std': None if self.fit.covariance is None else _named(PARAMETERS, self.fit.std),
+            **json_numbers(PARAMETERS, parameters), **json_numbers(PHYSICAL, physical(parameters)),
+            'std': None if self.fit.covariance is None else json_numbers(PARAMETERS, self.fit.std),
             'terms': list(self.terms), 'note': self.fit.note,
-            'scores': {log: {'mae': finite(score.mae), 'fit': finite(score.fit)}
+            'scores': {log: json_numbers(('mae', 'fit'), (score.mae, score.fit))
                        for log, score in self.scores.items()}}
 
 
@@ -365,12 +362,3 @@ def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model
     good = [model for model in own if error(model) <= AS_GOOD * least]
     return min(good or own, key=lambda model: (
         model.fit.covariance is None, model.method != REFERENCE, error(model)))
-
-
-def finite(value: float) -> Number:
-    """Return a number for JSON, which knows no NaN and no infinity."""
-    return value if math.isfinite(value) else None
-
-
-def _named(names: tuple[str, ...], values: Four) -> dict[str, Number]:
-    return {name: finite(value) for name, value in zip(names, values)}

@@ -107,14 +107,14 @@ def summary(settings: Settings, estimate: Estimate | None,
         score = (scores or {}).get(dof.dof)
         known = any(math.isfinite(x) for x in dof.std)
         result[dof.dof] = {
-            **_named(PARAMETERS, dof.parameters),
-            'std': _named(PARAMETERS, dof.std) if known else None,
-            **_named(PHYSICAL, physical(dof.parameters)),
+            **json_numbers(PARAMETERS, dof.parameters),
+            'std': json_numbers(PARAMETERS, dof.std) if known else None,
+            **json_numbers(PHYSICAL, physical(dof.parameters)),
             'intervals': _intervals(dof.intervals),
-            'delay_s': {'value': dof.delay, 'std': _finite(dof.delay_std)}
+            'delay_s': {'value': dof.delay, 'std': json_number(dof.delay_std)}
             if math.isfinite(dof.delay) else None,
-            'mae': _finite(score.mae if score else math.nan),
-            'fit': _finite(score.fit if score else math.nan),
+            'mae': json_number(score.mae if score else math.nan),
+            'fit': json_number(score.fit if score else math.nan),
             'steps': dof.steps,
             'status': dof.status,
             'reasons': list(dof.reasons),
@@ -125,15 +125,17 @@ def summary(settings: Settings, estimate: Estimate | None,
 
 def _intervals(found: Mapping[str, Interval]) -> dict[str, list[float | None] | None] | None:
     """Return all eight by name, None for a left-out term; None for all without covariance."""
-    return {name: [_finite(x) for x in found[name]] if name in found else None
+    return {name: [json_number(x) for x in found[name]] if name in found else None
             for name in (*PARAMETERS, *PHYSICAL)} if found else None
 
 
-def _named(names: tuple[str, ...], values: Four) -> dict[str, float | None]:
-    return {name: _finite(value) for name, value in zip(names, values)}
+def json_numbers(names: Sequence[str], values: Sequence[float]) -> dict[str, float | None]:
+    """Return numbers by name for JSON."""
+    return {name: json_number(value) for name, value in zip(names, values)}
 
 
-def _finite(value: float) -> float | None:
+def json_number(value: float) -> float | None:
+    """Return a number for JSON, which knows no NaN and no infinity."""
     return value if math.isfinite(value) else None
 
 

@@ -17,17 +17,15 @@ from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.simulation.profiles import Profile, Steps, Waveform
 from rovid_core.simulation.vehicle import ThrusterCommands
-from rovid_core.trials.planning import fleet
-from rovid_core.trials.planning.plan import Plan, plan as find_plan, STEP
-from rovid_core.trials.planning.prospect import (
+from rovid_core.trials.planning.information import (
     Limits,
-    PlanError,
-    Prospect,
-    samples,
+    paths,
+    reach,
     Sensor,
-    times,
     Vehicles,
 )
+from rovid_core.trials.planning.plan import Plan, plan as find_plan, PlanError, Prospect, STEP
+from rovid_core.trials.planning.shapes import samples, times
 from rovid_ros.commands.arguments import (
     add_json,
     add_params_file,
@@ -256,7 +254,7 @@ def _turning_warnings(plans: Mapping[str, Plan]) -> list[str]:
     for dof in (*level, 'yaw'):
         own = plans[dof]
         force = samples(own.planned.waveforms, times(own.limits.duration, STEP))[:, None]
-        path[dof] = fleet.paths(own.vehicles.parameters, force, STEP)[:, 0]
+        path[dof] = paths(own.vehicles.parameters, force, STEP)[:, 0]
     ahead = [np.diff(path[dof], axis=0) if dof in path else 0.0 for dof in ('surge', 'sway')]
     moves = (ahead[0] + 1j * ahead[1]) * np.exp(1j * path['yaw'][1:])
     furthest = float(np.abs(np.cumsum(moves, axis=0)).max())
@@ -355,7 +353,7 @@ def _remarks(dof: str, plan: Plan) -> Iterator[str]:
         extra = 0.01 * limits.force
         t = times(limits.duration, STEP)
         force = samples(plan.planned.waveforms, t)[:, None] + np.array([-extra, extra])
-        room = float(fleet.reach(plan.vehicles.parameters[:, :1], force, STEP)[1].max())
+        room = float(reach(plan.vehicles.parameters[:, :1], force, STEP)[1].max())
         if room > limits.room:
             yield (f'  watch it: a bias of {number(extra)} {unit(dof, "bias")} that the model '
                    f'does not know would take it {number(room)} '

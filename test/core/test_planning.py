@@ -11,17 +11,16 @@ from rovid_core.settings.run import Scales
 from rovid_core.simulation.profiles import Multisine, Sinusoid, Steps, Waveform
 from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.output_error import output_error, Residuals
-from rovid_core.trials.planning import fleet
-from rovid_core.trials.planning.plan import Plan, plan
-from rovid_core.trials.planning.prospect import (
+from rovid_core.trials.planning.information import (
     bounds,
     Limits,
-    PlanError,
-    samples,
+    paths,
+    reach,
     Sensor,
-    times,
     Vehicles,
 )
+from rovid_core.trials.planning.plan import Plan, plan, PlanError
+from rovid_core.trials.planning.shapes import samples, times
 from rovid_core.trials.record import Record
 
 from test.support.surge import surge_settings, SURGE_TRUTH
@@ -50,14 +49,14 @@ def test_the_fleet_moves_as_a_trajectory_says() -> None:
     t = times(60.0, 0.1)
     force = np.stack([100.0 * np.sin(0.3 * t), np.full(len(t), 40.0)], axis=1)
     vehicles = Vehicles.around(SURGE_TRUTH, ALL, 2.0).parameters
-    speed, room = fleet.reach(vehicles, force, 0.1)
+    speed, room = reach(vehicles, force, 0.1)
     for p in range(2):
         for v in range(9):
             velocity = midpoint_trajectory(vehicles[:, v], 0.0, np.full(600, 0.1), force[:, p])
             x = integral(velocity, np.full(600, 0.1))
             assert speed[p, v] == pytest.approx(np.abs(velocity).max(), rel=1e-9)
             assert room[p, v] == pytest.approx(np.abs(x).max(), rel=1e-9)
-            assert fleet.paths(vehicles, force, 0.1)[:, p, v] == pytest.approx(x[1:])
+            assert paths(vehicles, force, 0.1)[:, p, v] == pytest.approx(x[1:])
 
 
 def test_the_bound_is_that_of_the_residuals() -> None:

@@ -12,6 +12,7 @@ which is the largest that keeps all the vehicles within the limits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 
@@ -19,17 +20,12 @@ import numpy as np
 from rovid_core.identify.intervals import Z95
 from rovid_core.model.trajectory import Array
 from rovid_core.simulation.profiles import Sinusoid, Steps, Waveform
-from rovid_core.trials.planning import fleet
-from rovid_core.trials.planning.prospect import (
+from rovid_core.trials.planning.information import (
     bounds,
     disturbance,
     Limits,
-    PlanError,
-    Prospect,
-    prospect,
-    samples,
+    reach,
     Sensor,
-    times,
     Vehicles,
 )
 from rovid_core.trials.planning.shapes import (
@@ -37,21 +33,23 @@ from rovid_core.trials.planning.shapes import (
     FREQUENCIES,
     near_shapes,
     rounded,
+    samples,
     Shape,
+    times,
 )
 
-SEARCHED = 300.0
+SEARCH_DURATION = 300.0
 """[s] A longer trial is searched for as if it were this long; it then tells more of the same."""
 
 STEP = 0.1
-"""[s] Of the integration; longer in the search, for all of which there are MOST_STEPS."""
+"""[s] Of the integration; longer in the search, for all of which there are MAX_STEPS."""
 
-MOST_STEPS = 1000
+MAX_STEPS = 1000
 
 FINER = (1.3, 1.15, 1.06)
 """By how much the search changes a shape, round by round."""
 
-DISTURBANCE, LASTING = 0.01, 1.0
+DISTURBANCE, DISTURBANCE_TIME = 0.01, 1.0
 """
 Forces that no model knows: of the largest thrust, and for how long [s]. They are added in the
 choice of a shape. By the bare bound a few newtons would do, held for minutes: it takes every
@@ -63,6 +61,41 @@ MARGIN = 0.98
 
 NAIVE = 0.25
 """[Hz] Of the sinusoid to compare with, which is that of eq. 13 of the paper."""
+
+
+class PlanError(ValueError):
+    """What can not be planned; the text says which limit is at fault."""
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """
+    What a profile would cost and give.
+
+    Attributes
+    ----------
+    waveforms : tuple of Waveform
+        The profile.
+    force : float
+        Its largest thrust [N or N m].
+    speed, room : ndarray, shape (v,)
+        How fast [m/s or rad/s] and how far from the start [m or rad] each vehicle gets.
+    lumped, physical : ndarray, shape (v, 4, 4)
+        Cramer-Rao bound of the parameters of each vehicle; 0 for terms that are left out.
+
+    """
+
+    waveforms: tuple[Waveform, ...]
+    force: float
+    speed: Array
+    room: Array
+    lumped: Array
+    physical: Array
+
+    def uncertainty(self, physical: bool) -> Array:
+        """Return half the width of the 95 % intervals, shape (v, 4)."""
+        covariance = self.physical if physical else self.lumped
+        return np.asarray(Z95 * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
 
 
 @dataclass(frozen=True)
@@ -117,7 +150,7 @@ def plan(vehicles: Vehicles, sensor: Sensor, limits: Limits) -> Plan:
     if not abs(offset) < 0.9 * limits.force:
         raise PlanError(f'max_force: {limits.force:g} leaves nothing beside the bias of '
                         f'{offset:g}, which it has to cancel')
-    shape, size = _searched(vehicles.few(), sensor, limits, offset)
+    shape, size = _searched(vehicles.hardest(), sensor, limits, offset)
     planned = _sized(shape, size, offset, vehicles, sensor, limits)
     peak = rounded(planned.force - abs(offset), 3)
     naive = prospect((Sinusoid(peak, NAIVE), *_constant(offset)), vehicles, sensor,
@@ -136,8 +169,8 @@ def plan(vehicles: Vehicles, sensor: Sensor, limits: Limits) -> Plan:
 def _searched(vehicles: Vehicles, sensor: Sensor, limits: Limits,
               offset: float) -> tuple[Shape, float]:
     """Return the best shape and its size [N or N m]."""
-    limits = replace(limits, duration=min(limits.duration, SEARCHED))
-    dt = max(STEP, limits.duration / MOST_STEPS)
+    limits = replace(limits, duration=min(limits.duration, SEARCH_DURATION))
+    dt = max(STEP, limits.duration / MAX_STEPS)
     t = times(limits.duration, dt)
     scales = vehicles.scales(limits)
     low = max(FREQUENCIES[0], 1.0 / limits.duration)
@@ -168,7 +201,7 @@ def _searched(vehicles: Vehicles, sensor: Sensor, limits: Limits,
 
 
 def _density(limits: Limits) -> float:
-    return 2.0 * LASTING * (DISTURBANCE * limits.force) ** 2
+    return 2.0 * DISTURBANCE_TIME * (DISTURBANCE * limits.force) ** 2
 
 
 def _largest(vehicles: Vehicles, limits: Limits, force: Array, offset: float,
@@ -184,7 +217,7 @@ def _largest(vehicles: Vehicles, limits: Limits, force: Array, offset: float,
 
 
 def _excess(vehicles: Vehicles, limits: Limits, force: Array, dt: float) -> Array:
-    speed, room = fleet.reach(vehicles.parameters, force, dt)
+    speed, room = reach(vehicles.parameters, force, dt)
     most = np.maximum(speed / limits.speed, room / limits.room).max(axis=1)
     return np.asarray(most / MARGIN)
 
@@ -218,3 +251,13 @@ def _scaled(shape: Shape, factor: float, offset: float) -> Shape:
 
 def _constant(force: float) -> Shape:
     return (Steps((force, force), 60.0),) if force else ()
+
+
+def prospect(waveforms: Sequence[Waveform], vehicles: Vehicles, sensor: Sensor,
+             duration: float, dt: float) -> Prospect:
+    """Return what a profile would cost and give."""
+    force = samples(waveforms, times(duration, dt))[:, None]
+    speed, room = reach(vehicles.parameters, force, dt)
+    lumped_bound, physical_bound = bounds(vehicles, sensor, force, dt)
+    return Prospect(tuple(waveforms), float(np.abs(force).max()), speed[0], room[0],
+                    lumped_bound[0], physical_bound[0])

@@ -1,4 +1,4 @@
-"""The shapes that a profile can have, and the ones near to a shape."""
+"""The shapes that a profile can have, the ones near to a shape, and their thrust over time."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from itertools import product
 import math
 
+import numpy as np
+from rovid_core.model.trajectory import Array
 from rovid_core.simulation.profiles import Sinusoid, Steps, Waveform
 
 Shape = tuple[Waveform, ...]
@@ -79,3 +81,22 @@ def rounded(value: float, digits: int) -> float:
         return 0.0
     unit = 10.0 ** (digits - 1 - math.floor(math.log10(abs(value))))
     return float(f'{math.trunc(value * unit * (1.0 + 1e-12)) / unit:.{digits}g}')
+
+
+def samples(waveforms: Sequence[Waveform], t: Array) -> Array:
+    """Return the thrust of waveforms at many times at once [N or N m]."""
+    total = np.zeros(len(t))
+    for w in waveforms:
+        if isinstance(w, Sinusoid):
+            total += w.amplitude * np.sin(2.0 * math.pi * w.frequency * t)
+        elif isinstance(w, Steps):
+            which = np.floor(t / w.hold + 1e-9).astype(int) % len(w.levels)
+            total += np.array(w.levels)[which]
+        else:
+            total += [w.at(x) for x in t.tolist()]
+    return total
+
+
+def times(duration: float, dt: float) -> Array:
+    """Return the middles of the steps of a trial [s]."""
+    return np.asarray((np.arange(max(round(duration / dt), 1)) + 0.5) * dt, dtype=np.float64)

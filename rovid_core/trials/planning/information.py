@@ -1,20 +1,21 @@
-"""What a thrust profile would cost, and what it would tell: the Cramer-Rao bound."""
+"""
+How far and how fast vehicles move under thrust profiles, and what that tells of them.
+
+All vehicles are stepped side by side under all profiles: a search needs thousands of short
+trials, not a long one. What a trial can tell of the parameters is the Cramer-Rao bound.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import product
-import math
+from itertools import islice, product
 
 import numpy as np
-from rovid_core.identify.intervals import Z95
 from rovid_core.model.dofs import Four
 from rovid_core.model.plant import lumped, physical
-from rovid_core.model.trajectory import Array
+from rovid_core.model.trajectory import Array, midpoint_steps
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_core.simulation.profiles import Sinusoid, Steps, Waveform
-from rovid_core.trials.planning import fleet
 
 SHARE = 0.05
 """
@@ -22,9 +23,8 @@ A term that takes less than this share of the thrust at top speed is as good as 
 is known to that share: a drag of 0 can not be known to any percentage.
 """
 
-
-class PlanError(ValueError):
-    """What can not be planned; the text says which limit is at fault."""
+CHUNK = 32
+"""Measurements that are squared together, which is quicker than one by one."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Vehicles:
                                 for m, q, d in corners)]
         return Vehicles(np.array(all_of_them).T, active)
 
-    def few(self) -> Vehicles:
+    def hardest(self) -> Vehicles:
         """Return the model and those that ask most of a profile, for a quick search."""
         # one drag low, the other high, of heavy and light vehicles; and the fastest
         return Vehicles(self.parameters[:, [0, 2, 3, 6, 8][:self.parameters.shape[1]]],
@@ -118,54 +118,38 @@ class Vehicles:
         return np.asarray(np.maximum(values, least))
 
 
-@dataclass(frozen=True)
-class Prospect:
+def reach(parameters: Array, force: Array, dt: float) -> tuple[Array, Array]:
     """
-    What a profile would cost and give.
+    Return how fast and how far vehicles get, from rest.
 
-    Attributes
+    Parameters
     ----------
-    waveforms : tuple of Waveform
-        The profile.
-    force : float
-        Its largest thrust [N or N m].
-    speed, room : ndarray, shape (v,)
-        How fast [m/s or rad/s] and how far from the start [m or rad] each vehicle gets.
-    lumped, physical : ndarray, shape (v, 4, 4)
-        Cramer-Rao bound of the parameters of each vehicle; 0 for terms that are left out.
+    parameters : ndarray, shape (4, v)
+        alpha, beta, gamma, delta with beta, gamma <= 0, of each vehicle.
+    force : ndarray, shape (n, p)
+        Mean force of each profile over each step [N or N m].
+    dt : float
+        Length of the steps [s].
+
+    Returns
+    -------
+    speed, room : ndarray, shape (p, v)
+        Largest ``|v|`` [m/s or rad/s] and ``|x - x0|`` [m or rad].
 
     """
-
-    waveforms: tuple[Waveform, ...]
-    force: float
-    speed: Array
-    room: Array
-    lumped: Array
-    physical: Array
-
-    def uncertainty(self, physical: bool) -> Array:
-        """Return half the width of the 95 % intervals, shape (v, 4)."""
-        covariance = self.physical if physical else self.lumped
-        return np.asarray(Z95 * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)))
+    shape = force.shape[1], parameters.shape[1]
+    speed, room, path = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    for _, v, mean, _ in _steps(parameters, force, dt):
+        path += dt * mean
+        np.maximum(speed, np.abs(v), out=speed)
+        np.maximum(room, np.abs(path), out=room)
+    return speed, room
 
 
-def samples(waveforms: Sequence[Waveform], t: Array) -> Array:
-    """Return the thrust of waveforms at many times at once [N or N m]."""
-    total = np.zeros(len(t))
-    for w in waveforms:
-        if isinstance(w, Sinusoid):
-            total += w.amplitude * np.sin(2.0 * math.pi * w.frequency * t)
-        elif isinstance(w, Steps):
-            which = np.floor(t / w.hold + 1e-9).astype(int) % len(w.levels)
-            total += np.array(w.levels)[which]
-        else:
-            total += [w.at(x) for x in t.tolist()]
-    return total
-
-
-def times(duration: float, dt: float) -> Array:
-    """Return the middles of the steps of a trial [s]."""
-    return np.asarray((np.arange(max(round(duration / dt), 1)) + 0.5) * dt, dtype=np.float64)
+def paths(parameters: Array, force: Array, dt: float) -> Array:
+    """Return the position of each vehicle after each step, shape (n, p, v) [m or rad]."""
+    steps = [dt * mean for _, _, mean, _ in _steps(parameters, force, dt)]
+    return np.asarray(np.cumsum(steps, axis=0))
 
 
 def bounds(vehicles: Vehicles, sensor: Sensor, force: Array,
@@ -188,7 +172,7 @@ def bounds(vehicles: Vehicles, sensor: Sensor, force: Array,
         0 for terms that are left out. Velocity and position at the start are unknown too.
 
     """
-    raw = fleet.information(vehicles.parameters, force, dt, sensor.of_velocity)
+    raw = information(vehicles.parameters, force, dt, sensor.of_velocity)
     raw *= dt * sensor.rate / sensor.noise**2
     covariance = _inverse(raw, vehicles)
     # mass = 1 / alpha, the others = -theta / alpha
@@ -217,7 +201,7 @@ def disturbance(vehicles: Vehicles, force: Array, dt: float, density: float) -> 
     covariance : ndarray, shape (p, v, 4, 4)
 
     """
-    raw = fleet.regression(vehicles.parameters, force, dt)
+    raw = regression(vehicles.parameters, force, dt)
     return density * _inverse(raw, vehicles)
 
 
@@ -237,11 +221,90 @@ def _inverse(raw: Array, vehicles: Vehicles) -> Array:
     return covariance
 
 
-def prospect(waveforms: Sequence[Waveform], vehicles: Vehicles, sensor: Sensor,
-             duration: float, dt: float) -> Prospect:
-    """Return what a profile would cost and give."""
-    force = samples(waveforms, times(duration, dt))[:, None]
-    speed, room = fleet.reach(vehicles.parameters, force, dt)
-    lumped_bound, physical_bound = bounds(vehicles, sensor, force, dt)
-    return Prospect(tuple(waveforms), float(np.abs(force).max()), speed[0], room[0],
-                    lumped_bound[0], physical_bound[0])
+def information(parameters: Array, force: Array, dt: float, of_velocity: bool) -> Array:
+    """
+    Return the Fisher information for measurements after each step with unit white noise.
+
+    Parameters
+    ----------
+    parameters, force, dt
+        As in ``reach``.
+    of_velocity : bool
+        Whether the velocity is measured, not the position.
+
+    Returns
+    -------
+    information : ndarray, shape (p, v, 6, 6) or (p, v, 5, 5)
+        Of alpha, beta, gamma, delta, the velocity and, if measured, the position at the start.
+
+    """
+    return _sum_of_squares(_slopes(parameters, force, dt, of_velocity))
+
+
+def regression(parameters: Array, force: Array, dt: float) -> Array:
+    """
+    Return the information of exact measurements where white noise is on the force.
+
+    Parameters
+    ----------
+    parameters, force, dt
+        As in ``reach``.
+
+    Returns
+    -------
+    information : ndarray, shape (p, v, 4, 4)
+        Of the physical parameters, for noise with a density of 1 [N^2 s or N^2 m^2 s]: the
+        integral of the squared regressors of m v' + d_Q v|v| + d_L v + b = tau.
+
+    """
+    before = np.zeros((force.shape[1], parameters.shape[1]))
+
+    def regressors() -> Iterator[Array]:
+        nonlocal before
+        for _, v, mean, size in _steps(parameters, force, dt):
+            yield np.stack([(v - before) / dt, mean * size, mean, np.ones(v.shape)], -1)
+            before = v
+
+    return dt * _sum_of_squares(regressors())
+
+
+def _slopes(parameters: Array, force: Array, dt: float, of_velocity: bool) -> Iterator[Array]:
+    """
+    Yield the derivatives of the velocity or of the position after each step.
+
+    Their last axis is the parameters, the velocity and the position at the start.
+    """
+    _, beta, gamma, _ = parameters
+    shape = force.shape[1], parameters.shape[1]
+    of_speed, of_path = np.zeros((*shape, 5)), np.zeros((*shape, 6))
+    of_speed[..., 4] = of_path[..., 5] = 1.0
+    right = np.zeros((*shape, 5))
+    right[..., 3] = dt
+    for f, _, mean, size in _steps(parameters, force, dt):
+        half = 0.5 * dt * (2.0 * beta * size + gamma)
+        right[..., 0] = dt * f
+        right[..., 1] = dt * mean * size
+        right[..., 2] = dt * mean
+        after = (of_speed * (1.0 + half)[..., None] + right) / (1.0 - half)[..., None]
+        of_path[..., :5] += 0.5 * dt * (of_speed + after)
+        of_speed = after
+        yield of_speed if of_velocity else of_path.copy()
+
+
+def _sum_of_squares(rows: Iterator[Array]) -> Array:
+    """Return the sum of the outer products of rows, shape (..., n, n) of rows (..., n)."""
+    total: Array | float = 0.0
+    while chunk := list(islice(rows, CHUNK)):
+        block = np.stack(chunk, axis=-1)
+        total = total + block @ block.swapaxes(-1, -2)
+    return np.asarray(total)
+
+
+def _steps(parameters: Array, force: Array,
+           dt: float) -> Iterator[tuple[Array, Array, Array, Array]]:
+    """Yield the force, shape (p, 1), v at the end, the mean v and its size."""
+    columns = force[:, :, None]
+    start = np.zeros((force.shape[1], parameters.shape[1]))
+    steps = midpoint_steps(parameters, start, np.full(len(force), dt), columns)
+    for f, (mean, v) in zip(columns, steps):
+        yield f, v, mean, np.abs(mean)

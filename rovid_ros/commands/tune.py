@@ -29,11 +29,13 @@ from rovid_ros.config.parameter_file import edited
 from rovid_ros.files.whole_files import write_json, write_text
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.messages.converter import Converter
+from rovid_ros.results.documents import json_number, json_numbers
 from rovid_ros.results.text import NONE, number, table, unit
 
 DESCRIPTION = (
     'Tries them on blocks of the log that the model was not identified from, and writes a '
-    'parameter file with what clearly predicts better; the rest of the file stays as it is.')
+    'parameter file with what clearly predicts better and without terms that add nothing; the '
+    'rest of the file stays as it is.')
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -173,19 +175,15 @@ def _gain(gain: float, spread: float) -> str:
 def tuned_document(tuned: Tuned) -> dict[str, Any]:
     """Return what ``--json`` writes."""
     keys: dict[str, Any] = {
-        key: {'before': change.before, 'after': change.after, 'low': _finite(change.low),
-              'high': _finite(change.high), 'gain': stage.gain, 'spread': stage.spread}
+        key: {'before': change.before, 'after': change.after, 'low': json_number(change.low),
+              'high': json_number(change.high), 'gain': stage.gain, 'spread': stage.spread}
         for stage in tuned.stages for key, change in stage.keys.items()}
     for terms in tuned.terms:
         keys[terms.key] = {'before': terms.before, 'after': terms.after,
                            'gain': terms.gain, 'spread': terms.spread}
     return {
         'keys': keys,
-        'dofs': {dof: {'output_error': {'before': _finite(before), 'after': _finite(after)}}
-                 for dof, (before, after) in tuned.errors.items()},
+        'dofs': {dof: {'output_error': json_numbers(('before', 'after'), errors)}
+                 for dof, errors in tuned.errors.items()},
         'left_out': dict(tuned.left_out),
         'notes': [stage.note for stage in tuned.stages if stage.note]}
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

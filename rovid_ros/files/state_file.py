@@ -7,12 +7,12 @@ import hashlib
 import json
 import os
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings
+from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.keys import KEYS
-from rovid_ros.files.whole_files import write_json
+from rovid_ros.files.whole_files import claim, prepare, write_json
 
 VERSION = 2
 
@@ -107,6 +107,89 @@ def restore(path: Path, stream: Stream) -> dict[str, Any]:
     if stream.adapting and not enabled:
         stream.enable(False)
     return state
+
+
+class Log(Protocol):
+    """The log of a node, as far as it is needed here."""
+
+    def info(self, message: str) -> object:
+        """Log that something happened."""
+
+    def warning(self, message: str) -> object:
+        """Log what somebody should look at."""
+
+    def error(self, message: str) -> object:
+        """Log what went wrong."""
+
+
+class Checkpoint:
+    """
+    The node's saved state, in the file of ``checkpoint.path``.
+
+    A file that does not fit, such as another vehicle's, is kept under another name.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of the run.
+    stream : Stream
+        Whose state it is.
+    log : Log
+        Gets a line for what happens to the file.
+
+    Raises
+    ------
+    SettingsError
+        If the file could not be written, or is the record of the node.
+
+    """
+
+    def __init__(self, settings: Settings, stream: Stream, log: Log) -> None:
+        self.path = Path(settings.checkpoint_path)
+        self._settings = settings
+        self._stream = stream
+        self._log = log
+        self._does_not_fit = False
+        if settings.checkpoint_path:
+            prepare('checkpoint.path', self.path)
+        if is_record(settings):
+            raise SettingsError('checkpoint.path', 'is record.path, takes another file')
+
+    def restore(self) -> dict[str, Any] | None:
+        """Go on from the file where there is one that fits; return its state."""
+        if not self._settings.checkpoint_path or not self.path.exists():
+            return None
+        try:
+            state = restore(self.path, self._stream)
+        except ValueError as error:
+            self._does_not_fit = True
+            self._log.error(
+                f'checkpoint.path: not restored, starting from the initial values: {error}')
+            return None
+        frozen = '' if self._stream.adapting else ', frozen'
+        self._log.info(f'going on from {self.path}{frozen}')
+        return state
+
+    def save(self) -> str:
+        """Write the file; return why not, or ''."""
+        if not self._settings.checkpoint_path:
+            return 'checkpoint.path is not set'
+        try:
+            state = self._stream.state()
+            if self._does_not_fit:
+                self._set_aside()
+            save(self.path, self._settings, state)
+        except (OSError, ValueError) as error:
+            self._log.error(f'checkpoint: {error}')
+            return str(error)
+        return ''
+
+    def _set_aside(self) -> None:
+        if self.path.exists():
+            kept = claim(self.path)
+            self.path.replace(kept)
+            self._log.warning(f'checkpoint: {self.path} was not restored; kept as {kept}')
+        self._does_not_fit = False
 
 
 def _digest(made_with: object, state: object) -> str:

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
+from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
@@ -13,7 +14,7 @@ from rovid_core.settings.run import (
     Settings,
     ThrusterSettings,
 )
-from rovid_ros.files.state_file import load, save, StateError
+from rovid_ros.files.state_file import Checkpoint, load, save, StateError
 
 STATE = {'a': [0.1 + 0.2, 5e-324], 'b': {'c': 'text'}}
 
@@ -99,3 +100,57 @@ def test_another_file_is_refused(content: str, tmp_path: Path) -> None:
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StateError):
         load(tmp_path / 'none.json', settings())
+
+
+class Lines:
+    """A log that keeps its lines."""
+
+    def __init__(self) -> None:
+        self.text = ''
+
+    def error(self, message: str) -> None:
+        self.text += f'{message}\n'
+
+    info = warning = error
+
+
+def checkpoint(path: Path, **changes: object) -> tuple[Checkpoint, Lines]:
+    """Return what keeps the state of a new stream in a file, and its log."""
+    run, lines = settings(checkpoint_path=str(path), **changes), Lines()
+    return Checkpoint(run, Stream(run), lines), lines
+
+
+def test_a_damaged_checkpoint_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    path.write_text('{"rovid')
+    (tmp_path / 'checkpoint-1.json').write_text('of before')
+    kept, lines = checkpoint(path)
+    assert kept.restore() is None
+    assert 'not restored' in lines.text
+    assert path.read_text() == '{"rovid'  # until there is another one
+    for _ in range(2):
+        assert kept.save() == ''
+    assert json.loads(path.read_text())['settings']['dofs'] == ['surge']
+    assert (tmp_path / 'checkpoint-1.json').read_text() == 'of before'
+    assert (tmp_path / 'checkpoint-2.json').read_text() == '{"rovid'
+    assert not (tmp_path / 'checkpoint-3.json').exists()
+    assert 'checkpoint-2.json' in lines.text
+
+
+def test_a_checkpoint_of_other_settings_is_kept(tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    first, _ = checkpoint(path)
+    assert first.save() == ''
+    saved = path.read_text()
+    again, lines = checkpoint(path)
+    assert again.restore() is not None
+    assert 'going on from' in lines.text
+    other, lines = checkpoint(path, dofs=('yaw',), dof={'yaw': DofSettings(20.0)})
+    assert other.restore() is None
+    assert 'not restored' in lines.text
+    assert 'dofs' in lines.text
+    assert path.read_text() == saved
+    assert other.save() == ''
+    assert json.loads(path.read_text())['settings']['dofs'] == ['yaw']
+    assert (tmp_path / 'checkpoint-1.json').read_text() == saved
+    assert 'checkpoint-1.json' in lines.text

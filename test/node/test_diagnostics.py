@@ -40,7 +40,6 @@ from test.support.live_node import (
     NodeProcess,
     Peer,
     Raw,
-    simulated,
     Status,
     TYPES,
     VALUES,
@@ -50,11 +49,6 @@ from test.support.live_node import (
 NAME = '/rov1/identifier_node'
 SETTINGS = settings_from(VALUES)
 THRUSTERS = TYPES['/current']
-
-
-@pytest.fixture(scope='module')
-def messages(tmp_path_factory: pytest.TempPathFactory) -> list[Raw]:
-    return simulated(tmp_path_factory.mktemp('log') / 'simulated.mcap')
 
 
 class Watched:
@@ -494,15 +488,6 @@ def test_a_crowded_graph_stays_one_short_line() -> None:
 
 
 # --- the whole node over DDS
-
-
-@pytest.fixture
-def peer() -> Iterator[Peer]:
-    rclpy.init(args=[])
-    peer = Peer()
-    yield peer
-    peer.close()
-    rclpy.shutdown()
 
 
 def test_a_start_without_thrusters(messages: list[Raw], peer: Peer, environment: dict[str, str],

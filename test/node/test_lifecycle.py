@@ -28,34 +28,15 @@ from test.support.live_drive import (
     assert_same,
     drive,
     replayed_record,
-    ros_peer,
     Start,
-    starting,
     UNSTAMPED,
     UNSTAMPED_TYPES,
 )
-from test.support.live_node import changed, heard, Peer, Raw, simulated, TYPES, VALUES
+from test.support.live_node import changed, heard, Peer, Raw, TYPES, VALUES
 
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 WAITING = {'autostart': False}
 NAME = '/identifier_node'
-
-
-@pytest.fixture(scope='module')
-def messages(tmp_path_factory: pytest.TempPathFactory) -> list[Raw]:
-    return simulated(tmp_path_factory.mktemp('log') / 'simulated.mcap')
-
-
-@pytest.fixture
-def peer() -> Iterator[Peer]:
-    with ros_peer() as peer:
-        yield peer
-
-
-@pytest.fixture
-def start(environment: dict[str, str], tmp_path: Path, repository: Path) -> Iterator[Start]:
-    with starting(environment, tmp_path, repository) as start:
-        yield start
 
 
 def ask(peer: Peer, transition: str) -> bool:
@@ -169,13 +150,13 @@ def test_the_record_of_pauses_replays_to_the_same_bits(
     node = start({**UNSTAMPED, 'record.path': str(record)})
     peer.advertise(UNSTAMPED_TYPES)
     for _ in range(3):
-        drive(peer, 1.0)
+        drive(peer, 0.6)
         assert ask(peer, 'deactivate')
-        drive(peer, 0.5)
+        drive(peer, 0.3)
         assert ask(peer, 'activate')
         peer.until(lambda: all(is_heard(peer, topic) for topic in UNSTAMPED_TYPES))
         peer.spin(0.3)
-    drive(peer, 1.0)
+    drive(peer, 0.6)
     assert node.stop() == 0
     peer.settle(estimates)
     assert len(estimates) > 30
@@ -211,23 +192,29 @@ def test_never_configured(peer: Peer, start: Start) -> None:
     ({'record.path': '/proc/none/record.mcap'}, 'record.path: /proc/none'),
 ])
 def test_what_is_wrong_fails_the_transition_in_one_line(
-        changes: dict[str, Any], expected: str, peer: Peer, start: Start) -> None:
-    node = start({**WAITING, **changes})
-    for count in (1, 2):
-        assert not ask(peer, 'configure')
+        changes: dict[str, Any], expected: str, ros: None, capfd: pytest.CaptureFixture[str]
+        ) -> None:
+    node = IdentifierNode(changed({**WAITING, **changes}))
+    for _ in range(2):
+        assert node.trigger_configure() == FAILURE
+        (line,) = capfd.readouterr().err.splitlines()
+        assert '[ERROR]' in line
+        assert 'configure: ' in line
+        assert expected in line
+    node.destroy_node()
+
+
+def test_requests_that_fail_or_do_not_fit_the_state(
+        peer: Peer, start: Start, tmp_path: Path) -> None:
+    folder = tmp_path / 'records'
+    folder.write_text('in the way')
+    node = start({**WAITING, 'record.path': str(folder / 'record.mcap')})
+    for transition in ('activate', 'cleanup', 'deactivate', 'none such', 'configure'):
+        assert not ask(peer, transition)
         assert state(peer) == 'unconfigured'
-        lines = node.output.splitlines()
-        assert len(lines) == count, node.output
-        assert 'configure: ' in lines[-1]
-        assert expected in lines[-1]
-    assert node.stop() == 0
-
-
-@pytest.mark.parametrize('transition', ['activate', 'cleanup', 'deactivate', 'none such'])
-def test_a_request_that_does_not_fit_the_state(transition: str, peer: Peer, start: Start) -> None:
-    node = start(WAITING)
-    assert not ask(peer, transition)
-    assert state(peer) == 'unconfigured'
+    (line,) = [line for line in node.output.splitlines() if '[identifier_node]' in line]
+    assert 'configure: record.path: ' in line
+    folder.unlink()
     assert ask(peer, 'configure')
     assert node.stop() == 0
     assert 'Traceback' not in node.output
@@ -239,12 +226,17 @@ def entities(node: IdentifierNode) -> tuple[int, ...]:
 
 
 @pytest.fixture
-def waiting(tmp_path: Path) -> Iterator[IdentifierNode]:
+def ros() -> Iterator[None]:
     rclpy.init(args=[])
+    yield
+    rclpy.shutdown()
+
+
+@pytest.fixture
+def waiting(ros: None, tmp_path: Path) -> Iterator[IdentifierNode]:
     node = IdentifierNode(changed({**WAITING, 'checkpoint.path': str(tmp_path / 'c.json')}))
     yield node
     node.destroy_node()
-    rclpy.shutdown()
 
 
 def test_nothing_is_left_behind(waiting: IdentifierNode) -> None:

@@ -41,24 +41,11 @@ from test.support.live_node import (
     Peer,
     Raw,
     replayed,
-    simulated,
     told,
     TYPES,
     VALUES,
 )
 from test.support.ros_messages import fill
-
-
-@pytest.fixture(scope='module')
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp('log') / 'simulated.mcap'
-    simulated(path)
-    return path
-
-
-@pytest.fixture(scope='module')
-def messages(log: Path) -> list[Raw]:
-    return simulated(log.with_name('again.mcap'))
 
 
 @pytest.fixture

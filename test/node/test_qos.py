@@ -18,15 +18,10 @@ from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
 
 from test.support.live_drive import ros_peer, starting
-from test.support.live_node import changed, Peer, Raw, simulated, TYPES
+from test.support.live_node import changed, Peer, Raw, TYPES
 
 BULKY = {'thrusters.type': 'std_msgs/msg/Float64MultiArray', 'thrusters.field': 'data',
          'thrusters.names': None, 'thrusters.qos': 'sensor_data'}
-
-
-@pytest.fixture(scope='module')
-def messages(tmp_path_factory: pytest.TempPathFactory) -> list[Raw]:
-    return simulated(tmp_path_factory.mktemp('log') / 'simulated.mcap')
 
 
 class Vehicle:

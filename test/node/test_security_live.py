@@ -1,6 +1,5 @@
 """The node against a hostile network, and the rights that it needs in a secured one."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -37,15 +36,6 @@ ELEMENTS = {
     'services': ({'service'}, {'reply', 'request'}), 'topic': (set(), set()),
     'service': (set(), set()),
 }
-
-
-@pytest.fixture
-def peer() -> Iterator[Peer]:
-    rclpy.init()
-    peer = Peer()
-    yield peer
-    peer.close()
-    rclpy.try_shutdown()
 
 
 def memory(process: NodeProcess) -> int:

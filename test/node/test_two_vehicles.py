@@ -1,6 +1,5 @@
 """Two vehicles on one network, one process each: neither hears of the other."""
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +17,12 @@ from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_srvs.srv import Trigger
 import yaml
 
-from test.support.live_drive import assert_same, replayed_record, ros_peer
+from test.support.live_drive import assert_same, replayed_record
 from test.support.live_node import changed, heard, NodeProcess, Peer, Raw, replayed, told
 
 RELATIVE = {f'{name}.topic': topic for name, topic in (
     ('position', 'position'), ('depth', 'depth'), ('attitude', 'imu'), ('thrusters', 'current'))}
 MASSES = {'a': 305.0, 'b': 180.0}
-
-
-@pytest.fixture
-def peer() -> Iterator[Peer]:
-    with ros_peer() as peer:
-        yield peer
 
 
 @pytest.fixture(scope='module')
@@ -39,7 +32,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[Raw]]:
     for seed, (name, mass) in enumerate(MASSES.items()):
         path = tmp_path_factory.mktemp('log') / f'{name}.mcap'
         settings = settings_from(changed({**RELATIVE, 'simulation.surge.mass': mass}))
-        simulate_log(settings, path, 12.0, seed=seed)
+        simulate_log(settings, path, 6.0, seed=seed)
         with path.open('rb') as file:
             found[name] = [
                 Raw(channel.topic.lstrip('/'), schema.name, message.data, message.log_time)

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from test.support.live_node import changed, Peer, Raw, replayed, simulated, TYPES
+from test.support.live_node import changed, Peer, Raw, replayed, TYPES
 
 rclpy = pytest.importorskip('rclpy')
 
@@ -75,11 +75,6 @@ def turning(changes: dict[str, Any] | None = None) -> Iterator[Turning]:
         run.end()
         run.close()
         rclpy.shutdown()
-
-
-@pytest.fixture(scope='module')
-def messages(tmp_path_factory: pytest.TempPathFactory) -> list[Raw]:
-    return simulated(tmp_path_factory.mktemp('log') / 'simulated.mcap')
 
 
 def test_inputs_do_not_go_through_the_executor(

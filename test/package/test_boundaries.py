@@ -1,6 +1,7 @@
 """Who may import whom, and that everything but the node does without ROS."""
 
 import ast
+from graphlib import TopologicalSorter
 from pathlib import Path
 import subprocess
 import sys
@@ -170,3 +171,24 @@ def test_simulate_and_replay_without_ros(
         without_ros('from rovid_ros.commands.main import main\n'
                     f'sys.exit(main({[*map(str, arguments)]}))', repository, environment)
     assert (tmp_path / 'result.json').stat().st_size > 0
+
+
+def imported_at_once(path: Path) -> list[str]:
+    """Return the names that a file imports when it is itself imported."""
+    body = ast.parse(path.read_text(encoding='utf8')).body
+    return [name for node in body if isinstance(node, ast.Import | ast.ImportFrom)
+            for name in ([alias.name for alias in node.names] if isinstance(node, ast.Import)
+                         else [f'{node.module}.{alias.name}' for alias in node.names])]
+
+
+def test_every_module_can_be_imported_first(repository: Path) -> None:
+    """Where no import leads back to a module, the order of imports does not matter."""
+    files = {'.'.join(path.relative_to(repository).with_suffix('').parts): path
+             for package in ('rovid_core', 'rovid_ros')
+             for path in module_files(repository, package)}
+    files = {name.removesuffix('.__init__'): path for name, path in files.items()}
+    graph = {name: {found for imported in imported_at_once(path)
+                    for found in (imported, imported.rpartition('.')[0]) if found in files}
+             for name, path in files.items()}
+    assert len(graph['rovid_ros.node.node']) > 10
+    TopologicalSorter(graph).prepare()  # raises a CycleError that names the modules

@@ -127,7 +127,9 @@ class Peer:
         while not any(answer.done() for answer in answers):
             assert time.monotonic() < end, f'{name} is silent'
             answers.append(client.call_async(ListParameters.Request()))
-            self.spin(0.1)
+            again = time.monotonic() + 0.1
+            while time.monotonic() < again and not any(answer.done() for answer in answers):
+                self.executor.spin_once(timeout_sec=0.02)
         self.node.destroy_client(client)
 
     def _is_there(self, name: str) -> bool:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 import math
 
-import numpy as np
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
@@ -72,19 +71,6 @@ class Gram:
     def information(self) -> dict[str, float]:
         """Return the part of each mean square that the others cannot explain, 1 / (G^-1)_ii."""
         return {PARAMETERS[i]: self._unexplained(i, self.active) for i in self.active}
-
-    @property
-    def shares(self) -> dict[str, float]:
-        """Return how separable each parameter is: information by mean square, 0 to 1."""
-        squares = [self.matrix[i][i] for i in self.active]
-        return {name: left / square if square > 0.0 else 0.0
-                for (name, left), square in zip(self.information.items(), squares)}
-
-    @property
-    def condition(self) -> float:
-        """Return the condition number of the active part, infinite where it is singular."""
-        values = np.linalg.eigvalsh(np.array(self.matrix)[np.ix_(self.active, self.active)])
-        return float(values[-1] / values[0]) if values[0] > 0.0 else math.inf
 
     def acceleration(self, parameters: Sequence[float]) -> float:
         """Return the root mean square of theta . phi over the data [m/s^2 or rad/s^2]."""

@@ -13,6 +13,7 @@ import math
 from rovid_core.model.dofs import Four
 
 MAX_PIECES = 1000
+"""A step that needs more pieces, because the drag is very fast, is made by backward Euler."""
 
 
 def lumped(mass: float, quadratic_drag: float, linear_drag: float, bias: float) -> Four:
@@ -32,12 +33,6 @@ def physical(parameters: Sequence[float]) -> Four:
     return (1.0 / alpha, -beta / alpha, -gamma / alpha, -delta / alpha)
 
 
-def acceleration(parameters: Sequence[float], velocity: float, force: float) -> float:
-    """Return v' of eq. 3 [m/s^2 or rad/s^2]."""
-    alpha, beta, gamma, delta = parameters
-    return alpha * force + beta * velocity * abs(velocity) + gamma * velocity + delta
-
-
 def advance(parameters: Sequence[float], velocity: float, force: float, dt: float) -> float:
     """
     Return the velocity after ``dt`` [s] of constant force.
@@ -47,7 +42,7 @@ def advance(parameters: Sequence[float], velocity: float, force: float, dt: floa
     """
     alpha, beta, gamma, delta = parameters
     u = alpha * force + delta
-    # the fastest the drag can be on this step: at the speed it has or is driven to
+    # drag is fastest at the highest speed: the present one, or the one that the thrust leads to
     fastest = abs(velocity) + min(abs(u) * dt, math.sqrt(abs(u / beta)) if beta else math.inf)
     stiffness = (2.0 * abs(beta) * fastest + abs(gamma)) * dt
     if not stiffness < MAX_PIECES:
@@ -71,6 +66,6 @@ def _backward_euler(u: float, beta: float, gamma: float, velocity: float, dt: fl
     """Return the end of a step on which the drag settles at once, in closed form."""
     target = velocity + dt * u
     linear, quadratic = 1.0 - dt * gamma, -dt * beta
-    # linear w + quadratic w^2 = |target|, in the form that does not cancel
+    # linear w + quadratic w^2 = |target|, in the form without cancellation
     root = math.sqrt(linear * linear + 4.0 * quadratic * abs(target))
     return 2.0 * target / (linear + root)

@@ -9,7 +9,7 @@ from math import cos, pi, sin
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
 from rovid_core.identify.estimate import Estimate
 from rovid_core.model.dofs import Four
-from rovid_core.model.plant import acceleration, advance, lumped
+from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import (
@@ -55,7 +55,8 @@ def exact_velocities(step: float, duration: float) -> list[float]:
 
 
 def _exact(v: float, t: float) -> float:
-    return acceleration(EXACT_TRUTH, v, 100.0 * sin(OMEGA * t))
+    alpha, beta, gamma, delta = EXACT_TRUTH
+    return alpha * 100.0 * sin(OMEGA * t) + beta * v * abs(v) + gamma * v + delta
 
 
 def exact_case(integrator: str, thrust: str, step: float = 0.01,

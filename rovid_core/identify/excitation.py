@@ -204,31 +204,22 @@ class Excitation:
         self._fading: Sums = NO_SUMS
         self._older: Sums = NO_SUMS
         self._sums: Sums = NO_SUMS  # not yet in the two others
-        self._new: list[Step] = []  # not yet in any sum
 
-    def add_step(self, step: Step) -> None:
-        """Add a step; its products are computed later, with those of others."""
-        self._new.append(step)
-        if len(self._new) == BATCH:
-            self._add_new()
+    def add_steps(self, steps: Sequence[Step]) -> None:
+        """Add some steps; many at once cost half as much as one by one."""
+        self._sums = add_products(self._sums, steps, self._force, self._velocity)
 
     def update_fading(self) -> Gram:
         """Let the memory fade up to now and return its matrix."""
-        sums = self._add_new()
-        kept = math.exp(-sums[9] / self.memory)
-        self._fading = _added(self._fading, sums, kept)
-        self._older = _added(self._older, sums)
+        kept = math.exp(-self._sums[9] / self.memory)
+        self._fading = _added(self._fading, self._sums, kept)
+        self._older = _added(self._older, self._sums)
         self._sums = NO_SUMS
         return Gram(self._fading, self._active, self._scale)
 
     def since_start(self) -> Gram:
         """Return the matrix of everything since the start."""
-        return Gram(_added(self._older, self._add_new()), self._active, self._scale)
-
-    def _add_new(self) -> Sums:
-        self._sums = add_products(self._sums, self._new, self._force, self._velocity)
-        self._new.clear()
-        return self._sums
+        return Gram(_added(self._older, self._sums), self._active, self._scale)
 
 
 def _added(old: Sums, new: Sums, kept: float = 1.0) -> Sums:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from rovid_core.identify.excitation import Excitation, Gram, MIN_EXCITATION
+from rovid_core.identify.excitation import BATCH, Excitation, Gram, MIN_EXCITATION
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
@@ -91,6 +91,7 @@ class DofStatus:
     def reset(self) -> None:
         """Forget the data."""
         self._excitation = Excitation(self._scales, self._memory)
+        self._steps: list[Step] = []  # not yet in the excitation
         self._drift.reset()
         self._time = 0.0
         self._judgement = CONVERGING
@@ -99,10 +100,13 @@ class DofStatus:
         """Return the status after a step; ``refused`` is the reason if it was refused, or ''."""
         if refused:
             return Judgement('invalid', (refused,))
-        self._excitation.add_step(step)
+        self._steps.append(step)
         self._time += step.dt
         excited = identifier.excitation >= MIN_EXCITATION
+        if len(self._steps) == BATCH:
+            self._add_steps()
         if self._time >= PERIOD:
+            self._add_steps()
             gram = self._excitation.update_fading()
             if not adapt:
                 self._drift.reset()
@@ -116,7 +120,12 @@ class DofStatus:
 
     def verdict(self) -> str:
         """Return what all data since the start do not show, '' if they show everything."""
+        self._add_steps()
         return '; '.join(self._excitation.since_start().reasons)
+
+    def _add_steps(self) -> None:
+        self._excitation.add_steps(self._steps)
+        self._steps.clear()
 
     def _set_times(self, adaptation_time: float) -> None:
         self._memory = min(max(60.0, 10.0 * adaptation_time), 1e9)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from rovid_core.model.dofs import ANGULAR_DOFS, Vector
-from rovid_core.model.quaternions import rotation_between
 from rovid_core.settings.run import Scales, Settings
+from rovid_core.velocity.attitude_history import rotation_between
 
 NS = 1e-9
 

@@ -18,11 +18,10 @@ from rovid_core.inputs.units_and_signs import (
 from rovid_core.model.dofs import Four, Quaternion
 from rovid_core.model.lowpass import LowPass
 from rovid_core.model.plant import lumped
-from rovid_core.model.quaternions import normalised
 from rovid_core.model.samples import Motion, Sample, Step
 from rovid_core.settings.run import IdentifierSettings, Scales, Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
-from rovid_core.velocity.attitude_history import SharedMotion
+from rovid_core.velocity.attitude_history import normalised, SharedMotion
 from rovid_core.velocity.velocity_source import VelocitySource
 
 NS = 1e-9

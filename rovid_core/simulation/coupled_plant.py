@@ -16,8 +16,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS, Quaternion, Vector
-from rovid_core.model.quaternions import rotate_back
 from rovid_core.settings.run import Settings, SettingsError
+from rovid_core.velocity.attitude_history import rotate_back
 
 Array = NDArray[np.float64]
 

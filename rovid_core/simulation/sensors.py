@@ -8,10 +8,10 @@ import math
 
 import numpy as np
 from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS
-from rovid_core.model.quaternions import product, rotate
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.profiles import Profile
 from rovid_core.simulation.vehicle import Vehicle
+from rovid_core.velocity.attitude_history import product, rotate
 
 Measurement = tuple[int, str, tuple[float, ...]]
 

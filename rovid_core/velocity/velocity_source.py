@@ -6,10 +6,15 @@ from collections import deque
 import math
 
 from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS, Quaternion, Vector
-from rovid_core.model.quaternions import rotate, rotate_back, rotation_between
 from rovid_core.model.samples import Motion
 from rovid_core.settings.run import Settings
-from rovid_core.velocity.attitude_history import MAX_KEPT, SharedMotion
+from rovid_core.velocity.attitude_history import (
+    MAX_KEPT,
+    rotate,
+    rotate_back,
+    rotation_between,
+    SharedMotion,
+)
 
 NS = 1e-9
 

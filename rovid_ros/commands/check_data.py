@@ -9,9 +9,9 @@ from typing import Any, cast
 from rovid_core.inputs.refusals import REASONS
 from rovid_core.inputs.units_and_signs import look_like_pulse_widths
 from rovid_core.model.dofs import Quaternion
-from rovid_core.model.quaternions import normalised, rotation_between
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
+from rovid_core.velocity.attitude_history import normalised, rotation_between
 from rovid_ros.config.input_topics import section, topics_of
 from rovid_ros.messages.converter import Converter
 

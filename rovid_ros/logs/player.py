@@ -12,9 +12,8 @@ from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
 from rovid_ros.config.parameters import changed
 from rovid_ros.logs.log import LogMessage, Maker
-from rovid_ros.messages.converter import Converter
+from rovid_ros.messages.converter import Converter, Unpacker
 from rovid_ros.messages.types import Decoder, WireType
-from rovid_ros.messages.wire_layout import Unpacker
 
 CONTROL = '/rovid/control'
 """Topic of a node's own log that says what was done to it."""

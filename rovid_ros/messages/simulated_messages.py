@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 from rovid_core.model.dofs import Quaternion
-from rovid_core.model.quaternions import from_yaw, product
 from rovid_core.settings.run import Settings, SettingsError
+from rovid_core.velocity.attitude_history import from_yaw, product
 from rovid_ros.config.input_topics import sources
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import parse, resolve, Step

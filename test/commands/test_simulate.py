@@ -8,7 +8,6 @@ from typing import Any
 
 from mcap.reader import make_reader
 import pytest
-from rovid_core.model.quaternions import from_yaw, product
 from rovid_core.settings.run import (
     DofSettings,
     InputSettings,
@@ -17,6 +16,7 @@ from rovid_core.settings.run import (
     SimulationSettings,
     ThrusterSettings,
 )
+from rovid_core.velocity.attitude_history import from_yaw, product
 from rovid_ros.commands.main import main
 from rovid_ros.commands.simulate import EPOCH, simulate_log
 from rovid_ros.messages.converter import Converter

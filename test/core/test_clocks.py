@@ -5,11 +5,10 @@ import math
 from random import Random
 
 import pytest
-from rovid_core.model.quaternions import from_yaw
 from rovid_core.model.samples import Event, Sample
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import InputSettings
-from rovid_core.velocity.attitude_history import AttitudeHistory
+from rovid_core.velocity.attitude_history import AttitudeHistory, from_yaw
 
 from test.support.injected_faults import (
     clean,

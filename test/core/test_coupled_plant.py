@@ -7,7 +7,6 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 from rovid_core.model.dofs import DOFS
-from rovid_core.model.quaternions import from_yaw, product, rotate
 from rovid_core.settings.inputs import InputSettings, ThrusterSettings
 from rovid_core.settings.run import (
     DofSettings,
@@ -19,6 +18,7 @@ from rovid_core.settings.run import (
 from rovid_core.simulation.coupled_plant import CoupledPlant
 from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.thruster_curve import thruster_model
+from rovid_core.velocity.attitude_history import from_yaw, product, rotate
 
 LEVEL = (0.0, 0.0, 0.0, 1.0)
 

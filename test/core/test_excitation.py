@@ -21,7 +21,7 @@ def driven(force, duration=300.0, active=ALL, noise=0.017, memory=60.0, dt=0.1):
         tau = force((k + 0.5) * dt)
         new = advance(TRUTH, v, tau, dt)
         middle = 0.5 * (v + new) + noise * float(random.standard_normal())
-        monitor.add_step(Step(dt, (v, middle, new), (tau,) * 3))
+        monitor.add_steps([Step(dt, (v, middle, new), (tau,) * 3)])
         v, since = new, since + dt
         if since >= 1.0:
             monitor.update_fading()

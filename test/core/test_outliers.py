@@ -3,12 +3,12 @@
 from dataclasses import replace
 
 import pytest
-from rovid_core.model.quaternions import from_yaw, product
 from rovid_core.model.samples import Event, Sample
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import InputSettings
 from rovid_core.simulation.profiles import Steps
 from rovid_core.simulation.sensors import simulate
+from rovid_core.velocity.attitude_history import from_yaw, product
 
 from test.support.injected_faults import (
     clean,

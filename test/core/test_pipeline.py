@@ -9,14 +9,6 @@ import numpy as np
 import pytest
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import lumped
-from rovid_core.model.quaternions import (
-    between,
-    from_yaw,
-    normalised,
-    product,
-    rotate,
-    rotation_between,
-)
 from rovid_core.model.samples import Event, Sample
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import (
@@ -31,6 +23,14 @@ from rovid_core.settings.run import (
 )
 from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.score import ScoreLog
+from rovid_core.velocity.attitude_history import (
+    between,
+    from_yaw,
+    normalised,
+    product,
+    rotate,
+    rotation_between,
+)
 
 from test.support.memory import lengths
 from test.support.surge import run, surge_settings

@@ -6,8 +6,8 @@ from random import Random
 
 import pytest
 from rovid_core.inputs.units_and_signs import look_like_pulse_widths, TwoSendersCheck
-from rovid_core.model.quaternions import from_yaw
 from rovid_core.settings.run import InputSettings
+from rovid_core.velocity.attitude_history import from_yaw
 
 from test.support.injected_faults import clean, run, spoilt, vehicle
 

@@ -13,16 +13,10 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rosbags.typesys.store import Typestore
 from rovid_core.model.samples import Event
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
-from rovid_ros.messages.converter import Converter
+from rovid_ros.messages.converter import Converter, MAX_ATTEMPTS, Unpacker
 from rovid_ros.messages.field_paths import FieldError, getter
 from rovid_ros.messages.types import decoder, standard_types, WireType
-from rovid_ros.messages.wire_layout import (
-    find_layout,
-    MAX_ATTEMPTS,
-    NoLayoutError,
-    Numbers,
-    Unpacker,
-)
+from rovid_ros.messages.wire_layout import find_layout, NoLayoutError, Numbers
 from zstandard import ZstdError
 
 ODD = 'test_msgs/msg/Odd'

@@ -18,12 +18,12 @@ CORE_ROOMS = {
     'model': set(),
     'settings': {'model'},
     'ordering': {'model', 'settings'},
-    'inputs': {'model', 'settings'},
     'velocity': {'model', 'settings'},
+    'inputs': {'model', 'settings', 'velocity'},
     'thrust': {'model', 'settings', 'inputs'},
     'identify': {'model', 'settings'},
     'pipeline': {'model', 'settings', 'ordering', 'inputs', 'velocity', 'thrust', 'identify'},
-    'simulation': {'model', 'settings', 'thrust'},
+    'simulation': {'model', 'settings', 'velocity', 'thrust'},
     'trials': {'model', 'settings', 'thrust', 'identify', 'pipeline', 'simulation'},
 }
 EVERYTHING_BUT_THE_NODE = {

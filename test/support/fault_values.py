@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import atan2, degrees
 
-from rovid_core.model.quaternions import from_yaw
+from rovid_core.velocity.attitude_history import from_yaw
 from rovid_ros.logs.log import LogMessage
 from rovid_ros.messages.types import standard_types
 

@@ -22,9 +22,8 @@ from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.input_topics import inputs_of, section
-from rovid_ros.messages.converter import Converter, FieldError
+from rovid_ros.messages.converter import Converter, FieldError, Unpacker
 from rovid_ros.messages.types import MAX_MESSAGE_SIZE, typestore, WireType
-from rovid_ros.messages.wire_layout import Unpacker
 from rovid_ros.node.recorder import Received
 from rovid_ros.node.transport.encoding import definition, import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import best_effort, DEPTH, latched, reliable

@@ -19,7 +19,7 @@ from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import CommandError, read_settings, run_to_exit_code
 from rovid_ros.commands.simulate import simulate_log, truth
 from rovid_ros.logs.player import PipelinePlayer
-from rovid_ros.results.documents import summary
+from rovid_ros.results.documents import dofs_document
 from rovid_ros.results.text import NONE, percent, quantity, table
 
 CONFIG = 'jhurov.yaml'
@@ -51,7 +51,7 @@ def demo(folder: Path, duration: float = DURATION) -> None:
     player = PipelinePlayer(settings)
     found = replay([log], settings, player)
     print(f'   {found.steps:,} steps of {settings.identifier.method}.\n')
-    guess = summary(settings, None)
+    guess = dofs_document(settings, None)
     print(table(_parameters(settings, found.dofs, guess), left=2))
     print('\n3. Both drags slow the vehicle down, and one can stand in for the other: what counts '
           'is how\n   well the model predicts. Its velocity from the thrust alone, v_sim, '

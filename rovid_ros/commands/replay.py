@@ -42,7 +42,7 @@ from rovid_ros.logs.player import CONTROL, PipelinePlayer, Player
 from rovid_ros.logs.writer import OutputLog, unfinished
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.types import Decoder, WireType
-from rovid_ros.results.documents import Result, summary
+from rovid_ros.results.documents import dofs_document, Result
 from rovid_ros.results.outputs import LATCHED, Output, Outputs
 from rovid_ros.results.text import NONE, number, percent, quantity, table
 
@@ -228,7 +228,7 @@ class _Replay:
         verdicts = {dof.dof: stream.verdict(dof.dof) for dof in estimate.dofs}
         return Result(
             tuple(logs), self._settings, self._steps, self._messages, self.duration,
-            summary(self._settings, estimate, scores, verdicts), dict(stream.rejected))
+            dofs_document(self._settings, estimate, scores, verdicts), dict(stream.rejected))
 
     def _add_message(self, message: LogMessage) -> None:
         """Add one message and write what it released."""

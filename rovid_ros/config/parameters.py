@@ -25,23 +25,12 @@ from rovid_core.settings.run import (
 )
 from rovid_ros.config.keys import Key, KEYS
 
-__all__ = ['KEYS', 'Key', 'changed', 'check', 'flatten', 'settings_from']
+__all__ = ['KEYS', 'Key', 'changed', 'check', 'settings_from']
 
 ROS_PARAMETERS = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\..+')
 """Parameters that every node has."""
 
 MESSAGE_TYPE = re.compile(r'[A-Za-z]\w*/msg/[A-Za-z]\w*', re.ASCII)
-
-
-def flatten(nested: Mapping[str, Any]) -> dict[str, Any]:
-    """Return ``{'a.b': 1}`` of ``{'a': {'b': 1}}``."""
-    flat: dict[str, Any] = {}
-    for name, value in nested.items():
-        if isinstance(value, Mapping):
-            flat.update((f'{name}.{inner}', v) for inner, v in flatten(value).items())
-        else:
-            flat[name] = value
-    return flat
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:

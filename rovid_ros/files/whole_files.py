@@ -1,4 +1,4 @@
-"""Results, in JSON or other text, in files that are never seen half written."""
+"""Files that are never seen half written, and names for new ones that are not taken."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def sync_folder(folder: Path) -> None:
 
 def _replace(path: Path, text: str) -> None:
     prefix = f'.{path.name}.'
-    remove_leftovers(path.parent, prefix)
+    remove_stale_files(path.parent, prefix)
     temporary = path.with_name(f'{prefix}{os.getpid()}')
     try:
         with temporary.open('w', encoding='utf-8') as file:
@@ -81,9 +81,9 @@ def _replace(path: Path, text: str) -> None:
     sync_folder(path.parent)
 
 
-def remove_leftovers(folder: Path, prefix: str) -> None:
+def remove_stale_files(folder: Path, prefix: str) -> None:
     """
-    Remove files and folders of processes that are no more.
+    Remove temporary files and folders of processes that do not run any more.
 
     Parameters
     ----------

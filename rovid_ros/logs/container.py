@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 import bz2
-from collections.abc import Mapping, Set
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 import struct
@@ -132,7 +132,7 @@ class Container(ABC):
 
     @abstractmethod
     def read_structure(self) -> None:
-        """Take note of channels, counts, metadata and blocks."""
+        """Note channels, counts, metadata and blocks."""
 
     @abstractmethod
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
@@ -160,7 +160,7 @@ class Container(ABC):
                 f'{self.name}: damaged; some of its messages are left out{read}']
 
     def _finish(self) -> None:
-        """Say what is missing, after the file has been looked through."""
+        """Warn of what is missing, once the structure is known."""
         if self.cut and not self.blocks:
             self._warnings.append(f'{self.name}: cut off before its first message')
         elif self.cut and self.counts is not None:
@@ -169,14 +169,14 @@ class Container(ABC):
                 f'file); {sum(self.counts.values()):,} messages before the cut are used')
 
     def add_block(self, start: int, end: int, channels: Set[int] | None, where: Any) -> None:
-        """Take note of the next block in the file."""
+        """Add the next block of the file."""
         known = None if channels is None else frozenset(channels)
         self.blocks.append(Block(self, len(self.blocks), start, end, known, where))
         self.start = min(self.start, start)
         self.end = max(self.end, end)
 
     def add_counted(self, messages: list[Raw], where: Any) -> None:
-        """Take note of the next block, of which all messages are at hand."""
+        """Add and count the next block of the file, of which all messages are at hand."""
         if not messages:
             return
         assert self.counts is not None
@@ -204,8 +204,15 @@ class Container(ABC):
         known[key] = value
 
     def note_damage(self) -> None:
-        """Take note of a chunk that is there but cannot be read as a whole."""
+        """Note that something is there but cannot be read as a whole."""
         self._damaged = True
+
+    def attempt(self, read: Callable[..., None], *given: Any) -> None:
+        """Read one declaration; one that makes no sense is damage."""
+        try:
+            read(*given)
+        except MALFORMED:
+            self.note_damage()
 
     def place(self, block: Block) -> int:
         """Return a number that grows from log to log and from block to block."""

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
-from rovid_ros.files.whole_files import remove_leftovers
+from rovid_ros.files.whole_files import remove_stale_files
 from rovid_ros.logs.container import Block, Channel, Container, LogError, MALFORMED, Raw
 from rovid_ros.logs.paths import open_all
 from rovid_ros.messages.field_paths import nearest
@@ -107,7 +107,7 @@ class Log:
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
-        remove_leftovers(Path(gettempdir()), 'rovid-')
+        remove_stale_files(Path(gettempdir()), 'rovid-')
         self._scratch = TemporaryDirectory(prefix=f'rovid-{os.getpid()}-')
         try:
             self._containers, self._warnings = open_all(paths, Path(self._scratch.name))

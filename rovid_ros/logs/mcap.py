@@ -20,7 +20,6 @@ from rovid_ros.logs.container import (
     Channel,
     IndexedContainer,
     inflate,
-    MALFORMED,
     MAX_BLOCK_SIZE,
     MAX_DECLARATIONS,
     Raw,
@@ -131,7 +130,7 @@ class McapFile(IndexedContainer):
                            (index.chunk_start_offset + 9, index.chunk_length - 9, True))
 
     def _declare(self, opcode: int, body: bytes) -> None:
-        """Take note of a schema, a channel or metadata."""
+        """Note a schema, a channel or metadata."""
         if opcode == Opcode.SCHEMA:
             schema = records.Schema.read(stream(body))
             known = schema.encoding in _ENCODINGS
@@ -148,12 +147,6 @@ class McapFile(IndexedContainer):
         elif opcode == Opcode.METADATA:
             entry = records.Metadata.read(stream(body))
             self.declare(self.metadata, entry.name, dict(entry.metadata), len(body))
-
-    def _declare_if_sound(self, opcode: int, body: bytes) -> None:
-        try:
-            self._declare(opcode, body)
-        except MALFORMED:
-            self.note_damage()
 
     def scan(self, file: BinaryIO) -> None:
         """Look through the whole file, up to its end or to where it stops making sense."""
@@ -180,7 +173,7 @@ class McapFile(IndexedContainer):
             if self.cut:
                 return
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA):
-                self._declare_if_sound(opcode, file.read(min(length, MAX_DECLARATIONS)))
+                self.attempt(self._declare, opcode, file.read(min(length, MAX_DECLARATIONS)))
             offset = end
             file.seek(offset)
         self._scan_run(file, run, offset)
@@ -202,7 +195,7 @@ class McapFile(IndexedContainer):
             self.note_damage()
         for opcode, body in records_in(data):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-                self._declare_if_sound(opcode, body)
+                self.attempt(self._declare, opcode, body)
         self.add_counted(
             messages(data, self.channels, 0), (offset, length, True))
 

@@ -11,7 +11,6 @@ from rovid_ros.logs.container import (
     Channel,
     IndexedContainer,
     inflate,
-    MALFORMED,
     MAX_BLOCK_SIZE,
     Raw,
 )
@@ -84,16 +83,10 @@ class BagFile(IndexedContainer):
                 inflated = inflate(data, _compression(header), self.name, _size(header))
                 for _, inner, body in _records_in(inflated):
                     if inner.get(b'op') == _CONNECTION:
-                        self._connect_if_sound(inner, body)
+                        self.attempt(self._connect, inner, body)
                 self.add_counted(_messages(inflated, self.channels, 0), place)
             elif header.get(b'op') == _CONNECTION:
-                self._connect_if_sound(header, data)
-
-    def _connect_if_sound(self, header: Header, data: bytes) -> None:
-        try:
-            self._connect(header, data)
-        except MALFORMED:
-            self.note_damage()
+                self.attempt(self._connect, header, data)
 
     def _connect(self, header: Header, data: bytes) -> None:
         number, = _LENGTH.unpack(header[b'conn'])

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 import json
 import math
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.identify.intervals import Interval
 from rovid_core.model.dofs import DOFS, Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
+from rovid_core.trials.score import Score
 from rovid_ros.messages.field_paths import nearest
 
 
@@ -39,7 +40,7 @@ class Result:
     duration : float
         Time [s] from the first of them to the last.
     dofs : dict
-        Per DOF, as in the JSON: see :func:`summary`.
+        Per DOF, as in the JSON: see :func:`dofs_document`.
     rejected : dict
         (input, reason) -> how many.
 
@@ -63,20 +64,8 @@ class Result:
             'duration_s': self.duration, 'rejected': reasons, 'dofs': self.dofs}
 
 
-class Scored(Protocol):
-    """What :func:`summary` reads of a DOF's score."""
-
-    @property
-    def mae(self) -> float:
-        """Return mean |v_sim - v| [m/s or rad/s]."""
-
-    @property
-    def fit(self) -> float:
-        """Return 1 - rms(v_sim - v) / std(v), NaN where std(v) is 0."""
-
-
-def summary(settings: Settings, estimate: Estimate | None,
-            scores: Mapping[str, Scored] | None = None,
+def dofs_document(settings: Settings, estimate: Estimate | None,
+            scores: Mapping[str, Score] | None = None,
             verdicts: Mapping[str, str] | None = None) -> dict[str, dict[str, Any]]:
     """
     Return the ``dofs`` part of the JSON of ``rovid replay``.
@@ -87,7 +76,7 @@ def summary(settings: Settings, estimate: Estimate | None,
         What DOFs there are.
     estimate : Estimate or None
         The last one; None where there was no step: the initial values, no steps, waiting.
-    scores : mapping of str to Scored, optional
+    scores : mapping of str to Score, optional
         The score of each DOF.
     verdicts : mapping of str to str, optional
         What the data leave open of each DOF.

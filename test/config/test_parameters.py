@@ -19,7 +19,7 @@ from rovid_core.settings.run import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_ros.config.parameters import check, flatten, Key, KEYS, settings_from
+from rovid_ros.config.parameters import check, Key, KEYS, settings_from
 
 LEAST: dict[str, Any] = {
     'dofs': ['surge'], 'surge.initial.mass': 290, 'position.topic': '/fix',
@@ -87,11 +87,6 @@ def test_the_parameters_of_every_node_are_left_alone() -> None:
     assert check(ros) == {}
     with pytest.raises(SettingsError, match='there is no such key'):
         check({'use_sim_tim': True})
-
-
-def test_flatten() -> None:
-    assert flatten({'a': 1, 'b': {'c': [2], 'd': {'e': 'f'}}}) == {
-        'a': 1, 'b.c': [2], 'b.d.e': 'f'}
 
 
 @pytest.mark.parametrize(('key', 'value', 'message'), [

@@ -30,7 +30,7 @@ from rovid_ros.node.__main__ import StopRequest
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.process import run
 from rovid_ros.node.transport.publishers import latched
-from rovid_ros.results.documents import summary
+from rovid_ros.results.documents import dofs_document
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_srvs.srv import SetBool, Trigger
 import yaml
@@ -342,7 +342,7 @@ def test_a_reset_shows_at_once(messages: list[Raw], peer: Peer, start: Start) ->
     peer.advertise(TYPES)
     peer.publish(messages[:300])
     peer.settle(params, 100)
-    initial = [dof[name] for dof in summary(settings_from(VALUES), None).values()
+    initial = [dof[name] for dof in dofs_document(settings_from(VALUES), None).values()
                for name in ('alpha', 'beta', 'gamma', 'delta')]
     assert list(params[-1].data) != initial
     assert peer.call(Trigger, '/identifier_node/reset').success

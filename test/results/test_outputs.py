@@ -12,7 +12,7 @@ from rovid_core.model.dofs import Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
 from rovid_core.trials.score import Score
 from rovid_ros.results import outputs
-from rovid_ros.results.documents import summary
+from rovid_ros.results.documents import dofs_document
 from rovid_ros.results.outputs import LEVELS, OK, Output, Outputs, TOPICS, WARN
 
 TIME = 1_700_000_000_123_456_789
@@ -131,7 +131,7 @@ def known() -> Estimate:
 
 
 def test_the_summary_has_intervals_delay_and_verdict() -> None:
-    dofs = summary(settings(), known(), verdicts={'surge': 'no thrust'})
+    dofs = dofs_document(settings(), known(), verdicts={'surge': 'no thrust'})
     json.dumps(dofs, allow_nan=False)
     surge, yaw = dofs['surge'], dofs['yaw']
     assert list(surge['intervals']) == [*PARAMETERS, *PHYSICAL]
@@ -142,7 +142,7 @@ def test_the_summary_has_intervals_delay_and_verdict() -> None:
     assert (surge['verdict'], yaw['verdict']) == ('no thrust', '')
     assert (yaw['intervals'], yaw['delay_s']) == (None, None)
     wide = known().dofs[0]._replace(uncertainty=KnownUncertainty((1.0, *[0.0] * 15)))
-    opened = summary(settings(), Estimate(TIME, (wide,), (0,)))['surge']['intervals']
+    opened = dofs_document(settings(), Estimate(TIME, (wide,), (0,)))['surge']['intervals']
     assert opened['mass'][1] is None  # as far as the data go it is anything above
 
 
@@ -166,7 +166,7 @@ def test_status_is_level_and_message() -> None:
 
 
 def test_summary_is_plain_json() -> None:
-    dofs = summary(settings(), estimate(), {'surge': Score(0.01, 0.9), 'yaw': Score(
+    dofs = dofs_document(settings(), estimate(), {'surge': Score(0.01, 0.9), 'yaw': Score(
         0.02, math.nan)})
     json.dumps(dofs, allow_nan=False)
     assert dofs['surge']['alpha'] == AWKWARD[0]
@@ -178,7 +178,7 @@ def test_summary_is_plain_json() -> None:
 
 
 def test_summary_without_a_step_has_the_initial_values() -> None:
-    dofs = summary(settings(), None)
+    dofs = dofs_document(settings(), None)
     assert dofs['surge']['mass'] == pytest.approx(200.0)
     assert dofs['yaw']['bias'] == 0.0  # delta is left out
     assert (dofs['surge']['status'], dofs['surge']['mae']) == ('waiting', None)

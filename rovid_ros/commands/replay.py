@@ -108,9 +108,9 @@ def _node(args: argparse.Namespace, settings: Settings) -> Player:
         import rclpy  # noqa: F401
     except ImportError as error:
         raise CommandError(f'--ros needs ROS 2, which is not installed here: {error}') from None
-    from rovid_ros.node.log_player import LogPlayer
+    from rovid_ros.node.log_player import NodePlayer
     try:
-        return LogPlayer(read_values(args.params_file, args.method), settings, args.rate)
+        return NodePlayer(read_values(args.params_file, args.method), settings, args.rate)
     except RuntimeError as error:  # of rcl, such as for an impossible ROS_DOMAIN_ID
         raise CommandError(f'--ros: {error}') from None
 

@@ -24,7 +24,7 @@ CLOCK_PERIOD = 10_000_000  # [ns] of log time between two messages on /clock
 SPIN_PERIOD = 0.01  # [s] of real time after which services and timers are served
 
 
-class LogPlayer:
+class NodePlayer:
     """
     Plays a log through the node, which gets its messages from here, not by subscriptions.
 

@@ -26,7 +26,7 @@ from rovid_ros.files.whole_files import prepare
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.player import CONTROL
 from rovid_ros.messages.field_paths import FieldError
-from rovid_ros.node.log_player import LogPlayer
+from rovid_ros.node.log_player import NodePlayer
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.process import read_files
 from rovid_ros.node.recorder import Received, Recorder
@@ -136,7 +136,7 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
 
 def test_a_replay_that_is_behind_tells_ages_in_its_own_time(log: Path) -> None:
     """Services and timers get their turn, and the node's clock is the log's."""
-    player = LogPlayer(VALUES, settings_from(VALUES), rate=1e6)  # never caught up with
+    player = NodePlayer(VALUES, settings_from(VALUES), rate=1e6)  # never caught up with
     peer = Peer()
     health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
     with Log([log]) as source:

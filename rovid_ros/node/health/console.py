@@ -33,20 +33,20 @@ class HealthMonitor:
     Parameters
     ----------
     node : Node
-        Has the log, the clock and the graph.
+        Gives the log, the clock and the graph.
     stream : Stream
-        What runs.
+        The stream to observe.
     recorder : Recorder, optional
-        What records it.
+        Records what the stream consumes.
     live : bool
-        False: messages are fed by hand, and the graph has nothing to do with them.
+        False: the messages come from a log, so the publishers in the graph do not matter.
     steady : callable
-        The time [s] of a clock that is never set.
+        Returns the time [s] of a clock that is never set.
 
     Attributes
     ----------
     arrivals : Arrivals
-        To be told of every message.
+        Counts the messages; the owner adds every one.
 
     """
 
@@ -66,7 +66,7 @@ class HealthMonitor:
         self._warnings = WarningLimiter()
         self._summary = StartupSummary(stream.settings)
         self._steps: dict[str, float] = {}
-        self._told: set[tuple[str, str, int]] = set()  # topic, problem, publishers
+        self._logged: set[tuple[str, str, int]] = set()  # topic, problem, publishers
 
     def expect_inputs(self) -> None:
         """Count the time until the inputs come from now on."""
@@ -98,15 +98,15 @@ class HealthMonitor:
             str(recorder.path) if recorder else '', recorder.is_open if recorder else True))
 
     def finish(self) -> None:
-        """Log what is left to tell."""
+        """Log what was refused since the last line about it."""
         self._log_refused(self._refusals.due(self._steady(), end=True))
 
     def _report_inputs(self, data: HealthData, elapsed: float) -> None:
-        """Say once what is wrong with the publishers of each topic, and the summary."""
+        """Log once what is wrong with the publishers of each topic, and the summary."""
         for topic, state in data.topics.items():
             case = topic, state.problem, state.publishers
-            if state.text and state.publishers + state.is_wrong and case not in self._told:
-                self._told.add(case)
+            if state.text and state.publishers + state.is_wrong and case not in self._logged:
+                self._logged.add(case)
                 self._log.warning(f'{" and ".join(state.inputs)}: {state.text}')
         line, complete = self._summary.due(data, elapsed)
         if line and complete:
@@ -123,16 +123,16 @@ class HealthMonitor:
             self._log.warning(line)
 
 
-LATEST = 5.0
-"""[s] After this it is said, whatever is still missing."""
+SUMMARY_TIMEOUT = 5.0
+"""[s] The summary is logged after this time even if inputs are still missing."""
 
-ENOUGH = 5
-"""Messages of each topic that make a rate."""
+RATE_MESSAGES = 5
+"""Messages that each topic needs before its rate goes into the summary."""
 
 
 class StartupSummary:
     """
-    Say once what is there and what is missing and why, and again when that changes for good.
+    One line about the inputs: which come, which are missing and why; again when one has come.
 
     Parameters
     ----------
@@ -159,8 +159,8 @@ class StartupSummary:
         """
         missing = {name for name in self._settings.used_inputs() if not _is_there(data, name)}
         if self._missing is None:
-            has_rates = all(data.arrivals.count(topic) >= ENOUGH for topic in data.topics)
-            if elapsed < LATEST and (missing or not has_rates):
+            has_rates = all(data.arrivals.count(topic) >= RATE_MESSAGES for topic in data.topics)
+            if elapsed < SUMMARY_TIMEOUT and (missing or not has_rates):
                 return '', False
         elif not self._missing - missing:  # none of the missing has come
             return '', False
@@ -205,7 +205,7 @@ class RefusalSummary:
     Parameters
     ----------
     stream : Stream
-        Whose counters are told.
+        Whose counters are read.
     now : float
         Time of a steady clock [s].
 
@@ -231,7 +231,7 @@ class WarningLimiter:
 
     def __init__(self) -> None:
         self._since = float('-inf')
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
         self._withheld = 0
 
     def allowed(self, lines: Sequence[str], now: float) -> list[str]:
@@ -251,13 +251,13 @@ class WarningLimiter:
             if self._withheld:
                 result.append(f'{self._withheld} more warnings were not logged')
             self._since, self._withheld = now, 0
-            self._told.clear()
+            self._logged.clear()
         for line in lines:
-            if line in self._told:
+            if line in self._logged:
                 continue
-            if len(self._told) >= MAX_WARNINGS:
+            if len(self._logged) >= MAX_WARNINGS:
                 self._withheld += 1
                 continue
-            self._told.add(line)
+            self._logged.add(line)
             result.append(line)
         return result

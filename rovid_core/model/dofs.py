@@ -9,6 +9,19 @@ ANGULAR_DOFS = DOFS[3:]
 PARAMETERS = ('alpha', 'beta', 'gamma', 'delta')
 PHYSICAL = ('mass', 'quadratic_drag', 'linear_drag', 'bias')
 
+COUPLINGS = {
+    'surge': ('vr', 'wq'),
+    'sway': ('ur', 'wp'),
+    'heave': ('uq', 'vp'),
+    'roll': ('sin_roll', 'v', 'qr', 'vw'),
+    'pitch': ('sin_pitch', 'pr', 'uw'),
+    'yaw': ('v', 'uv', 'pq'),
+}
+"""
+How other DOFs may act on one: by products of their velocities u, v, w, p, q, r, by one of these
+alone (the drag of a sideways motion), and by the restoring terms sin(roll) cos(pitch), sin(pitch).
+"""
+
 Four = tuple[float, float, float, float]
 """Values in the order of ``PARAMETERS`` (or of ``PHYSICAL``)."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from rovid_core.model.dofs import Three
+from rovid_core.model.dofs import Three, Vector
 
 
 class Sample(NamedTuple):
@@ -72,6 +72,8 @@ class Motion(NamedTuple):
     path_noise : tuple of float
         Standard deviation of the path over the interval that comes from the noise of the
         attitude [m], one per DOF; empty where no attitude was used.
+    body : Vector
+        The velocity on all three axes of the body, also of DOFs that are not identified.
 
     """
 
@@ -81,6 +83,7 @@ class Motion(NamedTuple):
     velocity: tuple[float, ...]
     turn: float = 0.0
     path_noise: tuple[float, ...] = ()
+    body: Vector = (0.0, 0.0, 0.0)
 
 
 class Step(NamedTuple):
@@ -111,6 +114,10 @@ class Step(NamedTuple):
     path_noise : float
         Standard deviation of the path over ``interval`` that comes from the noise of the
         attitude [m].
+    couplings : tuple of (float, float)
+        Mean of each regressor of the DOF's couplings over each part, not filtered.
+    filtered_couplings : tuple of float
+        The same over the step, filtered like the velocity.
 
     """
 
@@ -123,6 +130,8 @@ class Step(NamedTuple):
     forces: tuple[float, float] = (0.0, 0.0)
     turn: float = 0.0
     path_noise: float = 0.0
+    couplings: tuple[tuple[float, float], ...] = ()
+    filtered_couplings: tuple[float, ...] = ()
 
 
 def finite(values: tuple[float, ...]) -> bool:

@@ -22,6 +22,7 @@ from rovid_core.model.samples import Motion, Sample, Step
 from rovid_core.settings.run import IdentifierSettings, Scales, Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.velocity.attitude_history import normalised, SharedMotion
+from rovid_core.velocity.couplings import CouplingRegressors
 from rovid_core.velocity.velocity_source import VelocitySource
 
 NS = 1e-9
@@ -80,10 +81,13 @@ class Pipeline:
         self._forces = ForceHistory(settings.thrusters, settings.dofs)
         self._commands = CommandIntake(settings, self._forces, warn)
         used = settings.used_inputs()
+        self._couplings = CouplingRegressors(settings, self._shared.attitude) if any(
+            settings.dof[d].couplings for d in settings.dofs) else None
+        needed = ('position', 'depth', *(self._couplings.inputs if self._couplings else ()))
         sources = [FilteredSource(settings, name, self._shared, warn) for name in SOURCES]
-        # position and depth need each other, also without a DOF of their own
+        # position and depth need each other, and couplings their inputs, also without a DOF
         self._sources = [one for one in sources if one.dofs or one.input in used
-                         and one.input in ('position', 'depth')]
+                         and one.input in needed]
         self._by_input = {one.input: one for one in self._sources}
         self._checks = {name: InputCheck(settings, name, warn) for name in SOURCES
                         if name in used}
@@ -112,6 +116,8 @@ class Pipeline:
     def restart(self) -> None:
         """Forget filters and histories, and keep the parameters."""
         self._shared.restart()
+        if self._couplings is not None:
+            self._couplings.restart()
         self._forces.restart()
         self._commands.restart()
         for check in self._checks.values():
@@ -206,7 +212,11 @@ class Pipeline:
     def _make_steps(self, source: FilteredSource, now: int, estimates: list[Estimate]) -> None:
         """Make the steps of one source for which all is known by now."""
         while True:
-            motion = source.held or source.next_velocity(now)
+            motion: Motion | str | None = source.held
+            if motion is None:
+                motion = source.next_velocity(now)
+                if self._couplings is not None and isinstance(motion, Motion):
+                    self._couplings.add_velocity(source.input, motion)
             source.held = None
             if motion is None:
                 return
@@ -217,8 +227,27 @@ class Pipeline:
             elif not self._forces.known(motion.end) and now - motion.end <= self._max_gap:
                 source.held = motion  # the command that ends its span is still to come
                 return
+            elif source.couplings and (missing := self._missing_couplings(source, motion)):
+                if missing == 'later' and now - motion.end <= self._max_gap:
+                    source.held = motion
+                    return
+                self._interrupt(source, 'no_coupling')
             else:
                 self._make_step(source, motion, estimates)
+
+    def _missing_couplings(self, source: FilteredSource, motion: Motion) -> str:
+        """Return '' if the regressors of a motion's couplings are known, or why not."""
+        span = source.coupling_span(motion)
+        if self._couplings is None or span is None:
+            return ''
+        return self._couplings.missing(source.couplings, *span)
+
+    def _coupling_regressors(self, source: FilteredSource, motion: Motion) -> tuple[float, ...]:
+        """Return the regressors of all DOFs of a source over a motion; () at a first point."""
+        span = source.coupling_span(motion)
+        if self._couplings is None or span is None:
+            return ()
+        return self._couplings.mean(source.couplings, *span)
 
     def _interrupt(self, source: FilteredSource, reason: str) -> None:
         """Count why there is no step, and let the next measurement begin anew where it must."""
@@ -255,6 +284,15 @@ class Pipeline:
         after = source.velocity.step(dt, motion.velocity)
         forces = source.force.step(dt, tuple([(q - p) / dt for p, q in zip(first, third)]))
         interval = (motion.end - motion.start) * NS
+        couplings: list[tuple[float, float]] = []
+        filtered: tuple[float, ...] = ()
+        if source.couplings:
+            new = self._coupling_regressors(source, motion)
+            old = source.last_regressors if interval else new
+            couplings = list(zip(old, new))
+            filtered = source.regressors.step(
+                dt, tuple([(lead * x + rest * y) / dt for x, y in couplings]))
+            source.last_regressors = new
         for j, i in enumerate(source.indices):
             v, w, f, p, q = before[j], after[j], forces[j], first[j], second[j]
             step = Step(
@@ -267,7 +305,9 @@ class Pipeline:
                 forces=((q - p) / lead if lead > 0.0 else 0.0,
                         (third[j] - q) / rest if rest > 0.0 else 0.0),
                 turn=motion.turn,
-                path_noise=motion.path_noise[j] if motion.path_noise else 0.0)
+                path_noise=motion.path_noise[j] if motion.path_noise else 0.0,
+                couplings=tuple([couplings[k] for k in source.coupling_indices[j]]),
+                filtered_couplings=tuple([filtered[k] for k in source.coupling_indices[j]]))
             self.dofs[i].add_step(time, step, self.adapt)
             if self._scorer is not None:
                 self._scorer.add_step(self._settings.dofs[i], span, step)
@@ -279,6 +319,9 @@ class Pipeline:
         """Start the filters and v_hat from a measurement."""
         source.interrupt()
         velocity = source.velocity.step(0.0, motion.velocity)
+        source.last_regressors = self._coupling_regressors(source, motion)
+        if source.last_regressors:
+            source.regressors.step(0.0, source.last_regressors)
         source.last = motion
         for i, v in zip(source.indices, velocity):
             self.dofs[i].identifier.restart(v)
@@ -315,6 +358,14 @@ class FilteredSource(VelocitySource):
         A velocity that waits for the force of its span.
     last : Motion or None
         Where the next step begins.
+    couplings : tuple of str
+        Of all its DOFs, each once.
+    coupling_indices : list of tuple of int
+        Which of them each of its DOFs has.
+    regressors : LowPass
+        Of the couplings.
+    last_regressors : tuple of float
+        Those of the couplings over the interval of ``last``.
     timeout : int
         Longest time between two steps [ns].
 
@@ -324,8 +375,14 @@ class FilteredSource(VelocitySource):
                  warn: Callable[[str], None]) -> None:
         self.velocity = LowPass(settings.cutoff)
         self.force = LowPass(settings.cutoff)
+        self.regressors = LowPass(settings.cutoff)
         super().__init__(settings, input, shared)
         self.indices = tuple(settings.dofs.index(d) for d in self.dofs)
+        of_dofs = [settings.dof[d].couplings for d in self.dofs]
+        self.couplings = tuple(dict.fromkeys(name for names in of_dofs for name in names))
+        self.coupling_indices = [
+            tuple(self.couplings.index(name) for name in names) for names in of_dofs]
+        self.last_regressors: tuple[float, ...] = ()
         self.held: Motion | None = None
         self.last: Motion | None = None
         self._warn: Callable[[str], None] | None = warn
@@ -337,11 +394,26 @@ class FilteredSource(VelocitySource):
         self.timeout = round(settings.timeout_of(self.input) / NS)
         self.velocity.retune(settings.cutoff)
         self.force.retune(settings.cutoff)
+        self.regressors.retune(settings.cutoff)
+
+    def coupling_span(self, motion: Motion) -> tuple[int, int] | None:
+        """
+        Return the span [ns] over which a motion's couplings are means, None at a first point.
+
+        It is the interval of the motion, or, of a point, the step that ends there.
+        """
+        if motion.start < motion.end:
+            return motion.start, motion.end
+        if self.last is not None and self.last.time < motion.time:
+            return self.last.time, motion.time
+        return None
 
     def interrupt(self) -> None:
         """Let the next measurement begin anew."""
         self.velocity.restart()
         self.force.restart()
+        self.regressors.restart()
+        self.last_regressors = ()
         self.held = self.last = None
 
     def note_gap(self) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 import math
 
-from rovid_core.model.dofs import ANGULAR_DOFS, DOFS, Four, LINEAR_DOFS, PARAMETERS
+from rovid_core.model.dofs import ANGULAR_DOFS, COUPLINGS, DOFS, Four, LINEAR_DOFS, PARAMETERS
 from rovid_core.model.plant import lumped
 from rovid_core.settings.inputs import InputSettings, SettingsError, ThrusterSettings
 
@@ -53,6 +53,7 @@ class DofSettings:
     typical_velocity: float = 0.0  # 0: 0.5
     dry_mass: float = 0.0  # 0: unknown
     terms: tuple[str, ...] = PARAMETERS
+    couplings: tuple[str, ...] = ()  # of COUPLINGS
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,6 +281,7 @@ class Settings:
                 'identifier.feedback_gain', 'and identifier.adaptation_gains go together')
         for name in self.dofs:
             self._check_dof(name)
+            self._check_couplings(name)
             terms = self.dof[name].terms
             unknown = [t for t in terms if t not in PARAMETERS]
             if unknown:
@@ -287,6 +289,23 @@ class Settings:
                     f'{name}.terms', f'got {unknown[0]!r}, takes {", ".join(PARAMETERS)}')
             if 'alpha' not in terms:
                 raise SettingsError(f'{name}.terms', 'alpha always stays')
+
+    def _check_couplings(self, name: str) -> None:
+        couplings = self.dof[name].couplings
+        for coupling in couplings:
+            if coupling not in COUPLINGS[name]:
+                raise SettingsError(
+                    f'{name}.couplings', f'got {coupling!r}, takes {", ".join(COUPLINGS[name])}')
+        if len(set(couplings)) != len(couplings):
+            raise SettingsError(f'{name}.couplings', 'names one twice')
+        letters = {x for c in couplings if not c.startswith('sin') for x in c}
+        if letters & set('uvw') and not (self.position.topic or self.velocity.topic):
+            raise SettingsError(f'{name}.couplings', 'needs position.topic or velocity.topic')
+        if letters & set('pqr') and not (self.attitude.topic or self.angular_velocity.topic):
+            raise SettingsError(
+                f'{name}.couplings', 'needs attitude.topic or angular_velocity.topic')
+        if any(c.startswith('sin') for c in couplings) and not self.attitude.topic:
+            raise SettingsError(f'{name}.couplings', 'needs attitude.topic')
 
     def _check_dof(self, name: str) -> None:
         dof = self.dof[name]

@@ -130,7 +130,8 @@ class VelocitySource:
             velocity = tuple([value[i] for i in self._axes])
             if not self._is_slow(velocity, 0.0):
                 return 'too_fast'
-            return Motion(start=time, end=time, time=time, velocity=velocity)
+            return Motion(start=time, end=time, time=time, velocity=velocity,
+                          body=(value[0], value[1], value[2]))
         last = self._last
         missing = jumped or ('gap' if last else 'first')
         if last is not None and not jumped and time - last[0] <= self._timeout:
@@ -182,7 +183,7 @@ class VelocitySource:
         elif self.input == 'position':
             self._shared.horizontal = end, world[0], world[1]
         return Motion(start=start, end=end, time=middle, velocity=velocity, turn=turn,
-                      path_noise=self._path_noise(body, dt))
+                      path_noise=self._path_noise(body, dt), body=body)
 
     def _in_world(self, last: Fix, new: Fix, dt: float) -> tuple[Vector, tuple[float, ...]]:
         """

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from rovid_core.identify import METHODS
-from rovid_core.model.dofs import DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
+from rovid_core.model.dofs import COUPLINGS, DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
@@ -280,6 +280,8 @@ def _dof(dof: str) -> list[Key]:
                'mass in air (moment of inertia of an angular DOF); 0: unknown', units[0], 0.0),
         key_of(f'{dof}.terms', f'{known}.terms', DofSettings,
                'parameters that the model has; the others are 0', choices=PARAMETERS),
+        key_of(f'{dof}.couplings', f'{known}.couplings', DofSettings,
+               'terms by which other DOFs act on this one', choices=COUPLINGS[dof]),
         *(key_of(f'simulation.{dof}.{name}', f'{truth}.{name}', SimulatedDof,
                  f'truth of the simulation: {text}', unit, low)
           for name, text, unit, low in zip(PHYSICAL, texts, units, lows, strict=True)),

@@ -137,14 +137,19 @@ class CoupledPlant:
         quadratic = self._quadratic * np.where(v < 0.0, self._reverse, 1.0)
         force = given - (quadratic * abs(v) + self._linear) * v
         if self._coriolis:
-            full = np.zeros(6)
-            full[self._free] = v
-            momentum = self._mass @ full
-            linear, angular = full[:3], full[3:]
-            force = force + np.concatenate((
-                np.cross(momentum[:3], angular),
-                np.cross(momentum[3:], angular) + np.cross(momentum[:3], linear)))[self._free]
+            force = force + self._coriolis_force(v)
         return np.asarray(self._inverse @ force)
+
+    def _coriolis_force(self, velocity: Array) -> Array:
+        """Return -C(M, nu) nu, by Kirchhoff from the momentum M nu."""
+        full = np.zeros(6)
+        full[self._free] = velocity
+        x, y, z, k, m, n = (self._mass @ full).tolist()
+        u, v, w, p, q, r = full.tolist()
+        forces = (y * r - z * q, z * p - x * r, x * q - y * p,
+                  m * r - n * q + y * w - z * v, n * p - k * r + z * u - x * w,
+                  k * q - m * p + x * v - y * u)
+        return np.array([forces[i] for i in self._free])
 
     def _righting(self, up: Vector) -> Array:
         """Return the moments [N m] of a centre of buoyancy above that of gravity."""

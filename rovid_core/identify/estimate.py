@@ -31,6 +31,7 @@ class DofEstimate(NamedTuple):
     excitation: float = 0.0  # mean square of the thrust, in typical forces
     W: float = math.nan  # Lyapunov function, where the truth is known
     delay: float = math.nan  # of the thrust [s], where it is estimated
+    couplings: tuple[float, ...] = ()  # kappa of each of the DOF's ``couplings`` settings
 
     @property
     def std(self) -> Four:
@@ -46,6 +47,11 @@ class DofEstimate(NamedTuple):
     def delay_std(self) -> float:
         """Return the standard deviation of the delay [s]."""
         return self.uncertainty.delay_std
+
+    @property
+    def couplings_std(self) -> tuple[float, ...]:
+        """Return the standard deviations of the couplings."""
+        return self.uncertainty.couplings_std
 
     @property
     def status(self) -> str:

@@ -20,7 +20,8 @@ class Uncertainty(Protocol):
 
     ``covariance`` is that of the lumped parameters: 16 floats, row-major, 0 for left-out terms,
     and () for a method without a covariance. ``std`` are the standard deviations, NaN where
-    there are none. ``delay_std`` is the standard deviation of the delay [s].
+    there are none. ``delay_std`` is the standard deviation of the delay [s], ``couplings_std``
+    are those of the couplings.
     """
 
     @property
@@ -35,6 +36,10 @@ class Uncertainty(Protocol):
     def delay_std(self) -> float:
         """Return the standard deviation of the delay [s]."""
 
+    @property
+    def couplings_std(self) -> tuple[float, ...]:
+        """Return the standard deviations of the couplings."""
+
 
 class KnownUncertainty(NamedTuple):
     """An uncertainty of given values; by default that of a method without any."""
@@ -42,6 +47,7 @@ class KnownUncertainty(NamedTuple):
     covariance: tuple[float, ...] = ()
     std: Four = NAN4
     delay_std: float = math.nan
+    couplings_std: tuple[float, ...] = ()
 
 
 NO_UNCERTAINTY = KnownUncertainty()

@@ -36,6 +36,7 @@ class Identifier(Protocol):
     parameters: Four
     uncertainty: Uncertainty = NO_UNCERTAINTY
     delay: float = math.nan
+    couplings: tuple[float, ...] = ()
     v_hat: float
     excitation: float
 

@@ -491,6 +491,7 @@ class FactoredUncertainty(NamedTuple):
     unit: Four
     active: tuple[bool, bool, bool, bool]
     delay_std: float = math.nan
+    couplings_std: tuple[float, ...] = ()
 
     @property
     def covariance(self) -> tuple[float, ...]:

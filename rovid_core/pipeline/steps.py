@@ -490,7 +490,8 @@ class Identification:
         identifier = self.identifier
         self.estimate = DofEstimate(
             dof=self._name, parameters=identifier.parameters, uncertainty=identifier.uncertainty,
-            judgement=Judgement('waiting', ('no step yet',)), delay=identifier.delay)
+            judgement=Judgement('waiting', ('no step yet',)), delay=identifier.delay,
+            couplings=identifier.couplings)
 
     def verdict(self) -> str:
         """Return what all data leave open, '' if nothing."""
@@ -522,7 +523,8 @@ class Identification:
             force=step.force[1],
             excitation=identifier.excitation,
             W=math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth),
-            delay=identifier.delay)
+            delay=identifier.delay,
+            couplings=identifier.couplings)
 
 
 def _raw_gains(method: IdentifierSettings, i: int) -> Four | None:

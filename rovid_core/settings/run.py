@@ -292,6 +292,8 @@ class Settings:
 
     def _check_couplings(self, name: str) -> None:
         couplings = self.dof[name].couplings
+        if couplings and self.identifier.method != 'ekf':
+            raise SettingsError(f'{name}.couplings', 'needs identifier.method ekf')
         for coupling in couplings:
             if coupling not in COUPLINGS[name]:
                 raise SettingsError(

@@ -61,6 +61,14 @@ class Score:
         return Score(mae, 1.0 - float(np.sqrt((errors**2).mean()) / values.std()))
 
 
+def _forces(values: Array, parameters: Sequence[float]) -> Array:
+    """Return the mean forces of a model, shape (n, 2): thrust, and couplings as such a force."""
+    forces = values[:, :2]
+    for k, kappa in enumerate(parameters[4:]):
+        forces = forces + kappa / parameters[0] * values[:, 4 + 2 * k:6 + 2 * k]
+    return forces
+
+
 class _ScoreSum:
     """The score of predictions that are added a block at a time."""
 
@@ -133,7 +141,9 @@ class ScoreLog:
     def __init__(self, settings: Settings, block: int = BLOCK) -> None:
         self._cutoff = settings.cutoff
         self._block = block
-        self._tables = {dof: SpillingTable(2, 4, block) for dof in settings.dofs}
+        self._tables = {
+            dof: SpillingTable(2, 4 + 2 * len(settings.dof[dof].couplings), block)
+            for dof in settings.dofs}
         self.runs: dict[str, list[ScoredRun]] = {dof: [] for dof in settings.dofs}
         self._references = SpillingTable(1, len(DOFS), block)
 
@@ -164,7 +174,9 @@ class ScoreLog:
             The measurement.
 
         """
-        self._tables[dof].append(span[1:], (*step.forces, step.velocity[2], step.mean))
+        couplings = [x for parts in step.couplings for x in parts]
+        self._tables[dof].append(
+            span[1:], (*step.forces, step.velocity[2], step.mean, *couplings))
         self.runs[dof][-1].count += 1
 
     def add_reference(self, time: int, value: tuple[float, ...]) -> None:
@@ -256,7 +268,8 @@ class ScoredRun:
     ----------
     table : SpillingTable
         Steps of all runs of the DOF: middle and end of the step [ns]; mean force before and
-        after the middle [N or N m], velocity at the end, mean velocity [m/s or rad/s].
+        after the middle [N or N m], velocity at the end, mean velocity [m/s or rad/s], and
+        each regressor of the DOF's couplings before and after the middle.
     first : int
         First row of this run.
     start : int
@@ -279,9 +292,9 @@ class ScoredRun:
 
     @property
     def steps(self) -> tuple[Times, Array]:
-        """Return the columns of the table, shapes (2, n) and (4, n)."""
+        """Return the columns of the table, shapes (2, n) and (4, n), without couplings."""
         times, values = self.table.read(self.first, self.first + self.count)
-        return times.T.copy(), values.T.copy()
+        return times.T.copy(), values[:, :4].T.copy()
 
     def mean_forces(self) -> Array:
         """Return the mean force of every step [N or N m]."""
@@ -297,7 +310,8 @@ class ScoredRun:
         for times, values in self.table.blocks(self.first, self.first + self.count):
             left -= len(times)
             nodes = _nodes(time, times)
-            found = trajectory(parameters, velocity, np.diff(nodes) * NS, values[:, :2].ravel())
+            found = trajectory(parameters[:4], velocity, np.diff(nodes) * NS,
+                               _forces(values, parameters).ravel())
             yield Predicted(nodes, found, values[:, 2], left == 0)
             time, velocity = int(nodes[-1]), float(found[-1])
 

@@ -223,8 +223,8 @@ class _Replay:
         estimate = stream.estimate
         if estimate is None:
             raise ReplayError(f'{", ".join(map(str, logs))}: no step: {self._why_no_step()}')
-        scores = {dof.dof: self._player.scores.score(dof.dof, dof.parameters)
-                  for dof in estimate.dofs}
+        scores = {dof.dof: self._player.scores.score(
+            dof.dof, (*dof.parameters, *dof.couplings)) for dof in estimate.dofs}
         verdicts = {dof.dof: stream.verdict(dof.dof) for dof in estimate.dofs}
         return Result(
             tuple(logs), self._settings, self._steps, self._messages, self.duration,

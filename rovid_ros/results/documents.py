@@ -85,8 +85,8 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
     -------
     dofs : dict
         Per DOF the parameters in both forms, ``std``, their 95 % ``intervals`` and
-        ``delay_s`` (None where there are none), ``mae``, ``fit``, ``steps``, ``status``,
-        ``reasons`` and ``verdict``; a number that is not finite is None.
+        ``delay_s`` (None where there are none), ``couplings`` where there are some, ``mae``,
+        ``fit``, ``steps``, ``status``, ``reasons`` and ``verdict``; a number that is not finite is None.
 
     """
     dofs = estimate.dofs if estimate else tuple([
@@ -102,6 +102,7 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
             'intervals': _intervals(dof.intervals),
             'delay_s': {'value': dof.delay, 'std': json_number(dof.delay_std)}
             if math.isfinite(dof.delay) else None,
+            **_couplings(settings.dof[dof.dof].couplings, dof),
             'mae': json_number(score.mae if score else math.nan),
             'fit': json_number(score.fit if score else math.nan),
             'steps': dof.steps,
@@ -110,6 +111,14 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
             'verdict': (verdicts or {}).get(dof.dof, ''),
         }
     return result
+
+
+def _couplings(names: Sequence[str], dof: DofEstimate) -> dict[str, Any]:
+    """Return ``couplings``, each with its standard deviation; nothing where there are none."""
+    found: dict[str, float | None] = {}
+    for name, kappa, std in zip(names, dof.couplings, dof.couplings_std):
+        found[name], found[f'{name}_std'] = json_number(kappa), json_number(std)
+    return {'couplings': found} if names else {}
 
 
 def _intervals(found: Mapping[str, Interval]) -> dict[str, list[float | None] | None] | None:

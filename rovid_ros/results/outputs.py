@@ -7,7 +7,7 @@ same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -67,6 +67,7 @@ class Outputs:
         self._initial: dict[str, tuple[Four, Four]] = {
             name: (Scales.of(settings.dof[name]).initial, NAN4) for name in settings.dofs}
         self._rows = dict(self._initial)
+        self._couplings = {name: settings.dof[name].couplings for name in settings.dofs}
         self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = dict(zip(TOPICS, (
             lambda _: self._values(), lambda _: self._stds(), _state, _twist, self._diagnostics)))
         self._statuses: dict[str, tuple[DofEstimate, bool, dict[str, Any]]] = {}
@@ -114,7 +115,7 @@ class Outputs:
         """Return the status of a DOF; without a step, only ``updated`` is another."""
         known, before, status = self._statuses.get(dof.dof, (None, stepped, {}))
         if known is not dof:
-            status = _status(dof, stepped)
+            status = _status(dof, self._couplings[dof.dof], stepped)
         elif before is not stepped:
             updated, = key_values({'updated': stepped})
             status = {**status, 'values': [updated if value['key'] == 'updated' else value
@@ -184,7 +185,7 @@ def _twist(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _status(dof: DofEstimate, stepped: bool) -> dict[str, Any]:
+def _status(dof: DofEstimate, couplings: Sequence[str], stepped: bool) -> dict[str, Any]:
     values: dict[str, Any] = {
         **dict(zip(PARAMETERS, dof.parameters)),
         **dict(zip([f'{name}_std' for name in PARAMETERS], dof.std)),
@@ -205,6 +206,8 @@ def _status(dof: DofEstimate, stepped: bool) -> dict[str, Any]:
     for name in ('delay', 'delay_std', 'W'):
         if not math.isnan(getattr(dof, name)):
             values[name] = getattr(dof, name)
+    for name, kappa, std in zip(couplings, dof.couplings, dof.couplings_std):
+        values[f'kappa_{name}'], values[f'kappa_{name}_std'] = kappa, std
     return {
         'level': LEVELS[dof.status],
         'name': dof.dof,

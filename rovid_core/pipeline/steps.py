@@ -82,7 +82,7 @@ class Pipeline:
         self._commands = CommandIntake(settings, self._forces, warn)
         used = settings.used_inputs()
         self._couplings = CouplingRegressors(settings, self._shared.attitude) if any(
-            settings.dof[d].couplings for d in settings.dofs) else None
+            settings.couplings(d) for d in settings.dofs) else None
         needed = ('position', 'depth', *(self._couplings.inputs if self._couplings else ()))
         sources = [FilteredSource(settings, name, self._shared, warn) for name in SOURCES]
         # position and depth need each other, and couplings their inputs, also without a DOF
@@ -378,7 +378,7 @@ class FilteredSource(VelocitySource):
         self.regressors = LowPass(settings.cutoff)
         super().__init__(settings, input, shared)
         self.indices = tuple(settings.dofs.index(d) for d in self.dofs)
-        of_dofs = [settings.dof[d].couplings for d in self.dofs]
+        of_dofs = [settings.couplings(d) for d in self.dofs]
         self.couplings = tuple(dict.fromkeys(name for names in of_dofs for name in names))
         self.coupling_indices = [
             tuple(self.couplings.index(name) for name in names) for names in of_dofs]

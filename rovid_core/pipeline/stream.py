@@ -89,7 +89,12 @@ class Stream:
         self._recorder = recorder
         self._warnings = deque([
             f'{dof} has no restoring moment in this model: only for a vehicle that is '
-            'neutral in it' for dof in settings.dofs if dof in ('roll', 'pitch')], MAX_WARNINGS)
+            'neutral in it' for dof in settings.dofs
+            if dof in ('roll', 'pitch') and f'sin_{dof}' not in settings.couplings(dof)],
+            MAX_WARNINGS)
+        self._warnings += [
+            f'{dof}.couplings: {settings.identifier.method} leaves them out, ekf identifies them'
+            for dof in settings.dofs if settings.dof[dof].couplings != settings.couplings(dof)]
         self._pipeline = Pipeline(settings, self.reject, self._warnings.append, scorer)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]

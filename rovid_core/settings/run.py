@@ -26,6 +26,9 @@ INPUTS = (
 )
 """The inputs, in the order in which samples of one event time are taken."""
 
+WITH_COUPLINGS = ('ekf',)
+"""Methods that identify couplings; the others leave them out."""
+
 TINY, HUGE = 1e-6, 1e12
 """What a mass, force or velocity can be in any unit; squares of it are far from overflow."""
 
@@ -240,6 +243,10 @@ class Settings:
         assert isinstance(found, InputSettings)
         return found
 
+    def couplings(self, dof: str) -> tuple[str, ...]:
+        """Return the couplings of a DOF that the method identifies."""
+        return self.dof[dof].couplings if self.identifier.method in WITH_COUPLINGS else ()
+
     def timeout_of(self, name: str) -> float:
         """Return after how long [s] an input counts as silent; infinite for held thrust."""
         if name == 'thrusters':
@@ -292,8 +299,6 @@ class Settings:
 
     def _check_couplings(self, name: str) -> None:
         couplings = self.dof[name].couplings
-        if couplings and self.identifier.method != 'ekf':
-            raise SettingsError(f'{name}.couplings', 'needs identifier.method ekf')
         for coupling in couplings:
             if coupling not in COUPLINGS[name]:
                 raise SettingsError(

@@ -142,7 +142,7 @@ class ScoreLog:
         self._cutoff = settings.cutoff
         self._block = block
         self._tables = {
-            dof: SpillingTable(2, 4 + 2 * len(settings.dof[dof].couplings), block)
+            dof: SpillingTable(2, 4 + 2 * len(settings.couplings(dof)), block)
             for dof in settings.dofs}
         self.runs: dict[str, list[ScoredRun]] = {dof: [] for dof in settings.dofs}
         self._references = SpillingTable(1, len(DOFS), block)

@@ -107,7 +107,7 @@ class CouplingRegressors:
 
     def __init__(self, settings: Settings, attitude: AttitudeHistory) -> None:
         self._attitude = attitude
-        named = {name for dof in settings.dofs for name in settings.dof[dof].couplings}
+        named = {name for dof in settings.dofs for name in settings.couplings(dof)}
         letters = {x for name in named if name not in RESTORING for x in name}
         self._linear_input = '' if not letters & set(LINEAR) else (
             'velocity' if settings.velocity.topic else 'position')

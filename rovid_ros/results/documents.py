@@ -86,7 +86,8 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
     dofs : dict
         Per DOF the parameters in both forms, ``std``, their 95 % ``intervals`` and
         ``delay_s`` (None where there are none), ``couplings`` where there are some, ``mae``,
-        ``fit``, ``steps``, ``status``, ``reasons`` and ``verdict``; a number that is not finite is None.
+        ``fit``, ``steps``, ``status``, ``reasons`` and ``verdict``; a number that is not finite
+        is None.
 
     """
     dofs = estimate.dofs if estimate else tuple([
@@ -102,7 +103,7 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
             'intervals': _intervals(dof.intervals),
             'delay_s': {'value': dof.delay, 'std': json_number(dof.delay_std)}
             if math.isfinite(dof.delay) else None,
-            **_couplings(settings.dof[dof.dof].couplings, dof),
+            **_couplings(settings.couplings(dof.dof), dof),
             'mae': json_number(score.mae if score else math.nan),
             'fit': json_number(score.fit if score else math.nan),
             'steps': dof.steps,

@@ -67,7 +67,7 @@ class Outputs:
         self._initial: dict[str, tuple[Four, Four]] = {
             name: (Scales.of(settings.dof[name]).initial, NAN4) for name in settings.dofs}
         self._rows = dict(self._initial)
-        self._couplings = {name: settings.dof[name].couplings for name in settings.dofs}
+        self._couplings = {name: settings.couplings(name) for name in settings.dofs}
         self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = dict(zip(TOPICS, (
             lambda _: self._values(), lambda _: self._stds(), _state, _twist, self._diagnostics)))
         self._statuses: dict[str, tuple[DofEstimate, bool, dict[str, Any]]] = {}

@@ -28,10 +28,10 @@ USED, OUTLIER, UNLEARNED = range(3)
 
 PASSES = 5
 
-SETTLED = 0.1
+SETTLED = 0.3
 """Standard deviations that the parameters still move by when no pass is needed any more."""
 
-BUDGET = 12_000
+BUDGET = 6_000
 """Steps that are gone through at once; where fixes come fast there are fewer passes."""
 
 LARGEST_NUMBER = 1e18
@@ -78,7 +78,7 @@ class BatchStart:
             self._pieces[k] = (self._pieces[k][0], USED)
 
     def solve(self, member: Member, guesses: Sequence[Sequence[float]],
-              members: int = 1) -> Member:
+              most: int = PASSES) -> Member:
         """
         Return a member that went through all this at the parameters that fit it best.
 
@@ -88,8 +88,8 @@ class BatchStart:
             As it went through it so far.
         guesses : sequence of sequences of p floats
             Parameters to begin with; the best end counts.
-        members : int
-            How many share the budget.
+        most : int
+            Passes at most.
 
         Raises
         ------
@@ -97,8 +97,8 @@ class BatchStart:
             If that leads nowhere.
 
         """
-        count = len(guesses) * members * max(len(self._pieces), 1)
-        passes = min(max(BUDGET // count, 1), PASSES)
+        count = len(guesses) * max(len(self._pieces), 1)
+        passes = min(max(BUDGET // count, 1), most)
         best, least = None, inf
         for theta in guesses:
             with suppress(ArithmeticError):

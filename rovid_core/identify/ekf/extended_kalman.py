@@ -20,6 +20,7 @@ from rovid_core.identify.ekf.batch_start import (
     KNOWN,
     LONGEST,
     LONGEST_UNKNOWN,
+    PASSES,
     PERIOD,
     UNLEARNED,
     USED,
@@ -28,8 +29,8 @@ from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, Member,
 from rovid_core.identify.ekf.free_prediction import FreePrediction
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
-from rovid_core.identify.ekf.measurements import MeasurementClock
-from rovid_core.identify.ekf.score_blocks import Verdict
+from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
+from rovid_core.identify.ekf.score_blocks import SCATTERED, Verdict
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier
@@ -246,21 +247,16 @@ class ExtendedKalman(Identifier):
         return ''
 
     def _add_step(self, step: Step, adapt: bool) -> None:
-        bank, clock, start = self._bank, self._clock, self._start
-        span = clock.add_step(step)
+        start, clock = self._start, self._clock
         beginning = start is not None and start.duration < SOON
         self._time += step.dt
-        found = 0
+        span = clock.add_step(step)
         self._free.move(clock.impulse, span)
-        for member in bank.members:
-            member.move(clock.impulse, span, ())
-            if span.value is not None:
-                came = member.update(span.i, span.value, span.dt, adapt, beginning)
-                if member is bank.best:
-                    found = came
+        found = [self._update(member, span, adapt, beginning) for member in self._bank.members]
+        came = found[self._bank.number]
         if adapt:
-            bank.choose()
-        if found == LOST and beginning and start is not None:
+            self._bank.choose()
+        if came == LOST and beginning:
             # it began with an outlier
             excitation = self.excitation
             self._begin(self._theta)
@@ -268,14 +264,20 @@ class ExtendedKalman(Identifier):
             self.excitation = excitation
             return
         if start is not None:
-            self._go_on_with_start(start, step, found, adapt)
-        elif found == LOST and adapt:
+            self._go_on_with_start(start, step, came, adapt)
+        elif came == LOST and adapt:
             self._note_loss()
-        if found == BLOCK and self._start is None:
-            self._end_block()
+        if self._start is None and BLOCK in found:
+            self._end_blocks(found)
         self.v_hat = self._velocity(step)
         if adapt:
             self._publish()
+
+    def _update(self, member: Member, span: Measurement, adapt: bool, beginning: bool) -> int:
+        member.move(self._clock.impulse, span, ())
+        if span.value is None:
+            return 0
+        return member.update(span.i, span.value, span.dt, adapt, beginning)
 
     @property
     def note(self) -> str:
@@ -349,13 +351,13 @@ class ExtendedKalman(Identifier):
         """Replace the filters by those that went through all data so far."""
         bank = self._bank
         best, members = bank.best, bank.members
-        guesses = [best.filter.theta]
+        guesses, most = [best.filter.theta], 1
         if start.next <= PERIOD:
-            guesses.append(self._theta)
+            guesses, most = [best.filter.theta, self._theta], PASSES
         with suppress(ArithmeticError, np.linalg.LinAlgError):
-            first = start.solve(best, guesses, len(members))
+            first = start.solve(best, guesses, most)
             members[:] = [first if member is best else start.solve(
-                member, [first.filter.theta], 2 * len(members)) for member in members]
+                member, [first.filter.theta], most) for member in members]
             bank.choose()
 
     def _note_loss(self) -> None:
@@ -365,14 +367,18 @@ class ExtendedKalman(Identifier):
                 self._verdict.scatter < RIGHT):
             self._note_change()
 
-    def _end_block(self) -> None:
-        blocks = self._bank.best.blocks
-        if blocks.has_changed():
+    def _end_blocks(self, found: Sequence[int]) -> None:
+        """Look at the blocks that are complete."""
+        best = self._bank.best
+        # a filter that is not the best one tells only while it understands the vehicle
+        changed = [member.blocks.has_changed(math.inf if member is best else SCATTERED)
+                   for member, came in zip(self._bank.members, found) if came == BLOCK]
+        if any(changed):
             self._note_change()
-        else:
-            self._verdict = blocks.verdict()
-        self._free.end_block(self._bank.best.filter)
-        self._judge()
+        elif found[self._bank.number] == BLOCK:
+            self._verdict = best.blocks.verdict()
+            self._free.end_block(best.filter)
+            self._judge()
 
     def _note_change(self) -> None:
         for member in self._bank.members:
@@ -401,7 +407,7 @@ class ExtendedKalman(Identifier):
         verdict = self._verdict
         if verdict is not None:
             self.uncertainty: Uncertainty = FilterUncertainty(
-                verdict.covariance.tolist(), 1.0, model.unit, model.active)
+                verdict.covariance, 1.0, model.unit, model.active)
         else:
             self.uncertainty = FilterUncertainty(
                 best.filter.theta_covariance, best.innovations.inflation, model.unit,

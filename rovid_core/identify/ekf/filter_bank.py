@@ -11,7 +11,7 @@ from rovid_core.identify.ekf.linearised_filter import Bounds, ForceImpulse, Line
 from rovid_core.identify.ekf.measurements import Measurement
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks
 
-FORCES = (0.0, 0.1)
+FORCES = (0.0, 0.05)
 """
 Standard deviations of the unknown acceleration, in typical accelerations.
 
@@ -107,30 +107,35 @@ class FilterBank:
     new : callable
         Makes a member from the size.
 
+    Attributes
+    ----------
+    number : int
+        Of the best member.
+
     """
 
     def __init__(self, new: Callable[[float], Member]) -> None:
         self.members = [new(force) for force in FORCES]
-        self._best = 0
+        self.number = 0
 
     @property
     def best(self) -> Member:
         """Return the member that explains the innovations best."""
-        return self.members[self._best]
+        return self.members[self.number]
 
     def choose(self) -> None:
         """Choose the best member: one with an unknown acceleration only where it is needed."""
         values = [member.innovations.likelihood for member in self.members]
         k = min(range(len(values)), key=values.__getitem__)
         # who is chosen needs to be beaten clearly
-        if values[k] < values[self._best] - MARGIN:
-            self._best = k
-        if self._best and values[0] < values[self._best] + MARGIN / 2.0:
-            self._best = 0
+        if values[k] < values[self.number] - MARGIN:
+            self.number = k
+        if self.number and values[0] < values[self.number] + MARGIN / 2.0:
+            self.number = 0
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return {'members': [member.state() for member in self.members], 'best': self._best}
+        return {'members': [member.state() for member in self.members], 'best': self.number}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -139,4 +144,4 @@ class FilterBank:
             raise ValueError('another bank of filters')
         for member, one in zip(self.members, state['members']):
             member.restore(one)
-        self._best = best
+        self.number = best

@@ -80,7 +80,7 @@ class Verdict:
 
     Attributes
     ----------
-    covariance : ndarray, shape (p, p)
+    covariance : p lists of p floats
         Of the parameters.
     scatter : float
         Of the scores, relative to what the model says; 1 where it is right.
@@ -89,7 +89,7 @@ class Verdict:
 
     """
 
-    covariance: Array
+    covariance: list[list[float]]
     scatter: float
     missing: Missing | None
 
@@ -190,8 +190,14 @@ class ScoreBlocks:
 
     def verdict(self) -> Verdict | None:
         """Return what the blocks say; None while there are too few."""
-        return None if self.count < LEAST_COUNT else _Fit(
-            self, self._information, self._score).verdict(self._counts)
+        if self.count < LEAST_COUNT:
+            return None
+        return self._fit(self.count).verdict(self._counts)
+
+    def _fit(self, count: int) -> _Fit:
+        """Return what the oldest blocks give."""
+        return _Fit(self._active, self._theta, self._variances, self._information[:count],
+                    self._score[:count])
 
     def solution(self) -> tuple[list[float], list[list[float]]]:
         """Return the parameters that fit all data best, and their covariance."""
@@ -213,14 +219,22 @@ class ScoreBlocks:
         return math.fsum([(theta[i] - self._theta[i])**2 / self._variances[i]
                           for i in self._active])
 
-    def has_changed(self) -> bool:
-        """Tell whether the newest blocks contradict the older ones."""
+    def has_changed(self, largest_scatter: float) -> bool:
+        """
+        Tell whether the newest blocks contradict the older ones.
+
+        Parameters
+        ----------
+        largest_scatter : float
+            Of the older blocks, from which they do not tell.
+
+        """
         for newest in (1, 3, 6):
             older = self.count - newest
             if older < max(LEAST_COUNT, len(self._active) + 1):
                 break
-            fit = _Fit(self, self._information[:older], self._score[:older])
-            if fit.contradicts(self._information[older:], self._score[older:]):
+            if self._fit(older).contradicts(
+                    self._information[older:], self._score[older:], largest_scatter):
                 return True
         return False
 
@@ -253,34 +267,37 @@ class ScoreBlocks:
 class _Fit:
     """The parameters that some blocks give, and how their scores scatter."""
 
-    def __init__(self, blocks: ScoreBlocks, information: Array, score: Array) -> None:
-        self.active, p = blocks._active, len(blocks._theta)
-        self._watched = list(range(p, blocks._q))
-        self._p = p
-        a, n = np.array(self.active), len(information)
-        self.n, self.information, self.score = n, information, score
-        prior, theta = 1.0 / np.array(blocks._variances)[a], np.array(blocks._theta)[a]
+    def __init__(self, active: Sequence[int], theta: Sequence[float],
+                 variances: Sequence[float], information: Array, score: Array) -> None:
+        self.active, self._p = list(active), len(theta)
+        a = np.array(self.active)
+        self.n, self.information, self.score = len(information), information, score
+        prior, start = 1.0 / np.array(variances)[a], np.array(theta)[a]
         self.total = information.sum(axis=0)
-        self.own = information[:, a[:, None], a]
-        self.h = self.total[np.ix_(a, a)] + np.diag(prior)
-        self.c = np.linalg.inv(self.h)
         self.prior = np.diag(prior)
-        self.theta = self.c @ (score[:, a].sum(axis=0) + prior * theta)
-        self.u = score[:, a] - np.einsum('nij,j->ni', self.own, self.theta)
-        self.v = np.einsum('ni,nj->ij', self.u, self.u)
-        freedom = n / max(n - len(a), 0.5)
-        self.scatter = max(1.0, float(np.trace(self.c @ self.v)) / len(a) * freedom)
+        self.h = self.total[a[:, None], a] + self.prior
+        self.c = np.linalg.inv(self.h)
+        self.theta = self.c @ (score[:, a].sum(axis=0) + prior * start)
+
+    def scatter(self) -> float:
+        """Find how much more the scores scatter than the model says, 1 where it is right."""
+        a = np.array(self.active)
+        self.own = self.information[:, a[:, None], a]
+        self.u = self.score[:, a] - self.own @ self.theta
+        self.v = self.u.T @ self.u
+        freedom = self.n / max(self.n - len(a), 0.5)
+        return max(1.0, float(np.trace(self.c @ self.v)) / len(a) * freedom)
 
     def verdict(self, counts: Array) -> Verdict:
-        n, a = self.n, self.active
-        mixed = (WEIGHT * self.scatter * self.total[np.ix_(a, a)] + n * n / (n - 1) * self.v) / (
+        n, a, scatter = self.n, self.active, self.scatter()
+        mixed = (WEIGHT * scatter * self.total[np.ix_(a, a)] + n * n / (n - 1) * self.v) / (
             WEIGHT + n)
         covariance = self.c @ (mixed + self.prior) @ self.c
-        if self.scatter > REPEATED:
+        if scatter > REPEATED:
             covariance = covariance * max(1.0, n / LEAST_COUNT)
         missing = None
         best = NAMED_GAIN
-        for k in self._watched:
+        for k in range(self._p, self._p + len(CANDIDATES)):
             to = self.total[a, k]
             w = self.c @ to
             rest = self.total[k, k] - w @ to
@@ -301,9 +318,9 @@ class _Fit:
             covariance = covariance + np.outer(moved, moved)
         full = np.zeros((self._p, self._p))
         full[np.ix_(a, a)] = 0.5 * (covariance + covariance.T)
-        return Verdict(full, self.scatter, missing)
+        return Verdict(full.tolist(), scatter, missing)
 
-    def contradicts(self, information: Array, score: Array) -> bool:
+    def contradicts(self, information: Array, score: Array, largest_scatter: float) -> bool:
         """Tell whether newer blocks do, in a way that matters."""
         a, n, w = self.active, self.n, len(information)
         own = information[:, np.array(a)[:, None], a].sum(axis=0)
@@ -312,7 +329,9 @@ class _Fit:
         power = float(self.theta @ own @ self.theta)
         if not float(step @ own @ step) >= MATTERS**2 * power:
             return False
-        scatter = self.scatter
+        scatter = self.scatter()
+        if scatter > largest_scatter:
+            return False
         mean = (WEIGHT + 2.0) * scatter * self.total[np.ix_(a, a)] / n
         b = (mean + self.v) / (WEIGHT + 2.0 + n)
         known = self.c @ (((WEIGHT + 2.0) * scatter * self.h + n * self.v)

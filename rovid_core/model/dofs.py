@@ -22,6 +22,18 @@ How other DOFs may act on one: by products of their velocities u, v, w, p, q, r,
 alone (the drag of a sideways motion), and by the restoring terms sin(roll) cos(pitch), sin(pitch).
 """
 
+RESTORING = ('sin_roll', 'sin_pitch')
+"""Couplings with the attitude; they pull back."""
+
+COUPLING_PRIORS = {
+    'sin_roll': 20.0, 'sin_pitch': 20.0, 'v': 5.0, 'uv': 20.0, 'vw': 20.0, 'uw': 20.0}
+"""
+Standard deviations of couplings before any data, in SI; 2 for the others.
+
+Those of surge, sway and heave are ratios of masses. Those of the angular DOFs have a mass over
+a moment of inertia in them, which is some tens for a small vehicle.
+"""
+
 Four = tuple[float, float, float, float]
 """Values in the order of ``PARAMETERS`` (or of ``PHYSICAL``)."""
 

@@ -72,6 +72,8 @@ class Scales:
         Initial lumped parameters, 0 for terms that are left out.
     active : tuple of 4 bools
         Terms that are identified.
+    couplings : tuple of str
+        Of the DOF, for methods that identify them.
 
     """
 
@@ -79,6 +81,7 @@ class Scales:
     velocity: float
     initial: Four
     active: tuple[bool, bool, bool, bool]
+    couplings: tuple[str, ...] = ()
 
     @staticmethod
     def of(settings: DofSettings) -> Scales:
@@ -96,7 +99,8 @@ class Scales:
         force = settings.typical_force or (
             settings.mass * speed / 3.0
             + settings.quadratic_drag * speed * speed + settings.linear_drag * speed)
-        return Scales(force, speed, initial, active)  # type: ignore[arg-type]
+        return Scales(force, speed, initial, active,  # type: ignore[arg-type]
+                      settings.couplings)
 
     @property
     def regressor(self) -> Four:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from rovid_core.model.dofs import Vector
+from rovid_core.model.dofs import RESTORING, Vector
 from rovid_core.model.samples import Motion
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import (
@@ -27,8 +27,6 @@ from rovid_core.velocity.attitude_history import (
 NS = 1e-9
 
 LINEAR, ANGULAR = 'uvw', 'pqr'
-
-RESTORING = ('sin_roll', 'sin_pitch')
 
 
 class MeanVelocities:

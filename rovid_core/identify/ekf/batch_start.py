@@ -48,16 +48,19 @@ class BatchStart:
     ----------
     new : callable
         Makes a member at some parameters, for a size of the unknown acceleration.
-    force, velocity : float
-        The units.
+    new_clock : callable
+        Makes what turns steps into measurements.
+    velocity : float
+        The unit.
     bounds : Bounds
         Of the parameters.
 
     """
 
-    def __init__(self, new: Callable[[float, Sequence[float]], Member], force: float,
-                 velocity: float, bounds: Bounds) -> None:
-        self._new, self._force, self._velocity = new, force, velocity
+    def __init__(self, new: Callable[[float, Sequence[float]], Member],
+                 new_clock: Callable[[], MeasurementClock], velocity: float,
+                 bounds: Bounds) -> None:
+        self._new, self._new_clock, self._velocity = new, new_clock, velocity
         self._bounds = bounds
         self.clear()
 
@@ -131,7 +134,7 @@ class BatchStart:
         return found, value
 
     def _pass(self, member: Member) -> list[float]:
-        clock = MeasurementClock(self._force, self._velocity)
+        clock = self._new_clock()
         filter, innovations, variance = member.filter, member.innovations, 0.0
         sizes: list[float] = []
         for piece, use in self._pieces:
@@ -140,7 +143,7 @@ class BatchStart:
                 member.restart(piece / self._velocity)
                 continue
             span = clock.add_step(piece)
-            member.move(clock.impulse, span, ())
+            member.move(clock.impulse, span)
             if span.value is None or use == OUTLIER:
                 continue
             variance = innovations.noise**2

@@ -34,7 +34,7 @@ from rovid_core.identify.ekf.score_blocks import SCATTERED, Verdict
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier
-from rovid_core.model.dofs import Four, PARAMETERS
+from rovid_core.model.dofs import COUPLING_PRIORS, Four, PARAMETERS, RESTORING
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
@@ -58,6 +58,9 @@ SAID = 60.0
 
 LOSSES, LOST_WITHIN, RIGHT = 3, 30.0, 2.0
 """Losses of the vehicle within so many seconds that mean a change of one that was understood."""
+
+MAX_COUPLING = 100.0
+"""Largest coupling, in the standard deviations that it has before any data."""
 
 DELAYS = (-0.05, 0.6)
 """Range of the delay [s]; far below 0 the force would have to be known ahead."""
@@ -85,9 +88,9 @@ class NormalisedModel:
 
     Attributes
     ----------
-    initial : list of 5 floats
-        Parameters and delay [s].
-    prior : tuple of 5 floats
+    initial : list of 5 + m floats
+        Parameters, m couplings and delay [s].
+    prior : tuple of 5 + m floats
         Their variances before any measurement.
     box : list
         Their bounds: index, lowest, highest value.
@@ -100,19 +103,25 @@ class NormalisedModel:
         v, f = scales.velocity, scales.force
         self.unit = (v / f, 1.0 / v, 1.0, v)
         self.active = scales.active
-        self.initial = [*self.of(scales.initial), 0.0]
+        self.couplings = scales.couplings
+        self.initial = self.of(scales.initial)
         self.bounds = low, high = scales.bounds()
         self.box = [
             (ALPHA + k, low[k] / self.unit[k], high[k] / self.unit[k])
-            for k in range(4) if scales.active[k]] + [(4, *DELAYS)]
+            for k in range(4) if scales.active[k]]
+        coupled = [COUPLING_PRIORS.get(name, 2.0) / v for name in scales.couplings]
+        self.box += [(4 + k, -MAX_COUPLING * s, 0.0 if name in RESTORING else MAX_COUPLING * s)
+                     for k, (name, s) in enumerate(zip(scales.couplings, coupled))]
+        self.box += [(4 + len(coupled), *DELAYS)]
         # a drag of 2 alpha balances twice the typical force at the typical speed
         alpha, beta, gamma, delta = map(abs, self.initial[:4])
         std = (2.0 * alpha, 2.0 * max(alpha, beta), 2.0 * max(alpha, gamma), max(alpha, delta))
-        self.prior = (*[s * s if on else 0.0 for s, on in zip(std, self.active)], DELAY_STD**2)
+        self.prior = (*[s * s if on else 0.0 for s, on in zip(std, self.active)],
+                      *[s * s for s in coupled], DELAY_STD**2)
 
     def of(self, parameters: Sequence[float]) -> list[float]:
-        """Return lumped parameters in these units."""
-        return [p / u for p, u in zip(parameters, self.unit)]
+        """Return theta of lumped parameters, with no couplings and no delay."""
+        return [*[p / u for p, u in zip(parameters, self.unit)], *[0.0] * len(self.couplings), 0.0]
 
     def parameters(self, theta: Sequence[float]) -> Four:
         """Return the lumped parameters."""
@@ -153,6 +162,12 @@ class FilterUncertainty(NamedTuple):
         """Return the standard deviation of the delay [s]."""
         return math.sqrt(self.of_theta[-1][-1] * self.inflation)
 
+    @property
+    def couplings_std(self) -> tuple[float, ...]:
+        """Return the standard deviations of the couplings."""
+        return tuple([self.unit[3] * math.sqrt(float(self.of_theta[k][k]) * self.inflation)
+                      for k in range(4, len(self.of_theta) - 1)])
+
 
 class ExtendedKalman(Identifier):
     """
@@ -186,9 +201,9 @@ class ExtendedKalman(Identifier):
     def _begin(self, theta: Sequence[float]) -> None:
         self._theta = list(theta)
         self._bank = FilterBank(lambda force_std: self._new(force_std, theta))
-        self._clock = MeasurementClock(self._scales.force, self._scales.velocity)
+        self._clock = self._new_clock()
         self._start: BatchStart | None = BatchStart(
-            self._new, self._scales.force, self._scales.velocity, self._model.box)
+            self._new, self._new_clock, self._scales.velocity, self._model.box)
         self._free = FreePrediction()
         self._verdict: Verdict | None = None
         self._time, self._changed_at = 0.0, -SAID
@@ -204,6 +219,10 @@ class ExtendedKalman(Identifier):
         member = Member(self._theta, self._model.prior, self._model.box, force_std, FIRST_NOISE)
         member.filter.theta = list(theta)
         return member
+
+    def _new_clock(self) -> MeasurementClock:
+        scales = self._scales
+        return MeasurementClock(scales.force, scales.velocity, len(scales.couplings))
 
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
@@ -242,7 +261,7 @@ class ExtendedKalman(Identifier):
             self._add_step(step, adapt)
         except (ArithmeticError, np.linalg.LinAlgError):
             # a number out of range on the way is no better than a divergence
-            self._begin([*self._model.of(self.parameters), 0.0])
+            self._begin(self._model.of(self.parameters))
             return 'diverged'
         return ''
 
@@ -274,7 +293,7 @@ class ExtendedKalman(Identifier):
             self._publish()
 
     def _update(self, member: Member, span: Measurement, adapt: bool, beginning: bool) -> int:
-        member.move(self._clock.impulse, span, ())
+        member.move(self._clock.impulse, span)
         if span.value is None:
             return 0
         return member.update(span.i, span.value, span.dt, adapt, beginning)
@@ -384,7 +403,7 @@ class ExtendedKalman(Identifier):
         for member in self._bank.members:
             filter = member.filter
             filter.widen_parameters([(CHANGE * p)**2 if v else 0.0 for p, v in zip(
-                filter.theta[:4], self._model.prior)])
+                filter.theta[:-1], self._model.prior)])
             member.blocks.clear(filter.theta, [
                 filter.theta_covariance[k][k] for k in range(len(filter.theta))])
         self._changed_at, self._verdict, self._losses = self._time, None, []
@@ -397,13 +416,17 @@ class ExtendedKalman(Identifier):
         alpha, beta, gamma, delta = filter.theta[:4]
         ahead = self._clock.ahead
         force = step.forces[1] if ahead else 0.0
-        rate = alpha * force / self._scales.force + (beta * abs(v) + gamma) * v + delta + f
+        coupled = math.fsum([kappa * after for kappa, (_, after) in zip(
+            filter.theta[4:], step.couplings)]) if ahead else 0.0
+        rate = (alpha * force / self._scales.force + (beta * abs(v) + gamma) * v + delta + f
+                + coupled)
         return self._scales.velocity * (v + ahead * rate)
 
     def _publish(self) -> None:
         best, model = self._bank.best, self._model
         self.parameters = model.parameters(best.filter.theta)
         self.delay = best.filter.theta[-1]
+        self.couplings = tuple([model.unit[3] * kappa for kappa in best.filter.theta[4:-1]])
         verdict = self._verdict
         if verdict is not None:
             self.uncertainty: Uncertainty = FilterUncertainty(

@@ -56,11 +56,11 @@ class Member:
             max(-1.0, min(1.0, velocity)), (self.innovations.noise**2, 1.0))
         self.innovations.forget_outliers()
 
-    def move(self, impulse: ForceImpulse, span: Measurement, couplings: Sequence[float]) -> None:
+    def move(self, impulse: ForceImpulse, span: Measurement) -> None:
         """Predict to the time of a measurement."""
         filter = self.filter
         if span.end > span.start:
-            filter.move(impulse, span.start, span.end, couplings)
+            filter.move(impulse, span.start, span.end, span.couplings)
         if span.turn or span.slip:
             # the noise of the fix between two intervals does not cancel when they are turned
             filter.widen_motion((span.turn * self.innovations.noise)**2 + span.slip**2)

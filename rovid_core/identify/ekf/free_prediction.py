@@ -50,10 +50,12 @@ class FreePrediction:
         x, v = self._motion
         pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
         h /= pieces
+        push = delta + math.fsum([
+            kappa * x for kappa, x in zip(self._theta[4:], span.couplings)])
         before, *impulses = impulse.at(
             [span.start + k * h - delay for k in range(pieces + 1)])
         for after in impulses:
-            u = alpha * (after - before) / h + delta
+            u = alpha * (after - before) / h + push
             before = after
             w = v + 0.5 * h * (u + (beta * abs(v) + gamma) * v)
             x += h * w
@@ -100,7 +102,7 @@ class FreePrediction:
         self._motion, self._sums = floats(state['motion'], 2), floats(state['sums'], 4)
         self._mark = floats(state['mark'], len(state['mark']))
         self._blocks = [floats(row, 4) for row in state['blocks']]
-        if len(self._theta) not in (0, 5) or len(self._mark) not in (0, 3):
+        if 0 < len(self._theta) < 5 or len(self._mark) not in (0, 3):
             raise ValueError('a prediction that does not fit')
         if self._blocks:
             n, error, total, square = (math.fsum(column) for column in zip(*self._blocks))

@@ -27,6 +27,8 @@ class Measurement(NamedTuple):
         Standard deviation of what the attitude puts the path wrong by.
     dt : float
         [s] since the last measurement.
+    couplings : tuple of m floats
+        The mean of each regressor of the couplings over the span.
 
     """
 
@@ -37,6 +39,7 @@ class Measurement(NamedTuple):
     turn: float
     slip: float
     dt: float
+    couplings: tuple[float, ...]
 
 
 class MeasurementClock:
@@ -52,6 +55,8 @@ class MeasurementClock:
     ----------
     force, velocity : float
         The units.
+    couplings : int
+        How many there are; those of a step without any are taken as 0.
 
     Attributes
     ----------
@@ -62,8 +67,9 @@ class MeasurementClock:
 
     """
 
-    def __init__(self, force: float, velocity: float) -> None:
+    def __init__(self, force: float, velocity: float, couplings: int) -> None:
         self._force, self._velocity = force, velocity
+        self._no_couplings = (0.0,) * couplings
         self.restart()
 
     def restart(self) -> None:
@@ -83,12 +89,14 @@ class MeasurementClock:
         end = impulse.end
         start = end - step.dt if first else self._fix
         self._fix, self.ahead = at, end - at
+        couplings = tuple([before for before, _ in step.couplings]) or self._no_couplings
         if not step.interval:
-            return Measurement(start, at, VELOCITY, step.mean / self._velocity, 0.0, 0.0, step.dt)
+            return Measurement(start, at, VELOCITY, step.mean / self._velocity, 0.0, 0.0, step.dt,
+                               couplings)
         path = self._path
         self._path += step.mean * step.interval / self._velocity
         return Measurement(start, at, POSITION, None if first else path, step.turn,
-                           step.path_noise / self._velocity, step.dt)
+                           step.path_noise / self._velocity, step.dt, couplings)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

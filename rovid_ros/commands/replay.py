@@ -12,6 +12,7 @@ import textwrap
 from typing import Any
 
 from rovid_core.identify.estimate import Estimate
+from rovid_core.identify.intervals import Z95
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.settings.run import Settings
 from rovid_ros.commands.arguments import (
@@ -329,6 +330,7 @@ def report(result: Result) -> str:
         _legend(dofs),
         table(_physical_rows(dofs)),
         table(_lumped_rows(dofs)),
+        _couplings_table(dofs),
         f'refused   {_refused(result.rejected)}',
     ]
     return '\n\n'.join(part for part in parts if part)
@@ -397,6 +399,19 @@ def _lumped_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
                 NONE if values['std'][name] is None
                 else f'± {quantity(dof, name, values["std"])}' for name in PARAMETERS)])
     return rows
+
+
+def _couplings_table(dofs: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the couplings of all DOFs with their 95 % intervals, '' if there are none."""
+    rows = [['coupling', 'kappa', '95 %']]
+    for dof, values in dofs.items():
+        known = values.get('couplings', {})
+        for name in known:
+            if f'{name}_std' in known:
+                kappa, std = known[name], known[f'{name}_std']
+                rows.append([f'{dof} {name}', number(kappa), NONE if None in (kappa, std) else (
+                    _interval((kappa - Z95 * std, kappa + Z95 * std)))])
+    return table(rows) if len(rows) > 1 else ''
 
 
 def _refused(rejected: Mapping[tuple[str, str], int]) -> str:

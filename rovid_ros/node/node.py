@@ -202,7 +202,7 @@ class IdentifierNode(ParameterNode):
 
     def _join_graph(self) -> None:
         """Make publishers, timers and services."""
-        self._output_topics = Publishers(self)
+        self._output_topics = Publishers(self, self._outputs.topics)
         self.resources.callback(self._output_topics.close)
         self._add_timer(1.0, self._on_second)
         self._start_saving()

@@ -29,7 +29,10 @@ TOPICS = {
 }
 """Output topics, relative to the namespace of the node, and their types."""
 
-LATCHED = ('rov/params', 'rov/params_std')
+COUPLING_TOPICS = {'rov/couplings': ARRAY_TYPE, 'rov/couplings_std': ARRAY_TYPE}
+"""Further ones where a DOF has couplings."""
+
+LATCHED = ('rov/params', 'rov/params_std', *COUPLING_TOPICS)
 """Those of which a late subscriber gets a message at once, the last or one of the last second."""
 
 FRAME = 'base_link'
@@ -38,6 +41,9 @@ OK, WARN, ERROR, STALE = 0, 1, 2, 3
 LEVELS = {'waiting': WARN, 'unexcited': WARN, 'converging': OK, 'converged': OK, 'frozen': OK,
           'invalid': ERROR}
 """Status of a DOF to level of a ``DiagnosticStatus``."""
+
+
+_Kappas = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -61,6 +67,12 @@ class Outputs:
     settings : Settings
         DOFs and initial values.
 
+    Attributes
+    ----------
+    topics : dict
+        Topic -> type of all that there are: ``TOPICS``, and ``COUPLING_TOPICS`` where a DOF
+        has couplings.
+
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -68,11 +80,25 @@ class Outputs:
             name: (Scales.of(settings.dof[name]).initial, NAN4) for name in settings.dofs}
         self._rows = dict(self._initial)
         self._couplings = {name: settings.couplings(name) for name in settings.dofs}
-        self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = dict(zip(TOPICS, (
-            lambda _: self._values(), lambda _: self._stds(), _state, _twist, self._diagnostics)))
+        # as the parameters, initially 0
+        self._initial_kappas: dict[str, tuple[_Kappas, _Kappas]] = {
+            name: (dict.fromkeys(names, 0.0), {}) for name, names in self._couplings.items()}
+        self._kappas = dict(self._initial_kappas)
+        self._coupling_names = tuple(dict.fromkeys(
+            name for names in self._couplings.values() for name in names))
+        self.topics = {**TOPICS, **(COUPLING_TOPICS if self._coupling_names else {})}
+        self._latched: dict[str, Callable[[], dict[str, Any]]] = {
+            topic: make for topic, make in zip(LATCHED, (
+                lambda: self._values(0), lambda: self._values(1),
+                lambda: self._coupling_values(0), lambda: self._coupling_values(1)))
+            if topic in self.topics}
+        self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = {
+            'rov/identifier_state': _state, 'rov/velocity': _twist,
+            'rov/estimate': self._diagnostics}
         self._statuses: dict[str, tuple[DofEstimate, bool, dict[str, Any]]] = {}
 
-    def messages(self, estimate: Estimate, topics: Collection[str] = TOPICS) -> list[Output]:
+    def messages(self, estimate: Estimate, topics: Collection[str] | None = None
+                 ) -> list[Output]:
         """
         Return the messages of an estimate, in the order in which they are published.
 
@@ -82,29 +108,33 @@ class Outputs:
         ----------
         estimate : Estimate
             What to tell.
-        topics : collection of str
-            Those that somebody listens to, in the order of ``TOPICS``; the others are not made.
+        topics : collection of str, optional
+            Those that somebody listens to, in the order of ``topics``; the others are not made.
 
         """
-        return list(self.each(estimate, topics))
+        return list(self.each(estimate, self.topics if topics is None else topics))
 
     def each(self, estimate: Estimate, topics: Collection[str]) -> Iterator[Output]:
         """Yield the same one by one, so that the first is out before the next is made."""
         for dof in estimate.dofs:
             if dof.status != 'invalid':
                 self._rows[dof.dof] = (dof.parameters, dof.std)
+                names = self._couplings[dof.dof]
+                self._kappas[dof.dof] = (
+                    dict(zip(names, dof.couplings)), dict(zip(names, dof.couplings_std)))
         for topic in topics:
-            yield Output(topic, TOPICS[topic], self._makers[topic](estimate))
+            make = self._latched.get(topic)
+            yield Output(topic, self.topics[topic],
+                         self._makers[topic](estimate) if make is None else make())
 
     def reset(self) -> list[Output]:
         """Go back to the initial values; return the messages that say so without a step."""
-        self._rows = dict(self._initial)
-        return self.latched(LATCHED)
+        self._rows, self._kappas = dict(self._initial), dict(self._initial_kappas)
+        return self.latched(list(self._latched))
 
     def latched(self, topics: Collection[str]) -> list[Output]:
         """Return the messages of ``LATCHED`` topics as they are after the last estimate."""
-        makers = dict(zip(LATCHED, (self._values, self._stds)))
-        return [Output(topic, TOPICS[topic], makers[topic]()) for topic in topics]
+        return [Output(topic, self.topics[topic], self._latched[topic]()) for topic in topics]
 
     def _diagnostics(self, estimate: Estimate) -> dict[str, Any]:
         return {'header': header(estimate.time),
@@ -123,13 +153,15 @@ class Outputs:
         self._statuses[dof.dof] = dof, stepped, status
         return status
 
-    def _values(self) -> dict[str, Any]:
-        """Return the fields of ``rov/params``."""
-        return _array(list(self._rows), [values for values, _ in self._rows.values()])
+    def _values(self, which: int) -> dict[str, Any]:
+        """Return the fields of ``rov/params`` (0) or ``rov/params_std`` (1)."""
+        return _array(list(self._rows), PARAMETERS, [row[which] for row in self._rows.values()])
 
-    def _stds(self) -> dict[str, Any]:
-        """Return the fields of ``rov/params_std``."""
-        return _array(list(self._rows), [std for _, std in self._rows.values()])
+    def _coupling_values(self, which: int) -> dict[str, Any]:
+        """Return the same of the couplings, NaN where a DOF has no such one."""
+        names = self._coupling_names
+        return _array(list(self._kappas), names, [
+            [row[which].get(name, math.nan) for name in names] for row in self._kappas.values()])
 
 
 def header(time: int, frame: str = FRAME) -> dict[str, Any]:
@@ -148,13 +180,14 @@ def dof_message(dof: DofEstimate) -> str:
     return f'{dof.status}: {", ".join(dof.reasons)}' if dof.reasons else dof.status
 
 
-def _array(names: list[str], rows: list[Four]) -> dict[str, Any]:
-    size, columns = len(rows), len(PARAMETERS)
+def _array(names: list[str], labels: Sequence[str], rows: Sequence[Sequence[float]]
+           ) -> dict[str, Any]:
+    size, columns = len(rows), len(labels)
     return {
         'layout': {
             'dim': [
                 {'label': ','.join(names), 'size': size, 'stride': columns * size},
-                {'label': ','.join(PARAMETERS), 'size': columns, 'stride': columns},
+                {'label': ','.join(labels), 'size': columns, 'stride': columns},
             ],
             'data_offset': 0,
         },

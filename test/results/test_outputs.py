@@ -1,5 +1,6 @@
 """The messages of an estimate: layout, exact numbers, and what is held while invalid."""
 
+from dataclasses import replace
 import json
 import math
 from typing import Any
@@ -9,7 +10,13 @@ from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.identify.intervals import KnownUncertainty
 from rovid_core.identify.status import Judgement, STATUSES
 from rovid_core.model.dofs import Four, NAN4, PARAMETERS, PHYSICAL
-from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
+from rovid_core.settings.run import (
+    DofSettings,
+    IdentifierSettings,
+    InputSettings,
+    Settings,
+    ThrusterSettings,
+)
 from rovid_core.trials.score import Score
 from rovid_ros.results import outputs
 from rovid_ros.results.documents import dofs_document
@@ -73,6 +80,54 @@ def test_the_last_valid_row_is_held_while_invalid() -> None:
     assert messages['rov/params_std']['data'][:4] == list(AWKWARD)
     values = values_of(messages['rov/estimate'], 0)  # which says what it is
     assert values['alpha'] == '9.0'
+
+
+def coupled_settings() -> Settings:
+    plain = settings()
+    return replace(plain, identifier=IdentifierSettings(method='ekf'), dof={
+        'surge': replace(plain.dof['surge'], couplings=('vr', 'wq')),
+        'yaw': replace(plain.dof['yaw'], couplings=('v',))})
+
+
+def coupled_estimate(status: str = 'converging', vr: float = AWKWARD[0]) -> Estimate:
+    one = estimate(status, couplings=(vr, 2.5))
+    uncertainty = KnownUncertainty(couplings_std=(0.25, 0.5))
+    return one._replace(dofs=(one.dofs[0]._replace(uncertainty=uncertainty), one.dofs[1]))
+
+
+def test_couplings_are_a_table_of_all_names_with_nan_where_a_dof_has_none() -> None:
+    outputs = Outputs(coupled_settings())
+    assert list(outputs.topics) == [*TOPICS, 'rov/couplings', 'rov/couplings_std']
+    messages = {out.topic: out.fields for out in outputs.messages(coupled_estimate())}
+    for topic, row in (('rov/couplings', [AWKWARD[0], 2.5]), ('rov/couplings_std', [0.25, 0.5])):
+        assert messages[topic]['layout'] == {
+            'dim': [{'label': 'surge,yaw', 'size': 2, 'stride': 6},
+                    {'label': 'vr,wq,v', 'size': 3, 'stride': 3}],
+            'data_offset': 0}
+        assert messages[topic]['data'][:2] == row
+        assert all(math.isnan(x) for x in messages[topic]['data'][2:5])
+    values = values_of(messages['rov/estimate'], 0)
+    assert float(values['kappa_vr']) == AWKWARD[0]
+    assert float(values['kappa_wq_std']) == 0.5
+
+
+def test_couplings_are_held_while_invalid_and_go_back_on_a_reset() -> None:
+    outputs = Outputs(coupled_settings())
+    before = outputs.latched(['rov/couplings'])[0].fields['data']
+    assert before[:2] == [0.0, 0.0]
+    outputs.messages(coupled_estimate())
+    outputs.messages(coupled_estimate('invalid', vr=9.0))
+    assert outputs.latched(['rov/couplings'])[0].fields['data'][:2] == [AWKWARD[0], 2.5]
+    again = {out.topic: out.fields for out in outputs.reset()}
+    assert again['rov/couplings']['data'][:2] == [0.0, 0.0]
+    assert all(math.isnan(x) for x in again['rov/couplings_std']['data'])
+
+
+def test_without_couplings_there_are_no_topics_of_them() -> None:
+    outputs = Outputs(replace(coupled_settings(), identifier=IdentifierSettings(method='aid')))
+    assert outputs.topics == TOPICS
+    assert [out.topic for out in outputs.reset()] == ['rov/params', 'rov/params_std']
+    assert list(by_topic(outputs.messages(estimate()))) == list(TOPICS)
 
 
 def test_an_invalid_dof_without_a_valid_row_has_the_initial_one() -> None:

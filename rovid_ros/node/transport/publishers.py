@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 import time
 from typing import Any
@@ -20,7 +20,7 @@ from rclpy.qos import (
 )
 from rovid_core.identify.estimate import Estimate
 from rovid_ros.node.transport.encoding import encoded, import_type
-from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, Outputs, TOPICS
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, Outputs
 
 DEPTH = 1000
 """Messages that are kept for a slow peer, so that none of a burst is lost."""
@@ -53,6 +53,8 @@ class Publishers:
     ----------
     node : Node
         Owns the publishers.
+    topics : mapping
+        Topic -> type of the outputs.
 
     Attributes
     ----------
@@ -61,13 +63,14 @@ class Publishers:
 
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, topics: Mapping[str, str]) -> None:
         self.incompatible: dict[str, str] = {}
         self._node = node
+        self._topics = topics
         self._unsent: set[str] = set()
         self._publishers: dict[str, Publisher[Any]] = {}
         try:
-            for topic, name in TOPICS.items():
+            for topic, name in topics.items():
                 profile = latched() if topic in LATCHED else reliable(DEPTH)
                 self._add(node, topic, name, profile)
             self._add(node, '/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
@@ -84,11 +87,12 @@ class Publishers:
         """Send the topics of estimates that have subscribers."""
         if not estimates:
             return
-        wanted = [topic for topic in TOPICS if self._publishers[topic].get_subscription_count()]
+        wanted = [topic for topic in self._topics
+                  if self._publishers[topic].get_subscription_count()]
         for estimate in estimates:
             for output in outputs.each(estimate, wanted):
                 self.publish(output)
-        self._unsent.update(set(LATCHED).difference(wanted))
+        self._unsent.update(set(LATCHED).intersection(self._topics).difference(wanted))
 
     def publish_latched(self, outputs: Outputs) -> None:
         """Send the latched topics that had no subscriber, for one that comes later."""

@@ -115,7 +115,8 @@ def midpoint_steps(parameters: Array, start: Array, dt: Iterable[float | Array],
         yield mean, v
 
 
-def sensitivities(parameters: Array, velocity: Array, dt: Array, force: Array) -> Array:
+def sensitivities(parameters: Array, velocity: Array, dt: Array, force: Array,
+                  accelerations: Array | None = None) -> Array:
     """
     Return the derivatives of ``midpoint_trajectory``.
 
@@ -125,19 +126,23 @@ def sensitivities(parameters: Array, velocity: Array, dt: Array, force: Array) -
         As in ``midpoint_trajectory``.
     velocity : ndarray, shape (n + 1,)
         The trajectory.
+    accelerations : ndarray, shape (k, n), optional
+        What other parameters, in which the acceleration is linear, are multiplied by.
 
     Returns
     -------
-    derivatives : ndarray, shape (n + 1, 5)
-        By alpha, beta, gamma, delta and the velocity at the start.
+    derivatives : ndarray, shape (n + 1, 5 + k)
+        By alpha, beta, gamma, delta, the other parameters and the velocity at the start.
 
     """
     w = 0.5 * (velocity[:-1] + velocity[1:])
     half = _half_slope(parameters, w, dt)
-    inputs = np.stack([dt * force, dt * w * np.abs(w), dt * w, dt, np.zeros_like(dt)])
-    inputs[4, 0] = 1.0 + half[0]
-    derivatives = np.zeros((len(dt) + 1, 5))
-    derivatives[0, 4] = 1.0
+    others = [] if accelerations is None else [dt * x for x in accelerations]
+    inputs = np.stack([
+        dt * force, dt * w * np.abs(w), dt * w, dt, *others, np.zeros_like(dt)])
+    inputs[-1, 0] = 1.0 + half[0]
+    derivatives = np.zeros((len(dt) + 1, len(inputs)))
+    derivatives[0, -1] = 1.0
     derivatives[1:] = linear_recurrence(
         (1.0 + half) / (1.0 - half), inputs / (1.0 - half)).T
     return derivatives

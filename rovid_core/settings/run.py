@@ -214,6 +214,7 @@ class Settings:
     checkpoint_path: str = ''
     checkpoint_period: float = 60.0
     autostart: bool = True  # of the live node: configured and activated by itself
+    all_methods: bool = False  # steps carry what any method needs, not only the configured one
 
     def __post_init__(self) -> None:
         """Check that every DOF has what it needs."""
@@ -249,7 +250,8 @@ class Settings:
 
     def couplings(self, dof: str) -> tuple[str, ...]:
         """Return the couplings of a DOF that the method identifies."""
-        return self.dof[dof].couplings if self.identifier.method in WITH_COUPLINGS else ()
+        identified = self.all_methods or self.identifier.method in WITH_COUPLINGS
+        return self.dof[dof].couplings if identified else ()
 
     def timeout_of(self, name: str) -> float:
         """Return after how long [s] an input counts as silent; infinite for held thrust."""

@@ -13,12 +13,15 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from rovid_core.model.dofs import Four
+from rovid_core.model.dofs import COUPLING_PRIORS, Four, RESTORING
 from rovid_core.model.trajectory import Array, integral, midpoint_trajectory, sensitivities
 from rovid_core.settings.run import Scales
 from rovid_core.trials.record import Fit, Record
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
+
+LARGEST_COUPLING = 100.0
+"""In the standard deviations that a coupling has before any data."""
 
 MODEL_ERROR = 3.0
 """Residuals so many times larger than the noise come from the model, and are not white."""
@@ -40,7 +43,8 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     Returns
     -------
     Fit
-        With the covariance from curvature and residuals. The integrated path of a vehicle that
+        With the covariance from curvature and residuals, and with couplings where the records
+        have their regressors, which are a known input. The integrated path of a vehicle that
         turns drifts, because noise of the attitude enters it: a random walk in the residuals
         is detected and whitened. Correlation that remains over up to ``MAX_LAG`` steps
         enlarges the covariance.
@@ -56,14 +60,17 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
         solution, rms = problem.solve(solution)
     elif problem.of_position and problem.find_drift(solution):
         solution, rms = problem.solve(solution)
-    white = problem.information(solution, rms).covariance
-    return Fit(solution, white * problem.inflation(solution))
+    covariance = problem.information(solution, rms).covariance * problem.inflation(solution)
+    return Fit(cast(Four, solution[:4]), covariance[:4, :4], couplings=solution[4:],
+               couplings_std=tuple(np.sqrt(np.diag(covariance)[4:]).tolist()))
 
 
 def information(records: Sequence[Record], scales: Scales,
-                parameters: Four) -> Information | None:
+                parameters: Sequence[float]) -> Information | None:
     """
     Return the Cramer-Rao bound of a trial at ``parameters``, for the noise that it shows.
+
+    Of the couplings too, where the records have their regressors.
 
     None if it is too short.
     """
@@ -90,8 +97,8 @@ class Information:
 
     Attributes
     ----------
-    covariance : ndarray, shape (4, 4)
-        Cramer-Rao bound of the parameters; 0 for terms that are left out.
+    covariance : ndarray, shape (4 + k, 4 + k)
+        Cramer-Rao bound of the parameters and of k couplings; 0 for terms that are left out.
     condition : float
         Condition number of the information in normalised parameters.
 
@@ -117,23 +124,27 @@ class Residuals:
     """
     The residuals of a trial as a function of the unknowns, all in typical sizes.
 
-    The unknowns are the active parameters, then velocity (and position) at the start of each
-    record.
+    The unknowns are the active parameters and the couplings, then velocity (and position) at the
+    start of each record.
     """
 
     def __init__(self, records: Sequence[Record], scales: Scales, of_position: bool) -> None:
         self._records = [r for r in records if len(r.time) > 8]
         self.of_position = of_position
-        self._active = np.array(scales.active)
-        self._scale = np.array(scales.regressor)
+        couplings = scales.couplings if all(len(r.couplings) for r in self._records) else ()
+        sizes = [COUPLING_PRIORS.get(name, 2.0) for name in couplings]
+        self._active = np.array((*scales.active, *[True] * len(sizes)))
+        self._scale = np.array((*scales.regressor, *sizes))
         self._velocity = scales.velocity
         low, high = scales.bounds()
-        self._low = (np.array(low) / self._scale)[self._active]
-        self._high = (np.array(high) / self._scale)[self._active]
+        lowest = [-LARGEST_COUPLING * size for size in sizes]
+        highest = [0.0 if name in RESTORING else -edge for name, edge in zip(couplings, lowest)]
+        self._low = (np.array((*low, *lowest)) / self._scale)[self._active]
+        self._high = (np.array((*high, *highest)) / self._scale)[self._active]
         self.size = sum(len(r.velocity) for r in self._records)
         self._drift = 0.0
 
-    def find_drift(self, parameters: Four) -> bool:
+    def find_drift(self, parameters: Sequence[float]) -> bool:
         """Tell whether the residuals contain a random walk; if so it is whitened from now on."""
         plain = self._fitted_residuals(parameters)
 
@@ -149,8 +160,8 @@ class Residuals:
         self._drift = DRIFTS[best] if sizes[best] < MIN_SHRINKAGE * sizes[0] else 0.0
         return self._drift > 0.0
 
-    def solve(self, start: Four) -> tuple[Four, float]:
-        """Return the best parameters and the robust rms of the residuals."""
+    def solve(self, start: Sequence[float]) -> tuple[tuple[float, ...], float]:
+        """Return the best parameters, couplings last, and the robust rms of the residuals."""
         count, first = int(self._active.sum()), self._unknowns(start)
         inside = 1e-9 * (self._high - self._low)  # the solver starts inside the bounds only
         first[:count] = np.clip(first[:count], self._low + inside, self._high - inside)
@@ -170,9 +181,9 @@ class Residuals:
             bounds=(np.concatenate([self._low, -free]), np.concatenate([self._high, free])))
         errors = residuals(solution.x)
         rms = float(np.median(np.abs(errors)) / 0.6745)
-        return cast(Four, tuple(self._parameters(solution.x).tolist())), rms
+        return tuple(self._parameters(solution.x).tolist()), rms
 
-    def information(self, parameters: Four, sigma: float) -> Information:
+    def information(self, parameters: Sequence[float], sigma: float) -> Information:
         """Return the bound for white noise of ``sigma`` on what is fitted."""
         count = int(self._active.sum())
         jacobian = self._evaluate(self._unknowns(parameters))[1]
@@ -181,12 +192,12 @@ class Residuals:
         covariance = (vectors / values) @ vectors.T
         own = covariance[:count, :count]
         scale = self._scale[self._active]
-        full = np.zeros((4, 4))
+        full = np.zeros((len(self._active), len(self._active)))
         full[np.ix_(self._active, self._active)] = sigma**2 * scale[:, None] * own * scale
         spread = np.linalg.eigvalsh(own)
         return Information(full, float(spread[-1] / max(spread[0], 1e-300)))
 
-    def inflation(self, parameters: Four) -> float:
+    def inflation(self, parameters: Sequence[float]) -> float:
         """Return by how much correlated residuals raise the variance, at least 1."""
         errors = self._fitted_residuals(parameters)
         jacobian = self._evaluate(self._unknowns(parameters))[1]
@@ -203,7 +214,7 @@ class Residuals:
         known = expected > 0.0  # the data show nothing of the others
         return max(1.0, float((found[known] / expected[known]).max(initial=1.0)))
 
-    def _fitted_residuals(self, parameters: Four) -> Array:
+    def _fitted_residuals(self, parameters: Sequence[float]) -> Array:
         """Return the residuals at the best starts, without outliers."""
         # the fitted starts are not stored: linear steps find them, with outliers clipped
         errors, jacobian = self._evaluate(self._unknowns(parameters))
@@ -222,12 +233,14 @@ class Residuals:
         keep = 1.0 - self._drift
         return np.asarray(lfilter([1.0, -1.0], [1.0, -keep], values, axis=0))
 
-    def _unknowns(self, parameters: Four) -> Array:
-        """Return the unknowns of parameters, with a guess of the starts."""
+    def _unknowns(self, parameters: Sequence[float]) -> Array:
+        """Return the unknowns of parameters, with a guess of the starts; couplings may lack."""
         count = int(self._active.sum())
         each = 2 if self.of_position else 1
         unknowns = np.zeros(count + each * len(self._records))
-        unknowns[:count] = (np.array(parameters) / self._scale)[self._active]
+        known = np.zeros(len(self._active))
+        known[:len(parameters)] = parameters
+        unknowns[:count] = (known / self._scale)[self._active]
         for k, record in enumerate(self._records):
             unknowns[count + each * k] = np.mean(record.velocity[:5]) / self._velocity
         return unknowns
@@ -240,7 +253,7 @@ class Residuals:
         return 2.0 * max(white, 1e-9)
 
     def _parameters(self, unknowns: Array) -> Array:
-        parameters = np.zeros(4)
+        parameters = np.zeros(len(self._active))
         count = int(self._active.sum())
         # so small a drag means that it is at its bound, 0
         scaled = np.where(np.abs(unknowns[:count]) < 1e-9, 0.0, unknowns[:count])
@@ -256,13 +269,17 @@ class Residuals:
         blocks: list[Array] = []
         for k, record in enumerate(self._records):
             own = count + each * k
+            others = record.couplings[:len(parameters) - 4]
+            force = record.force
+            if len(others):  # in the model, couplings are such forces
+                force = force + parameters[4:] @ others / parameters[0]
             v = midpoint_trajectory(
-                parameters, unknowns[own] * self._velocity, record.dt, record.force)
-            slopes = sensitivities(parameters, v, record.dt, record.force)
+                parameters[:4], unknowns[own] * self._velocity, record.dt, force)
+            slopes = sensitivities(parameters[:4], v, record.dt, record.force, others)
             values, derivatives, measured = self._output(record, v, slopes)
             block = np.zeros((len(measured), len(unknowns)))
-            block[:, :count] = (derivatives[:, :4] * self._scale)[:, self._active]
-            block[:, own] = derivatives[:, 4] * self._velocity
+            block[:, :count] = (derivatives[:, :-1] * self._scale)[:, self._active]
+            block[:, own] = derivatives[:, -1] * self._velocity
             if self.of_position:
                 values = values + unknowns[own + 1] * self._velocity
                 block[:, own + 1] = self._velocity

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import cast
 
 import numpy as np
@@ -30,6 +30,8 @@ class Record:
     dt, force : ndarray, shape (2 m - 2,) or (m - 1,)
         Segments of known mean force [s], [N or N m]: two from fix to fix, or one from sample
         to sample.
+    couplings : ndarray, shape (k, 2 m - 2) or (k, m - 1)
+        Mean of each regressor of the DOF's couplings over each segment.
 
     """
 
@@ -38,6 +40,7 @@ class Record:
     velocity: Array
     dt: Array
     force: Array
+    couplings: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
     def nodes(self) -> slice:
@@ -80,12 +83,16 @@ class Fit:
         Covariance of the parameters, 0 for terms that are left out; None if unknown.
     note : str
         What is wrong with the result, '' if nothing.
+    couplings, couplings_std : tuple of float
+        Of a method that identifies them, with their standard deviations.
 
     """
 
     parameters: Four
     covariance: Array | None = None
     note: str = ''
+    couplings: tuple[float, ...] = ()
+    couplings_std: tuple[float, ...] = ()
 
     @property
     def std(self) -> Four:
@@ -111,9 +118,10 @@ def record_of_steps(origin: int, times: Times, values: Array) -> Record | None:
         The trial's start [ns].
     times : ndarray of int64, shape (2, n)
         Time of the fix at which each step's measurement begins, and of the step's end [ns].
-    values : ndarray, shape (4, n)
+    values : ndarray, shape (4 + 2 k, n)
         Mean force of each step before and after its fix [N or N m]; its filtered velocity,
-        which is not used; its measured velocity, not filtered [m/s or rad/s].
+        which is not used; its measured velocity, not filtered [m/s or rad/s]; each regressor
+        of its couplings before and after its fix.
 
     Returns
     -------
@@ -121,14 +129,17 @@ def record_of_steps(origin: int, times: Times, values: Array) -> Record | None:
         None if there are too few steps.
 
     """
-    (fix, end), (first, last, _, mean) = times, values
+    (fix, end), (first, last, _, mean), couplings = times, values[:4], values[4:]
     if len(end) < 3:
         return None
     if fix[-1] == end[-1]:  # a velocity sensor: steps from sample to sample
         dt = np.diff(end) * 1e-9
-        return Record((end - origin) * 1e-9, np.empty(0), mean, dt, first[1:])
+        return Record(
+            (end - origin) * 1e-9, np.empty(0), mean, dt, first[1:], couplings[::2, 1:])
     dt = np.stack([end[:-1] - fix[:-1], fix[1:] - end[:-1]], axis=1).ravel() * 1e-9
     force = np.stack([last[:-1], first[1:]], axis=1).ravel()
+    regressors = np.stack([couplings[1::2, :-1], couplings[::2, 1:]], axis=2)
     velocity = mean[:-1]
     position = np.concatenate([[0.0], np.cumsum(velocity * np.diff(fix) * 1e-9)])
-    return Record((fix - origin) * 1e-9, position, velocity, dt, force)
+    return Record((fix - origin) * 1e-9, position, velocity, dt, force,
+                  regressors.reshape(len(regressors), len(force)))

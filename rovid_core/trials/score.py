@@ -7,7 +7,7 @@ The paper's score: simulate the model with the logged thrust and compare the vel
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import math
 import os
@@ -20,6 +20,7 @@ from rovid_core.model.lowpass import filtered
 from rovid_core.model.samples import Step
 from rovid_core.model.trajectory import Array, trajectory
 from rovid_core.settings.run import Settings
+from rovid_core.trials.joint_simulation import ForceSegment, JointModel
 from rovid_core.trials.record import Record, record_of_steps, Times
 
 NS = 1e-9
@@ -141,9 +142,9 @@ class ScoreLog:
     def __init__(self, settings: Settings, block: int = BLOCK) -> None:
         self._cutoff = settings.cutoff
         self._block = block
-        self._tables = {
-            dof: SpillingTable(2, 4 + 2 * len(settings.couplings(dof)), block)
-            for dof in settings.dofs}
+        self._couplings = {dof: settings.couplings(dof) for dof in settings.dofs}
+        self._tables = {dof: SpillingTable(2, 4 + 2 * len(names), block)
+                        for dof, names in self._couplings.items()}
         self.runs: dict[str, list[ScoredRun]] = {dof: [] for dof in settings.dofs}
         self._references = SpillingTable(1, len(DOFS), block)
 
@@ -186,7 +187,7 @@ class ScoreLog:
     def records(self, dof: str) -> list[Record]:
         """Return the measurements of a DOF, for the offline methods."""
         runs = self.runs[dof]
-        made = [record_of_steps(runs[0].start, *run.steps) for run in runs]
+        made = [record_of_steps(runs[0].start, *run.columns) for run in runs]
         return [one for one in made if one is not None]
 
     def series(self, dof: str) -> tuple[list[int], list[float], list[float]]:
@@ -195,7 +196,7 @@ class ScoreLog:
         velocities: list[float] = []
         forces: list[float] = []
         for run in self.runs[dof]:
-            at, values = run.steps
+            at, values = run.columns
             times += at[1].tolist()
             velocities += values[2].tolist()
             forces += run.mean_forces().tolist()
@@ -214,19 +215,49 @@ class ScoreLog:
         ----------
         dof : str
             One of the run's DOFs.
-        parameters : sequence of 4 floats
-            alpha, beta, gamma, delta.
+        parameters : sequence of floats
+            alpha, beta, gamma, delta and the couplings, if the model has them. Their
+            regressors are the measured ones.
 
         """
+        return self._score(dof, parameters)
+
+    def score_joint(self, models: Mapping[str, Sequence[float]]) -> dict[str, Score]:
+        """
+        Return the scores of models that are simulated together, of those DOFs with couplings.
+
+        Parameters
+        ----------
+        models : mapping
+            By DOF, as in ``score``. The velocities of the others are as measured.
+
+        """
+        coupled = [dof for dof in models if len(models[dof]) > 4]
+        if not coupled:
+            return {}
+        dofs = list(models)
+        joint = JointModel(dofs, list(models.values()), [self._couplings[dof] for dof in dofs])
+        found = [SpillingTable(1, 1, self._block) for _ in dofs]
+        for i, velocity in joint.simulate([self._segments(dof) for dof in dofs]):
+            found[i].append((0,), (velocity,))
+        return {dof: self._score(dof, models[dof], found[dofs.index(dof)]) for dof in coupled}
+
+    def _segments(self, dof: str) -> Iterator[ForceSegment]:
+        for run in self.runs[dof]:
+            yield from run.segments()
+
+    def _score(self, dof: str, parameters: Sequence[float],
+               simulated: SpillingTable | None = None) -> Score:
+        """Return the score of a model, or of velocities at the nodes of all runs."""
         total = _ScoreSum(self._block)
         column = DOFS.index(dof)
         known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
         for run in self.runs[dof]:
             if not known:
-                for pair in run.as_measured(parameters):
+                for pair in run.as_measured(parameters, simulated):
                     total.add(*pair)
                 continue
-            for part in run.predicted(parameters):
+            for part in run.predicted(parameters, simulated):
                 for times, values in self._all_references():
                     there = ~np.isnan(values[:, column])
                     total.add(*run.at(part, times[there, 0], values[there, column]))
@@ -291,31 +322,52 @@ class ScoredRun:
     count: int = 0
 
     @property
-    def steps(self) -> tuple[Times, Array]:
-        """Return the columns of the table, shapes (2, n) and (4, n), without couplings."""
+    def columns(self) -> tuple[Times, Array]:
+        """Return the columns of the table, shapes (2, n) and (4 + 2 m, n)."""
         times, values = self.table.read(self.first, self.first + self.count)
-        return times.T.copy(), values[:, :4].T.copy()
+        return times.T.copy(), values.T.copy()
+
+    def segments(self) -> Iterator[ForceSegment]:
+        """Yield the two parts of each step, after the begin of the run."""
+        yield ForceSegment(self.start, begins=self.velocity)
+        for times, values in self.table.blocks(self.first, self.first + self.count):
+            for (middle, end), row in zip(times.tolist(), values.tolist()):
+                yield ForceSegment(middle, row[0], tuple(row[4::2]))
+                yield ForceSegment(end, row[1], tuple(row[5::2]))
 
     def mean_forces(self) -> Array:
         """Return the mean force of every step [N or N m]."""
-        times, values = self.steps
+        times, values = self.columns
         dt = np.diff(_nodes(self.start, times.T)).reshape(-1, 2)
         return np.asarray((dt * values[:2].T).sum(axis=1) / dt.sum(axis=1))
 
-    def predicted(self, parameters: Sequence[float]) -> Iterator[Predicted]:
-        """Yield the prediction of a model, a block of steps at a time."""
+    def predicted(self, parameters: Sequence[float], simulated: SpillingTable | None = None
+                  ) -> Iterator[Predicted]:
+        """
+        Yield the prediction of a model, a block of steps at a time.
+
+        ``simulated`` has it already: two values per step of all runs.
+        """
+        first = self.first
         time, velocity, left = self.start, self.velocity, self.count
         if not left:
             yield Predicted(np.array([time]), np.array([velocity]), np.empty(0), True)
         for times, values in self.table.blocks(self.first, self.first + self.count):
             left -= len(times)
             nodes = _nodes(time, times)
-            found = trajectory(parameters[:4], velocity, np.diff(nodes) * NS,
-                               _forces(values, parameters).ravel())
+            if simulated is None:
+                found = trajectory(parameters[:4], velocity, np.diff(nodes) * NS,
+                                   _forces(values, parameters).ravel())
+            else:
+                last = first + len(times)
+                found = np.concatenate(
+                    [[velocity], simulated.read(2 * first, 2 * last)[1].ravel()])
+                first = last
             yield Predicted(nodes, found, values[:, 2], left == 0)
             time, velocity = int(nodes[-1]), float(found[-1])
 
-    def as_measured(self, parameters: Sequence[float]) -> Iterator[tuple[Array, Array]]:
+    def as_measured(self, parameters: Sequence[float], simulated: SpillingTable | None = None
+                    ) -> Iterator[tuple[Array, Array]]:
         """
         Yield predicted and measured velocity at the ends of the steps, both filtered.
 
@@ -323,7 +375,7 @@ class ScoredRun:
         """
         time, velocity, done = self.start, self.velocity, 0
         part: Predicted | None = None
-        for new in self.predicted(parameters):
+        for new in self.predicted(parameters, simulated):
             part = new if part is None else _prepend_last(part, new)
             middle, end = part.velocity[1::2], part.velocity[2::2]
             means = end.copy()

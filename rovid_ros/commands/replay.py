@@ -224,12 +224,14 @@ class _Replay:
         estimate = stream.estimate
         if estimate is None:
             raise ReplayError(f'{", ".join(map(str, logs))}: no step: {self._why_no_step()}')
-        scores = {dof.dof: self._player.scores.score(
-            dof.dof, (*dof.parameters, *dof.couplings)) for dof in estimate.dofs}
+        models = {dof.dof: (*dof.parameters, *dof.couplings) for dof in estimate.dofs}
+        scores = {dof: self._player.scores.score(dof, model) for dof, model in models.items()}
+        joint = self._player.scores.score_joint(models)
         verdicts = {dof.dof: stream.verdict(dof.dof) for dof in estimate.dofs}
         return Result(
             tuple(logs), self._settings, self._steps, self._messages, self.duration,
-            dofs_document(self._settings, estimate, scores, verdicts), dict(stream.rejected))
+            dofs_document(self._settings, estimate, scores, verdicts, joint),
+            dict(stream.rejected))
 
     def _add_message(self, message: LogMessage) -> None:
         """Add one message and write what it released."""
@@ -342,11 +344,12 @@ def _names(logs: Sequence[Path]) -> str:
 
 
 def _status_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
-    rows = [['', 'status', 'steps', 'mae', 'fit']]
+    joint = any('fit_joint' in values for values in dofs.values())
+    rows = [['', 'status', 'steps', 'mae', 'fit', *(['all together'] if joint else [])]]
     for dof, values in dofs.items():
         rows.append([
             dof, values['status'], f'{values["steps"]:,}', quantity(dof, 'mae', values),
-            percent(values['fit'])])
+            percent(values['fit']), *([percent(values.get('fit_joint'))] if joint else [])])
     return rows
 
 
@@ -366,6 +369,10 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
         'model\npredicts from the logged thrust alone.')
+    if any('fit_joint' in values for values in dofs.values()):
+        lines.append(
+            'Of a DOF with couplings, fit takes the other DOFs as they were measured; all '
+            'together\nsimulates them too, as a simulator or a controller does.')
     return '\n'.join(lines)
 
 

@@ -25,6 +25,7 @@ Times are in seconds, low and high are the 95 % interval, W is the Lyapunov func
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 import math
 from typing import Any
 
@@ -173,7 +174,7 @@ def _series(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
     return {
         't': _picked(seconds, kept), 'velocity': _picked(velocities, kept),
         'force': _picked(forces, kept),
-        'simulated': {m.method: _picked(trial.scores.predicted(dof, m.fit.parameters), kept)
+        'simulated': {m.method: _picked(trial.scores.predicted(dof, m.all_parameters), kept)
                       for m in chosen}}
 
 
@@ -199,8 +200,9 @@ def _excitation(dof: str, trial: Trial, best: Model, settings: Settings) -> Data
     records = trial.scores.records(dof)
     relative: dict[str, float | None] = dict.fromkeys(best.terms)
     condition = None
+    scales = replace(Scales.of(settings.dof[dof]), couplings=best.couplings)
     if records and all(map(math.isfinite, best.fit.parameters)):
-        bound = information(records, Scales.of(settings.dof[dof]), best.fit.parameters)
+        bound = information(records, scales, best.all_parameters)
         condition = json_number(bound.condition) if bound else None
         for i, name in enumerate(PARAMETERS):
             if bound and name in relative and best.fit.parameters[i]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 import math
 from typing import Any, Protocol, TypeVar
 
@@ -26,7 +27,7 @@ from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.player import PipelinePlayer
-from rovid_ros.results.documents import json_numbers, Result
+from rovid_ros.results.documents import couplings_document, json_number, json_numbers, Result
 
 PAPER = 'aid'
 """The paper's method, of which the report draws the figures."""
@@ -115,8 +116,8 @@ class TrialPlayer(PipelinePlayer):
     def __init__(self, settings: Settings) -> None:
         # a node that is to start frozen is compared by what it would find
         paper = replace(settings, identifier=replace(settings.identifier, method=PAPER),
-                        enable=True)
-        self._others = OnlineMethods(settings)
+                        enable=True, all_methods=True)
+        self._others = OnlineMethods(paper)
         super().__init__(paper, self._others)
         self.history = {dof: History() for dof in settings.dofs}
 
@@ -145,7 +146,7 @@ class TrialPlayer(PipelinePlayer):
                              f'standard deviation of {identifier.delay_std:.3f} s')
             found[method] = Fit(
                 identifier.parameters, np.array(identifier.covariance).reshape(4, 4),
-                '; '.join(notes))
+                '; '.join(notes), identifier.couplings, identifier.uncertainty.couplings_std)
         return found
 
     def _kept(self, estimates: list[Estimate]) -> list[Estimate]:
@@ -222,6 +223,11 @@ class Model:
         Parameters and covariance.
     scores : mapping of str to Score
         By the name of the log.
+    couplings : tuple of str
+        Names of those that the fit has.
+    joint : mapping of str to Score
+        By the name of the log, with all DOFs of the same method simulated together; empty
+        without couplings.
 
     """
 
@@ -232,6 +238,13 @@ class Model:
     selected: bool
     fit: Fit
     scores: Mapping[str, Score]
+    couplings: tuple[str, ...] = ()
+    joint: Mapping[str, Score] = field(default_factory=dict)
+
+    @property
+    def all_parameters(self) -> tuple[float, ...]:
+        """Return alpha, beta, gamma, delta and the couplings, as a score takes them."""
+        return (*self.fit.parameters, *self.fit.couplings)
 
     def error(self, logs: Sequence[str]) -> float:
         """Return the mean mae over those logs that it has one in; infinite without any."""
@@ -248,9 +261,14 @@ class Model:
         return {
             **json_numbers(PARAMETERS, parameters), **json_numbers(PHYSICAL, physical(parameters)),
             'std': None if self.fit.covariance is None else json_numbers(PARAMETERS, self.fit.std),
+            **couplings_document(self.couplings, self.fit.couplings, self.fit.couplings_std),
             'terms': list(self.terms), 'note': self.fit.note,
-            'scores': {log: json_numbers(('mae', 'fit'), (score.mae, score.fit))
-                       for log, score in self.scores.items()}}
+            'scores': {log: self._score_document(log) for log in self.scores}}
+
+    def _score_document(self, log: str) -> dict[str, float | None]:
+        score = self.scores[log]
+        return {'mae': json_number(score.mae), 'fit': json_number(score.fit),
+                **({'fit_joint': json_number(self.joint[log].fit)} if log in self.joint else {})}
 
 
 def compare(trials: Sequence[Trial], settings: Settings, for_each: ForEach) -> list[Model]:
@@ -284,7 +302,31 @@ def compare(trials: Sequence[Trial], settings: Settings, for_each: ForEach) -> l
         models.append(model)
         if job.configured and job.best:
             models.append(replace(model, selected=True))
-    return models
+    return _with_joint_scores(models, trials, for_each)
+
+
+def _with_joint_scores(models: Sequence[Model], trials: Sequence[Trial],
+                       for_each: ForEach) -> list[Model]:
+    """Score the models of all DOFs together that have couplings, are of one log and method."""
+    groups: dict[tuple[str, str, bool], dict[str, Model]] = {}
+    for model in models:
+        groups.setdefault((model.method, model.trained_on, model.selected), {})[model.dof] = model
+
+    def score(key: tuple[str, str, bool]) -> dict[str, dict[str, Score]]:
+        together = {dof: model.all_parameters for dof, model in groups[key].items()}
+        if not all(map(math.isfinite, chain(*together.values()))):
+            return {}
+        return {trial.name: trial.scores.score_joint(together) for trial in trials}
+
+    coupled = [key for key, group in groups.items()
+               if any(model.fit.couplings for model in group.values())]
+    if not coupled:
+        return list(models)
+    found = dict(zip(coupled, for_each('joint', score, coupled)))
+    return [replace(model, joint={
+        log: scores[model.dof] for log, scores in found.get(
+            (model.method, model.trained_on, model.selected), {}).items()
+        if model.dof in scores}) for model in models]
 
 
 @dataclass(frozen=True)
@@ -311,16 +353,19 @@ def _jobs(trial: Trial, dof: str, settings: Settings, best: DofSettings) -> Iter
 
 def _best_terms(trial: Trial, dof: str, settings: Settings,
                 trials: Sequence[Trial]) -> DofSettings:
-    """Choose with the quick method's models; every method then fits the chosen terms."""
+    """Choose with the models of a quick method; every method then fits the chosen terms."""
     configured = settings.dof[dof]
+    # least squares is quicker, but leaves couplings out
+    method = OFFLINE[REFERENCE if configured.couplings else 'least_squares']
     records = trial.scores.records(dof)
     judges = [t for t in trials if t is not trial and t.scores.records(dof)] or [trial]
 
     def error(candidate: DofSettings) -> float:
-        fit = OFFLINE['least_squares'](records, Scales.of(candidate), settings)
+        fit = method(records, Scales.of(candidate), settings)
         if not all(map(math.isfinite, fit.parameters)):
             return math.inf
-        return sum(judge.scores.score(dof, fit.parameters).mae for judge in judges)
+        model = (*fit.parameters, *fit.couplings)
+        return sum(judge.scores.score(dof, model).mae for judge in judges)
 
     best, least = configured, error(configured)
     for candidate in subsets(configured):
@@ -339,9 +384,10 @@ def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
     else:
         fit = trial.player.fits(dof)[job.method]
     sound = all(map(math.isfinite, fit.parameters))
-    scores = {t.name: t.scores.score(dof, fit.parameters) if sound else Score() for t in trials}
-    return Model(job.method, trial.name, dof, job.dof_settings.terms, not job.configured, fit,
-                 scores)
+    model = Model(job.method, trial.name, dof, job.dof_settings.terms, not job.configured, fit, {},
+                  settings.dof[dof].couplings if fit.couplings else ())
+    return replace(model, scores={
+        t.name: t.scores.score(dof, model.all_parameters) if sound else Score() for t in trials})
 
 
 def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model:

@@ -66,7 +66,8 @@ class Result:
 
 def dofs_document(settings: Settings, estimate: Estimate | None,
             scores: Mapping[str, Score] | None = None,
-            verdicts: Mapping[str, str] | None = None) -> dict[str, dict[str, Any]]:
+            verdicts: Mapping[str, str] | None = None,
+            joint: Mapping[str, Score] | None = None) -> dict[str, dict[str, Any]]:
     """
     Return the ``dofs`` part of the JSON of ``rovid replay``.
 
@@ -80,14 +81,16 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
         The score of each DOF.
     verdicts : mapping of str to str, optional
         What the data leave open of each DOF.
+    joint : mapping of str to Score, optional
+        The score of DOFs with couplings when all DOFs are simulated together.
 
     Returns
     -------
     dofs : dict
         Per DOF the parameters in both forms, ``std``, their 95 % ``intervals`` and
-        ``delay_s`` (None where there are none), ``couplings`` where there are some, ``mae``,
-        ``fit``, ``steps``, ``status``, ``reasons`` and ``verdict``; a number that is not finite
-        is None.
+        ``delay_s`` (None where there are none), ``mae``, ``fit``, ``steps``, ``status``,
+        ``reasons`` and ``verdict``, and ``couplings`` and ``fit_joint`` where a DOF has
+        couplings; a number that is not finite is None.
 
     """
     dofs = estimate.dofs if estimate else tuple([
@@ -103,9 +106,12 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
             'intervals': _intervals(dof.intervals),
             'delay_s': {'value': dof.delay, 'std': json_number(dof.delay_std)}
             if math.isfinite(dof.delay) else None,
-            **_couplings(settings.couplings(dof.dof), dof),
+            **couplings_document(
+                settings.couplings(dof.dof), dof.couplings, dof.couplings_std),
             'mae': json_number(score.mae if score else math.nan),
             'fit': json_number(score.fit if score else math.nan),
+            **({'fit_joint': json_number(joint[dof.dof].fit)}
+               if joint and dof.dof in joint else {}),
             'steps': dof.steps,
             'status': dof.status,
             'reasons': list(dof.reasons),
@@ -114,12 +120,13 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
     return result
 
 
-def _couplings(names: Sequence[str], dof: DofEstimate) -> dict[str, Any]:
+def couplings_document(names: Sequence[str], couplings: Sequence[float],
+                       stds: Sequence[float]) -> dict[str, Any]:
     """Return ``couplings``, each with its standard deviation; nothing where there are none."""
     found: dict[str, float | None] = {}
-    for name, kappa, std in zip(names, dof.couplings, dof.couplings_std):
+    for name, kappa, std in zip(names, couplings, stds):
         found[name], found[f'{name}_std'] = json_number(kappa), json_number(std)
-    return {'couplings': found} if names else {}
+    return {'couplings': found} if found else {}
 
 
 def _intervals(found: Mapping[str, Interval]) -> dict[str, list[float | None] | None] | None:

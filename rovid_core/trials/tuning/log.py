@@ -193,7 +193,7 @@ class TuningLog(ScoreLog):
         """Return the motion of a DOF."""
         found = []
         for run in self.runs[dof]:
-            times, values = run.steps
+            times, values = run.columns
             if run.count:
                 found.append(Segment(
                     run.start, run.velocity, times[0], times[1], values[3]))

@@ -1,0 +1,164 @@
+"""
+Several degrees of freedom simulated together, each driven by the velocities of the others.
+
+A row's own score takes the velocities of the other DOFs as they were measured. A simulator or a
+controller has none of these: it predicts all rows at once, and that is what is done here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+import math
+from typing import NamedTuple
+
+from rovid_core.model.dofs import DOFS, RESTORING
+from rovid_core.model.plant import MAX_PIECES
+from rovid_core.model.trajectory import MAX_VELOCITY
+
+NS = 1e-9
+
+LETTERS = dict(zip('uvwpqr', DOFS))
+
+Rates = Callable[[Sequence[float]], list[float]]
+
+
+class ForceSegment(NamedTuple):
+    """
+    A time over which thrust and measured regressors of one DOF are constant.
+
+    Attributes
+    ----------
+    end : int
+        [ns]; it begins at the end of the segment before.
+    force : float
+        [N or N m]
+    regressors : tuple of float
+        Measured ones of the DOF's couplings.
+    begins : float or None
+        The velocity [m/s or rad/s] with which a run begins at ``end``; the DOF is not known
+        before that, and ``force`` and ``regressors`` mean nothing.
+
+    """
+
+    end: int
+    force: float = 0.0
+    regressors: tuple[float, ...] = ()
+    begins: float | None = None
+
+
+class JointModel:
+    """
+    The rows of all DOFs.
+
+    A regressor is formed of simulated velocities while all of its factors are simulated;
+    otherwise, and for the restoring terms of the attitude, the measured one is taken.
+
+    Parameters
+    ----------
+    dofs : sequence of str
+        Names of the rows.
+    parameters : sequence
+        alpha, beta, gamma, delta and the couplings of each row.
+    couplings : sequence of tuple of str
+        Names of the couplings of each row.
+
+    """
+
+    def __init__(self, dofs: Sequence[str], parameters: Sequence[Sequence[float]],
+                 couplings: Sequence[tuple[str, ...]]) -> None:
+        self._rows = [(row[0], row[1], row[2], row[3]) for row in parameters]
+        # of every coupling of a row: kappa, and the rows whose velocities are its factors
+        self._terms: list[list[tuple[float, tuple[int, ...]]]] = [
+            [(kappa, _factors(name, dofs)) for kappa, name in zip(row[4:], names)]
+            for row, names in zip(parameters, couplings)]
+        self._lost = False
+
+    def simulate(self, segments: Sequence[Iterator[ForceSegment]]) -> Iterator[tuple[int, float]]:
+        """
+        Yield the number of a row and its velocity at the end of each of its segments.
+
+        Those of one row come in their order. After a divergence all of them are infinite.
+
+        Parameters
+        ----------
+        segments : sequence of iterators
+            Of each row, in the order of time.
+
+        """
+        count = len(segments)
+        velocity = [0.0] * count
+        known = [False] * count
+        following = [next(row, None) for row in segments]
+        now = 0
+        while ends := [row.end for row in following if row is not None]:
+            time = min(ends)
+            if time > now and any(known):
+                self._advance(velocity, known, following, (time - now) * NS)
+            now = time
+            for i, rows in enumerate(segments):
+                segment = following[i]
+                while segment is not None and segment.end == now:
+                    if segment.begins is not None:
+                        velocity[i] = segment.begins
+                    else:
+                        yield i, math.inf if self._lost else velocity[i]
+                    segment = next(rows, None)
+                    known[i] = segment is not None and segment.begins is None
+                following[i] = segment
+
+    def _advance(self, velocity: list[float], known: Sequence[bool],
+                 segments: Sequence[ForceSegment | None], dt: float) -> None:
+        """Move the known velocities on by classical Runge-Kutta."""
+        if self._lost:
+            return
+        rates = self._rates(known, segments)
+        fastest = max(2.0 * abs(beta * v) + abs(gamma)
+                      for (_, beta, gamma, _), v, on in zip(self._rows, velocity, known) if on)
+        pieces = min(int(fastest * dt), MAX_PIECES) + 1
+        h = dt / pieces
+        v = velocity
+        for _ in range(pieces):
+            k1 = rates(v)
+            k2 = rates([x + 0.5 * h * k for x, k in zip(v, k1)])
+            k3 = rates([x + 0.5 * h * k for x, k in zip(v, k2)])
+            k4 = rates([x + h * k for x, k in zip(v, k3)])
+            v = [x + h / 6.0 * (a + 2.0 * (b + c) + d)
+                 for x, a, b, c, d in zip(v, k1, k2, k3, k4)]
+            if not all(abs(x) < MAX_VELOCITY for x in v):
+                self._lost = True
+                return
+        velocity[:] = v
+
+    def _rates(self, known: Sequence[bool], segments: Sequence[ForceSegment | None]) -> Rates:
+        """Return the accelerations as a function of the velocities, 0 in rows not known."""
+        rows: list[tuple[int, float, float, float]] = []
+        products: list[tuple[int, float, tuple[int, ...]]] = []
+        for i, segment in enumerate(segments):
+            if segment is None or not known[i]:
+                continue
+            alpha, beta, gamma, delta = self._rows[i]
+            drive = alpha * segment.force + delta
+            for (kappa, factors), measured in zip(self._terms[i], segment.regressors):
+                if factors and all(known[j] for j in factors):
+                    products.append((i, kappa, factors))
+                else:
+                    drive += kappa * measured
+            rows.append((i, drive, beta, gamma))
+
+        def rates(v: Sequence[float]) -> list[float]:
+            found = [0.0] * len(v)
+            for i, drive, beta, gamma in rows:
+                found[i] = drive + (beta * abs(v[i]) + gamma) * v[i]
+            for i, kappa, factors in products:
+                for j in factors:
+                    kappa *= v[j]
+                found[i] += kappa
+            return found
+
+        return rates
+
+
+def _factors(name: str, dofs: Sequence[str]) -> tuple[int, ...]:
+    """Return the rows whose velocities make a regressor; () if not all of them are there."""
+    needed = [LETTERS[letter] for letter in name] if name not in RESTORING else []
+    return tuple([dofs.index(dof) for dof in needed]) if set(needed) <= set(dofs) else ()

@@ -139,7 +139,8 @@ class SharedMotion:
     """
 
     def __init__(self, settings: Settings) -> None:
-        self.attitude = AttitudeHistory(0, 0, settings.identifier.method in NEED_NOISE)
+        needs_noise = settings.all_methods or settings.identifier.method in NEED_NOISE
+        self.attitude = AttitudeHistory(0, 0, needs_noise)
         self.change(settings)
         self.restart()
 

@@ -10,8 +10,10 @@ What the report of a comparison shows, as plain values by name.
     dofs        by name of the DOF:
       sentence    what was identified and how well it predicts
       best        method, trained_on; physical, lumped (by parameter: value, low, high, unit)
+                  and couplings (likewise, by name)
       models      a list of: method, trained_on, terms, selected (whether these are the method's
-                  best terms), parameters, physical, std, note, scores (by log: mae, fit)
+                  best terms), parameters, physical, std, note, couplings (names), scores (by
+                  log: mae, fit, and of a model with couplings fit_joint)
       series      by log: t, velocity, force, simulated (by method)
       adaptation  by training log: t, velocity, v_hat, dv, W, alpha, beta, gamma, delta, reference
       excitation  by log: force_histogram, velocity_histogram (edges, counts), spectrum
@@ -31,7 +33,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.intervals import intervals
+from rovid_core.identify.intervals import intervals, Z95
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
@@ -128,7 +130,8 @@ def _dof(dof: str, models: Sequence[Model], trials: Sequence[Trial], settings: S
         'best': {
             'method': best.method, 'trained_on': best.trained_on,
             'physical': _values(best, PHYSICAL, physical(best.fit.parameters)),
-            'lumped': _values(best, PARAMETERS, best.fit.parameters)},
+            'lumped': _values(best, PARAMETERS, best.fit.parameters),
+            'couplings': _couplings(best)},
         'models': [_model(model) for model in own],
         'series': {trial.name: _series(dof, trial, own) for trial in trials},
         'adaptation': {trial.name: _adaptation(dof, trial, own)
@@ -151,12 +154,20 @@ def _values(model: Model, names: tuple[str, ...], values: Four) -> Data:
     return reports
 
 
+def _couplings(model: Model) -> Data:
+    return {name: json_numbers(('value', 'low', 'high'),
+                               (kappa, kappa - Z95 * std, kappa + Z95 * std))
+            for name, kappa, std in zip(
+                model.couplings, model.fit.couplings, model.fit.couplings_std)}
+
+
 def _model(model: Model) -> Data:
     document = model.document()
     return {
         'method': model.method, 'trained_on': model.trained_on, 'selected': model.selected,
         'parameters': {name: document[name] for name in PARAMETERS},
         'physical': {name: document[name] for name in PHYSICAL},
+        'couplings': list(model.couplings),
         **{key: document[key] for key in ('terms', 'std', 'note', 'scores')}}
 
 

@@ -58,6 +58,9 @@ def parameters(dof: str, values: Data) -> Html:
             bodies.append(rows)
     if not bodies:
         return tag('p', f'{capital(dof)}: no model.')
+    if couplings := best.get('couplings'):
+        bodies.append([[join('coupling ', symbol(f'κ_{name}')), *_parameter(name, found, {})[1:]]
+                       for name, found in couplings.items()])
     source = f'{title(best.get("method", ""))}, trained on {best.get("trained_on", NONE)}'
     caption = join(tag('b', capital(dof)), ' ', small(source))
     return table(caption, ('parameter', 'value', '95 % interval'), bodies, class_='parameters')
@@ -100,8 +103,11 @@ def matrix(dof: str, values: Data, logs: Sequence[Data]) -> Html:
             classes = [f'heat{level(row[j], known)}'] if math.isfinite(row[j]) else []
             classes += ['own'] if name == model.get('trained_on') else []
             classes += ['best'] if same(row[j], best[j]) else []
-            fit = percent(score(model, name, 'fit'))
-            cells.append(tag('td', quantity(row[j], unit), small(f'fit {fit}'),
+            fits = f'fit {percent(score(model, name, "fit"))}'
+            joint = score(model, name, 'fit_joint')
+            if math.isfinite(joint):
+                fits += f', all DOFs simulated {percent(joint)}'
+            cells.append(tag('td', quantity(row[j], unit), small(fits),
                              class_=' '.join(classes) or None))
         if len(names) > 1:
             mae, mean_fit = mean_score(model)
@@ -139,7 +145,8 @@ def heat_legend() -> Html:
 
 
 def _model(model: Data) -> Html:
-    chosen = ' (selected)' if model.get('selected') else ''
+    chosen = ''.join(f' {name}' for name in model.get('couplings') or ())
+    chosen += ' (selected)' if model.get('selected') else ''
     note = [small(model['note'], class_='note')] if model.get('note') else []
     return tag('th', capital(title(model['method'])),
                small(f'{model["trained_on"]} · {terms(model.get("terms") or ())}{chosen}'),

@@ -92,9 +92,11 @@ class Stream:
             'neutral in it' for dof in settings.dofs
             if dof in ('roll', 'pitch') and f'sin_{dof}' not in settings.couplings(dof)],
             MAX_WARNINGS)
-        self._warnings += [
-            f'{dof}.couplings: {settings.identifier.method} leaves them out, ekf identifies them'
-            for dof in settings.dofs if settings.dof[dof].couplings != settings.couplings(dof)]
+        left_out = [f'{dof}.couplings' for dof in settings.dofs
+                    if settings.dof[dof].couplings != settings.couplings(dof)]
+        if left_out:
+            self._warnings.append(f'{", ".join(left_out)}: {settings.identifier.method} leaves '
+                                  'them out, ekf identifies them')
         self._pipeline = Pipeline(settings, self.reject, self._warnings.append, scorer)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]

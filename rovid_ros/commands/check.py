@@ -33,7 +33,7 @@ from rovid_ros.logs.log import Log, LogError
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError, nearest
 from rovid_ros.messages.types import build, normalised, standard_types
-from rovid_ros.results.text import number, table, unit
+from rovid_ros.results.text import NONE, number, table, unit
 
 DESCRIPTION = (
     'By itself; with logs, against what they hold and what the pipe would make of it; with '
@@ -403,15 +403,17 @@ def _input_table(settings: Settings) -> str:
 
 
 def _dof_table(settings: Settings) -> str:
+    coupled = any(map(settings.couplings, settings.dofs))
     rows = [['', 'velocity from', *(name.replace('_', ' ') for name in PHYSICAL),
-             'typical force', 'typical velocity']]
+             'typical force', 'typical velocity', *(['couplings'] if coupled else [])]]
     for dof in settings.dofs:
         known, scales = settings.dof[dof], Scales.of(settings.dof[dof])
         rows.append([
             dof, settings.source(dof),
             *(f'{number(getattr(known, name))} {unit(dof, name)}' for name in PHYSICAL),
             f'{number(scales.force)} {unit(dof, "bias")}',
-            f'{number(scales.velocity)} {unit(dof, "mae")}'])
+            f'{number(scales.velocity)} {unit(dof, "mae")}',
+            *([' '.join(settings.couplings(dof)) or NONE] if coupled else [])])
     return table(rows, left=2)
 
 

@@ -1,13 +1,14 @@
 """
 The JSON of ``rovid replay``, and the models read back from it and from that of ``rovid compare``.
 
-Only alpha to delta are read; the physical parameters follow from them, to the same bits.
+Only alpha to delta and the couplings are read; the physical parameters follow from them, to the
+same bits.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 import json
 import math
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Any
 
 from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.identify.intervals import Interval
-from rovid_core.model.dofs import DOFS, Four, PARAMETERS, PHYSICAL
+from rovid_core.model.dofs import COUPLINGS, DOFS, Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.score import Score
@@ -166,6 +167,8 @@ class Identified:
         Its mean over all logs [m/s or rad/s]; NaN in the JSON of a replay.
     status : str
         Of the identifier at the end of a replay; '' in the JSON of a comparison.
+    couplings : mapping of str to float
+        By name.
 
     """
 
@@ -174,6 +177,7 @@ class Identified:
     source: str
     mae: float = math.nan
     status: str = ''
+    couplings: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def physical(self) -> dict[str, float]:
@@ -223,7 +227,7 @@ def _of_replay(document: Mapping[str, Any], path: Path) -> list[Identified]:
     source = _line(document.get('method', 'replay'))
     return [
         Identified(dof, _parameters(values, f'{path}: dofs.{dof}'), source,
-                   status=_line(values.get('status', '')))
+                   status=_line(values.get('status', '')), couplings=_couplings(dof, values))
         for dof, values in _dofs(document['dofs'], f'{path}: dofs').items()]
 
 
@@ -274,7 +278,8 @@ def _best(dof: str, found: Sequence[tuple[str, str, dict[str, Any]]]) -> Identif
         scores = _scores(values).values()
         mae = math.fsum(scores) / len(scores) if scores else math.nan
         usable.append((len(logs) - len(scores), mae if scores else math.inf,
-                       Identified(dof, parameters, source, mae)))
+                       Identified(dof, parameters, source, mae,
+                                  couplings=_couplings(dof, values))))
     if not usable:
         assert refused is not None
         raise refused
@@ -315,6 +320,14 @@ def _parameters(values: Mapping[str, Any], place: str) -> Four:
         raise EstimatesError(f'{place}.alpha: got {alpha!r}, takes a number above 0: '
                              'the mass is 1 / alpha')
     return alpha, beta, gamma, delta
+
+
+def _couplings(dof: str, values: Mapping[str, Any]) -> dict[str, float]:
+    """Return the couplings that have a number."""
+    found = values.get('couplings')
+    kappas = {name: _number(found.get(name)) for name in COUPLINGS[dof]
+              } if isinstance(found, dict) else {}
+    return {name: kappa for name, kappa in kappas.items() if math.isfinite(kappa)}
 
 
 def _number(value: Any) -> float:

@@ -4,7 +4,7 @@
 yaml
     The initial values of a ROS 2 parameter file, to merge into the vehicle's own.
 csv
-    A table: one row per degree of freedom, all parameters and their units.
+    A table: one row per degree of freedom, all parameters and their units, couplings last.
 sdf
     Gazebo Sim's hydrodynamics plugin.
 
@@ -125,11 +125,15 @@ def _csv(models: Sequence[Identified]) -> str:
     file = io.StringIO()
     writer = csv.writer(file, lineterminator='\n')
     names = (*PARAMETERS, *PHYSICAL)
-    writer.writerow(['dof', *(column for name in names for column in (name, f'{name}_unit'))])
+    couplings = list(dict.fromkeys(name for model in models for name in model.couplings))
+    writer.writerow(['dof', *(column for name in names for column in (name, f'{name}_unit')),
+                     *(f'kappa_{name}' for name in couplings)])
     for model in models:
         values = {**dict(zip(PARAMETERS, model.parameters)), **model.physical}
         row = [(repr(values[name]), _ascii(unit(model.dof, name))) for name in names]
-        writer.writerow([model.dof, *(cell for pair in row for cell in pair)])
+        writer.writerow([model.dof, *(cell for pair in row for cell in pair),
+                         *(repr(model.couplings[name]) if name in model.couplings else ''
+                           for name in couplings)])
     return file.getvalue()
 
 
@@ -147,6 +151,10 @@ def _yaml(models: Sequence[Identified], origin: Path) -> tuple[str, list[str]]:
                              f'is {value!r}: written as 0')
                 comment, value = f'{comment}; identified: {value!r}', 0.0
             lines.append(f'        {name}: {_yaml_number(value)}  # [{comment}]')
+        if model.couplings:  # without them these masses and drags are not right
+            kappas = ', '.join(f'{name} {kappa!r}' for name, kappa in model.couplings.items())
+            lines.append(
+                f'      couplings: [{", ".join(model.couplings)}]  # identified: {kappas}')
     return '\n'.join(lines) + '\n', notes
 
 
@@ -171,6 +179,11 @@ def _sdf(models: Sequence[Identified], settings: Settings | None, link: str,
     left_out = 'bias, which the plugin does not have: ' + ', '.join(
         f'{dof} {quantity(dof, "bias", model.physical)}' for dof, model in found.items())
     left_out += '; that of heave is weight less buoyancy' if 'heave' in found else ''
+    coupled = [f'{dof} {" ".join(model.couplings)}' for dof, model in found.items()
+               if model.couplings]
+    if coupled:
+        left_out += (f'; couplings: {", ".join(coupled)}: the plugin makes the Coriolis forces of '
+                     'the masses by itself')
     lines = [
         '<plugin filename="gz-sim-hydrodynamics-system" name="gz::sim::systems::Hydrodynamics">',
         _comment(f'Identified by rovid, from {origin.name!r}. For Gazebo Sim 7.5 or newer, and '

@@ -49,7 +49,7 @@ def test_the_manual_has_every_key() -> None:
         group, last = key.name.rpartition('.')[::2]
         if group.removeprefix('simulation.').partition('.')[0] in DOFS:
             like = {key.name.replace(dof, 'surge') for dof in DOFS if dof in key.name}
-            assert like <= given.keys(), key.name
+            assert like <= given.keys() or f'# {last}: ' in text, key.name
         elif f'.{last}' in of_inputs:
             assert f'#   {last} ' in text, key.name
         else:

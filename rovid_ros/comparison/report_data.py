@@ -40,9 +40,6 @@ from rovid_ros.comparison.trials import best_of, Model, Trial
 from rovid_ros.results.documents import json_number, json_numbers
 from rovid_ros.results.text import number, percent, unit
 
-MAX_POINTS = 3000
-"""Of a curve: more than a screen shows."""
-
 BINS = 30
 """Of a histogram."""
 
@@ -169,11 +166,10 @@ def _series(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
     steps = np.diff(seconds)
     for k in np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else ():
         velocities[k + 1] = math.nan  # the curve breaks
-    kept = _thinned(len(times))
     return {
-        't': _picked(seconds, kept), 'velocity': _picked(velocities, kept),
-        'force': _picked(forces, kept),
-        'simulated': {m.method: _picked(trial.scores.predicted(dof, m.fit.parameters), kept)
+        't': _column(seconds), 'velocity': _column(velocities),
+        'force': _column(forces),
+        'simulated': {m.method: _column(trial.scores.predicted(dof, m.fit.parameters))
                       for m in chosen}}
 
 
@@ -183,14 +179,14 @@ def _adaptation(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
     reference = next(m.fit.parameters for m in models if not m.selected
                      and m.method == 'least_squares' and m.trained_on == trial.name)
     energy = trial.stream.identifier(dof).energy
-    kept = _thinned(len(history.times))
     dv = [v_hat - v for v_hat, v in zip(history.v_hats, history.velocities)]
     return {
-        't': _picked(_seconds(history.times), kept), 'v_hat': _picked(history.v_hats, kept),
-        'velocity': _picked(history.velocities, kept), 'dv': _picked(dv, kept),
-        **{name: _picked([p[i] for p in history.parameters], kept)
+        't': _column(_seconds(history.times)), 'v_hat': _column(history.v_hats),
+        'velocity': _column(history.velocities), 'dv': _column(dv),
+        **{name: _column([p[i] for p in history.parameters])
            for i, name in enumerate(PARAMETERS)},
-        'W': [json_number(energy(dv[k], history.theta_hats[k], reference)) for k in kept],
+        'W': [json_number(energy(error, theta_hat, reference))
+              for error, theta_hat in zip(dv, history.theta_hats)],
         'reference': json_numbers(PARAMETERS, reference)}
 
 
@@ -236,12 +232,8 @@ def _spectrum(seconds: Sequence[float], force: Sequence[float],
             'velocity': amplitude(velocity)}
 
 
-def _thinned(count: int) -> range:
-    return range(0, count, max(1, -(-count // MAX_POINTS)))
-
-
-def _picked(values: Sequence[float], kept: Sequence[int]) -> Column:
-    return [json_number(values[k]) for k in kept]
+def _column(values: Sequence[float]) -> Column:
+    return list(map(json_number, values))
 
 
 def _seconds(times: Sequence[int]) -> list[float]:

@@ -214,8 +214,8 @@ class Container(ABC):
         except MALFORMED:
             self.note_damage()
 
-    def place(self, block: Block) -> int:
-        """Return a number that grows from log to log and from block to block."""
+    def first_place(self, block: Block) -> int:
+        """Return the place of the first message of a block; it grows with file and block."""
         return self.order << 60 | block.number << 40
 
 

@@ -61,7 +61,7 @@ class McapFile(IndexedContainer):
             data, whole = self._chunk(data)
             if not whole and not self.cut:
                 self.note_damage()
-        return messages(data, wanted, self.place(block))
+        return messages(data, wanted, self.first_place(block))
 
     def _summary(self, file: BinaryIO) -> bytes:
         """Return the records of the index at the end of the file; none if it is damaged."""

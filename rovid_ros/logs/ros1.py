@@ -45,7 +45,7 @@ class BagFile(IndexedContainer):
         inflated = inflate(data, _compression(header), self.name, size)
         if len(inflated) != size and not self.cut:
             self.note_damage()
-        return _messages(inflated, wanted, self.place(block))
+        return _messages(inflated, wanted, self.first_place(block))
 
     def read_index(self, file: BinaryIO) -> bool:
         """Return whether the index at the end tells all; note what it tells."""

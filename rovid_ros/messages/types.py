@@ -232,7 +232,7 @@ Maker = Callable[[Any], Any]
 
 @cache
 def _builder(store: Typestore, name: str) -> Maker:
-    """Return the maker of a message; looking its fields up for each one takes the time."""
+    """Return the function that makes a message; it is kept, as looking up fields is slow."""
     makers = {field: _maker(store, kind) for field, kind in store.fielddefs[name][1]}
     if name == 'geometry_msgs/msg/Quaternion':  # by default, as in ROS 2, it turns nothing
         makers['w'] = lambda value: 1.0 if value is None else value

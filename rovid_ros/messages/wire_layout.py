@@ -158,18 +158,18 @@ def find_layout(wire: WireType, data: bytes) -> Layout:
         order, start = _ORDERS.get(data[:2], ''), 4
         if not order:
             raise NoLayoutError
-    walker = _Walker(wire.store, data, Layout(order), start, aligned=wire.encoding == 'cdr')
+    reader = _LayoutReader(wire.store, data, Layout(order), start, aligned=wire.encoding == 'cdr')
     try:
-        walker.message(wire.name, ())
+        reader.message(wire.name, ())
     except (struct.error, UnicodeDecodeError, KeyError):
         raise NoLayoutError from None
     # behind the last field of a CDR message there can be up to three bytes of padding
-    if not 0 <= len(data) - walker.position <= (3 if start else 0):
+    if not 0 <= len(data) - reader.position <= (3 if start else 0):
         raise NoLayoutError
-    return walker.layout
+    return reader.layout
 
 
-class _Walker:
+class _LayoutReader:
     """Goes through a message from its first byte to its last."""
 
     def __init__(self, store: Typestore, data: bytes, layout: Layout, start: int,
@@ -220,7 +220,7 @@ class _Walker:
         return place
 
     def _length(self) -> int:
-        """Take a count, which is part of the shape."""
+        """Read a count, which is part of the shape."""
         self._align(4)
         count, = self._count.unpack_from(self._data, self.position)
         self.layout.shape.append((self.position, 4))
@@ -228,7 +228,7 @@ class _Walker:
         return int(count)
 
     def _text(self) -> str:
-        """Take a text, which is part of the shape: it is checked, and what follows moves."""
+        """Read a text; it is part of the shape, as its length moves all that follows."""
         length = self._length()
         self.layout.shape[-1] = (self.position - 4, 4 + length)
         raw = self._data[self.position:self.position + length]

@@ -11,7 +11,7 @@ from typing import Any
 
 from rovid_core.model.samples import Event
 from rovid_ros import __version__
-from rovid_ros.files.whole_files import claim, prepare, sync_folder
+from rovid_ros.files.whole_files import create_unused, prepare_file, sync_folder
 from rovid_ros.logs.player import CONTROL
 from rovid_ros.logs.writer import LogWriter
 
@@ -67,7 +67,7 @@ class Recorder:
 
     def __init__(self, path: Path, definition: Callable[[str], str],
                  failed: Callable[[str], object]) -> None:
-        prepare('record.path', path)
+        prepare_file('record.path', path)
         self.path = path
         self._definition = definition
         self._failed = failed
@@ -86,7 +86,7 @@ class Recorder:
             The state that the stream goes on from; a replay needs it.
 
         """
-        self.path = claim(self.path)
+        self.path = create_unused(self.path)
         self._writer = LogWriter(self.path)
         sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power
         values = {'version': __version__}

@@ -53,8 +53,8 @@ class Outputs:
     """
     Make the messages of one estimate after the other.
 
-    What is remembered is the last valid row of every DOF (at first its initial values):
-    ``rov/params`` and ``rov/params_std`` hold it while the DOF is invalid.
+    While a DOF is invalid, ``rov/params`` and ``rov/params_std`` repeat its last valid row, at
+    first its initial values.
 
     Parameters
     ----------
@@ -68,7 +68,8 @@ class Outputs:
             name: (Scales.of(settings.dof[name]).initial, NAN4) for name in settings.dofs}
         self._rows = dict(self._initial)
         self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = dict(zip(TOPICS, (
-            lambda _: self._values(), lambda _: self._stds(), _state, _twist, self._diagnostics)))
+            lambda _: self._params(), lambda _: self._params_std(), _state, _twist,
+            self._diagnostics)))
         self._statuses: dict[str, tuple[DofEstimate, bool, dict[str, Any]]] = {}
 
     def messages(self, estimate: Estimate, topics: Collection[str] = TOPICS) -> list[Output]:
@@ -102,7 +103,7 @@ class Outputs:
 
     def latched(self, topics: Collection[str]) -> list[Output]:
         """Return the messages of ``LATCHED`` topics as they are after the last estimate."""
-        makers = dict(zip(LATCHED, (self._values, self._stds)))
+        makers = dict(zip(LATCHED, (self._params, self._params_std)))
         return [Output(topic, TOPICS[topic], makers[topic]()) for topic in topics]
 
     def _diagnostics(self, estimate: Estimate) -> dict[str, Any]:
@@ -122,11 +123,11 @@ class Outputs:
         self._statuses[dof.dof] = dof, stepped, status
         return status
 
-    def _values(self) -> dict[str, Any]:
+    def _params(self) -> dict[str, Any]:
         """Return the fields of ``rov/params``."""
         return _array(list(self._rows), [values for values, _ in self._rows.values()])
 
-    def _stds(self) -> dict[str, Any]:
+    def _params_std(self) -> dict[str, Any]:
         """Return the fields of ``rov/params_std``."""
         return _array(list(self._rows), [std for _, std in self._rows.values()])
 

@@ -22,7 +22,7 @@ from rovid_core.model.samples import Event
 from rovid_core.settings.run import SettingsError
 from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.files.whole_files import prepare
+from rovid_ros.files.whole_files import prepare_file
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.player import CONTROL
 from rovid_ros.messages.field_paths import FieldError
@@ -342,8 +342,8 @@ def test_only_a_regular_file_is_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / 'pipe')
     for path in (tmp_path, tmp_path / 'pipe', tmp_path / 'pipe' / 'file', Path('/proc/x/y')):
         with pytest.raises(SettingsError, match=rf'^checkpoint\.path: {path} '):
-            prepare('checkpoint.path', path)
-    prepare('checkpoint.path', tmp_path / 'new' / 'file')
+            prepare_file('checkpoint.path', path)
+    prepare_file('checkpoint.path', tmp_path / 'new' / 'file')
     assert [*(tmp_path / 'new').iterdir()] == []
 
 

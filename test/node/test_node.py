@@ -116,8 +116,8 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
     record, checkpoint = tmp_path / 'record.mcap', tmp_path / 'checkpoint.json'
     run = Running({'record.path': str(record), 'checkpoint.path': str(checkpoint)}, live=False)
     estimates = run.peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
-    run.peer.until(lambda: run.peer.node.count_publishers('/rov/estimate'))
-    run.peer.spin(0.5)
+    run.peer.until(lambda: all(publisher.get_subscription_count() for publisher in
+                               run.node.publishers if publisher.topic_name == '/rov/estimate'))
     given = []
     with Log([log]) as source:
         for message in source.messages(list(TYPES)):
@@ -161,9 +161,9 @@ def test_a_late_subscriber_gets_the_last_parameters(ros: None, messages: list[Ra
         run.node.add_message(raw.topic, message, raw.time)
     assert run.node.stream.estimate is not None
     expected = [value for dof in run.node.stream.estimate.dofs for value in dof.parameters]
-    until = time.monotonic() + 1.5  # nobody has heard them: they are out within a second
-    while time.monotonic() < until:
-        run.spin(1)
+    health = run.peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
+    # nobody has heard them: they are out within a second, before the diagnostics
+    run.peer.until(lambda: run.executor.spin_once(timeout_sec=0.02) or health)
     for topic in ('/rov/params', '/rov/params_std'):
         heard = run.peer.listen(topic, 'std_msgs/msg/Float64MultiArray', latched())
         run.peer.until(lambda: heard)  # noqa: B023

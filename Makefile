@@ -26,7 +26,7 @@ help:
 	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
 	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest, WORKERS=2 at once'
 	@echo 'make lint   linters and types only'
-	@echo 'make figures  every table of docs/measurements/, in 50 minutes; ARGS="accuracy speed.step"'
+	@echo 'make figures  every table of docs/measurements/, in about 45 minutes; ARGS="accuracy speed.step"'
 	@echo 'make picture  docs/report.png, the report of two simulated trials; needs Chromium'
 	@echo 'make browser  Debian Chromium, for the tests that open the report (needs root)'
 	@echo 'make clean  remove what the other targets made'

@@ -60,13 +60,13 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'adaptive': Section('The adaptive identifier', 'accuracy.adaptive_identifier',
                             '--seeds 20', '--seeds 1', 1.5, recordings=True),
         'online': Section('The online methods', 'accuracy.online_methods', '--seeds 300',
-                          '--seeds 2', 7.0, recordings=True),
+                          '--seeds 2', 6.0, recordings=True),
         'offline': Section('The offline methods', 'accuracy.offline_methods', '--seeds 20',
                            '--seeds 2', 3.0, recordings=True),
     }),
     'speed': ('What it costs', {
         'replay': Section('Replay', 'speed.replay', '--runs 3', '--runs 1', 4.0),
-        'long': Section('Ten hours', 'speed.replay', '--ten --runs 1', '', 8.0),
+        'long': Section('A long replay', 'speed.replay', '--long 4 --runs 1', '', 4.0),
         'step': Section('One step', 'speed.step', '', '--runs 1', 0.5),
         'start': Section('Start', 'speed.start', '', '--runs 2', 0.3),
         'tune': Section('Tuning', 'speed.tune', '--runs 3', '--runs 1', 1.5),
@@ -74,14 +74,14 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'load': Section('Load', 'speed.load', '--duration 5', '--duration 1 --rates 50', 2.5),
     }),
     'faults': ('What goes wrong, and what comes of it', {
-        'campaign': Section('Faults in the messages', 'faults.campaign', '', '--only nan', 5.0,
-                            recordings=True),
-        'kills': Section('kill -9 at random moments', 'faults.kills', '--count 20', '--count 2',
-                         3.0),
+        'campaign': Section('Faults in the messages', 'faults.campaign', '--live',
+                            '--only nan --live', 9.0, recordings=True),
+        'kills': Section('kill -9 at random moments', 'faults.kills', '--count 15', '--count 2',
+                         2.0),
     }),
     'endurance': ('Long runs', {
         'simulated': Section('Simulated time', 'endurance.soak', '--hours 1', '--hours 0.02', 4.0),
-        'live': Section('The node on DDS', 'endurance.soak', '--live 240', '--live 10', 4.5),
+        'live': Section('The node on DDS', 'endurance.soak', '--live 180', '--live 10', 3.5),
     }),
 }
 

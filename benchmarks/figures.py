@@ -68,6 +68,7 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'replay': Section('Replay', 'speed.replay', '--runs 3', '--runs 1', 4.0),
         'long': Section('A long replay', 'speed.replay', '--long 4 --runs 1', '', 4.0),
         'step': Section('One step', 'speed.step', '', '--runs 1', 0.5),
+        'route': Section('The route of a message', 'speed.trace_message', '', '', 0.2),
         'start': Section('Start', 'speed.start', '', '--runs 2', 0.3),
         'tune': Section('Tuning', 'speed.tune', '--runs 3', '--runs 1', 1.5),
         'live': Section('The live node', 'speed.latency', '--runs 3', '--runs 1 --seconds 1', 3.0),

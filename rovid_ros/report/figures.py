@@ -45,10 +45,16 @@ class Plot:
         self._panels: list[Dict] = []
         self._names: set[str] = set()
 
-    def add_panel(self, name: str, unit: str, *, tall: bool = False, **axis: Any) -> None:
-        """Begin the next panel; ``axis`` goes into the layout of its y axis."""
+    def add_panel(self, name: str, unit: str, *, tall: bool = False, hover: str = '',
+                  **axis: Any) -> None:
+        """
+        Begin the next panel.
+
+        ``hover`` stands before the values that the pointer reads; ``axis`` goes into the layout
+        of the y axis.
+        """
         self._panels.append({'text': _labelled(name, unit), 'unit': escape(unit), 'axis': axis,
-                             'height': TALL if tall else HEIGHT})
+                             'hover': hover, 'height': TALL if tall else HEIGHT})
 
     def add_curve(self, name: str, x: Values, y: Values, line: Mapping[str, Any]) -> None:
         """Add a curve to the last panel; the same name in two panels is one legend entry."""
@@ -75,8 +81,10 @@ class Plot:
         bottom = 0
         heights = [panel['height'] + SPACE for panel in self._panels]
         total = sum(heights) or 1
+        x_unit = escape(self._x_axis[1] or '')
         layout: Dict = {'height': total, 'annotations': [], 'xaxis': {
-            'anchor': f'y{len(self._panels)}', 'title': {'text': _labelled(*self._x_axis)}}}
+            'anchor': f'y{len(self._panels)}', 'title': {'text': _labelled(*self._x_axis)},
+            'unifiedhovertitle': {'text': f'%{{x:.4~g}} {x_unit}'}}}
         for i in reversed(range(len(self._panels))):
             panel = self._panels[i]
             top = bottom + panel['height']
@@ -100,7 +108,7 @@ class Plot:
             'x': self._columns.add(x, digits), 'y': self._columns.add(y, DIGITS),
             'yaxis': f'y{len(self._panels)}', 'name': escape(name), 'legendgroup': escape(name),
             'showlegend': name not in self._names,
-            'hovertemplate': f'%{{y:.4~g}}{unit}', **look})
+            'hovertemplate': f'{panel["hover"]}%{{y:.4~g}}{unit}', **look})
         self._names.add(name)
 
 
@@ -203,7 +211,7 @@ class Figures:
                 high = max(map(finite, amplitudes))
                 low = min((a for a in map(finite, amplitudes) if a > high / SPECTRUM_SPAN),
                           default=0.0)
-                axis = {'range': [math.log10(low / 1.3), math.log10(high * 1.3)],
+                axis: Dict = {'range': [math.log10(low / 1.3), math.log10(high * 1.3)],
                         'dtick': 1 if high > 100.0 * low else 'D2'} if low else {}
                 lines.add_panel(f'{label} amplitude', unit, tall=True, type='log', **axis)
                 lines.add_curve('amplitude', frequency, amplitudes,
@@ -222,7 +230,7 @@ class Figures:
         for method, values in simulated.items():
             plot.add_curve(title(method), t, values, self._line[method])
         if simulated:
-            plot.add_panel('simulated − measured', unit)
+            plot.add_panel('simulated − measured', unit, hover='Δ ')
         for method, values in simulated.items():
             error = [finite(y) - finite(v) for y, v in zip(values, measured)]
             plot.add_curve(title(method), t, error, self._line[method])

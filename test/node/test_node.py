@@ -136,22 +136,24 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
 
 def test_a_replay_that_is_behind_tells_ages_in_its_own_time(log: Path) -> None:
     """Services and timers get their turn, and the node's clock is the log's."""
-    player = NodePlayer(VALUES, settings_from(VALUES), rate=1e6)  # never caught up with
-    peer = Peer()
-    health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
     with Log([log]) as source:
         messages = list(source.messages(list(TYPES)))
-    for message in messages:
-        player.add_message(message)
-        time.sleep(2.0 / len(messages))
-    peer.until(lambda: health, 1.0)
+    player = NodePlayer(VALUES, settings_from(VALUES), rate=1e6)  # never caught up with
+    peer = Peer()
+    try:
+        health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
+        for message in messages:
+            player.add_message(message)
+            time.sleep(2.0 / len(messages))
+        peer.settle(health, 1)
+    finally:
+        peer.close()
+        player.close()
     for status in health[-1].status[1:5]:
         values = {entry.key: entry.value for entry in status.values}
         assert int(values['count']) > 0
         assert abs(float(values['age [s]'])) < 1.0  # not the years since the log
     assert messages[0].time // 10**9 <= health[-1].header.stamp.sec <= messages[-1].time // 10**9
-    peer.close()
-    player.close()
 
 
 def test_a_late_subscriber_gets_the_last_parameters(ros: None, messages: list[Raw]) -> None:

@@ -70,6 +70,7 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'step': Section('One step', 'speed.step', '', '--runs 1', 0.5),
         'route': Section('The route of a message', 'speed.trace_message', '', '', 0.2),
         'start': Section('Start', 'speed.start', '', '--runs 2', 0.3),
+        'report': Section('The HTML report', 'speed.report', '', '--runs 1 --duration 60', 1.5),
         'tune': Section('Tuning', 'speed.tune', '--runs 3', '--runs 1', 1.5),
         'live': Section('The live node', 'speed.latency', '--runs 3', '--runs 1 --seconds 1', 3.0),
         'load': Section('Load', 'speed.load', '--duration 5', '--duration 1 --rates 50', 2.5),

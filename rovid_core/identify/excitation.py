@@ -14,8 +14,7 @@ from rovid_core.settings.run import Scales
 MIN_EXCITATION = 1e-3
 """Mean square of the thrust, in typical forces, below which nothing can be learned."""
 
-MIN_MOTION = 1e-2
-"""Mean square of the velocity, in typical ones, below which it is mostly noise."""
+MIN_MOTION = 1e-2  # mean square of the velocity, in typical ones, below which it is mostly noise
 
 MIN_INFORMATION = 1e-2
 """
@@ -26,38 +25,25 @@ With 5 mm of noise on fixes at 10 Hz, thrust of 0.02 to 0.1 Hz reaches it for bo
 do not.
 """
 
-FLOOR = 1e-12
-"""Share of a mean square below which the unexplained part is rounding error."""
+FLOOR = 1e-12  # share of a mean square below which the unexplained part is rounding error
 
 Sums = tuple[float, ...]
 """Upper triangle of the sum of phi phi' dt, row by row; its last entry is the time [s]."""
 
 NO_SUMS: Sums = (0.0,) * 10
 
-BATCH = 64
-"""Steps that are collected before their products are added, which halves the cost."""
+BATCH = 64  # steps that are collected before their products are added, which halves the cost
 
 ALPHA, BETA, GAMMA, DELTA = range(4)
 
 
 @dataclass(frozen=True)
 class Gram:
-    """
-    Mean products of the normalised regressors phi = [tau/F, v|v|/V^2, v/V, 1].
+    """Mean products of the normalised regressors phi = [tau/F, v|v|/V^2, v/V, 1]."""
 
-    Attributes
-    ----------
-    sums : tuple of 10 floats
-        Upper triangle, row by row, times the time [s], which is its last entry.
-    active : tuple of int
-        The terms that are identified.
-    scale : tuple of 4 floats
-        What the regressors were multiplied by (``Scales.regressor``).
-
-    """
-
-    sums: Sums
-    active: tuple[int, ...]
+    sums: Sums  # upper triangle, row by row, times the time [s], which is its last entry
+    active: tuple[int, ...]  # the terms that are identified
+    # what the regressors were multiplied by (``Scales.regressor``)
     scale: Four = (1.0, 1.0, 1.0, 1.0)
 
     @cached_property

@@ -48,8 +48,7 @@ NO_UNCERTAINTY = KnownUncertainty()
 
 Interval = tuple[float, float]
 
-Z95 = 1.959963984540054
-"""Half the width of a Gaussian's 95 % interval, in standard deviations."""
+Z95 = 1.959963984540054  # half the width of a Gaussian's 95 % interval, in standard deviations
 
 UNBOUNDED: Interval = (-math.inf, math.inf)
 POSITIVE: Interval = (0.0, math.inf)

@@ -23,46 +23,28 @@ from rovid_core.settings.run import Scales
 CORNER = 3.0
 """c [rad/s]: faster than the vehicle, yet slow enough that noise of fixes at 10 Hz stays white."""
 
-FEEDBACK = 2.0
-"""Gain by which v_hat is pulled to the measured velocity [1/s]."""
+FEEDBACK = 2.0  # gain by which v_hat is pulled to the measured velocity [1/s]
 
 PULL_STEP = 0.1
 """Steps shorter than this [s] may pull more: the difference of their fixes is noisier."""
 
-SETTLING = 5.0
-"""Filter time constants after which the noise of the first velocity has decayed."""
-
-MEMORY = 100.0
-"""Longest memory, in adaptation times; at first it is half of the time so far."""
-
-PRIOR = 5.0
-"""Standard deviation of the initial guess, in typical accelerations."""
-
-STEADY = 3.0
-"""Time [s] after which constant thrust and velocity add no information."""
-
-MAX_STATE = 1e100
-"""Limit of the numbers in a saved state; its square is finite."""
+SETTLING = 5.0  # filter time constants after which the noise of the first velocity has decayed
+MEMORY = 100.0  # longest memory, in adaptation times; at first it is half of the time so far
+PRIOR = 5.0  # standard deviation of the initial guess, in typical accelerations
+STEADY = 3.0  # time [s] after which constant thrust and velocity add no information
+MAX_STATE = 1e100  # limit of the numbers in a saved state; its square is finite
 
 ZERO4: Four = (0.0,) * 4
 
-MAX_TYPICAL = 1e6
-"""A larger velocity or force, in typical ones, is refused."""
-
-NOISE_MEMORY = 20.0
-"""Memory of the noise's variance [s]."""
+MAX_TYPICAL = 1e6  # a larger velocity or force, in typical ones, is refused
+NOISE_MEMORY = 20.0  # memory of the noise's variance [s]
 
 NOISE_FREQUENCY = 0.5
 """Only the innovations' spectrum below it counts [rad/s], where a vehicle moves."""
 
-HUBER = 3.0
-"""Standard deviations of an innovation beyond which it counts linearly (Huber)."""
-
-MIN_VARIANCE = 1e-10
-"""Least variance of the noise, in squares of typical velocity x 1 s."""
-
-MIN_WHITE = 0.02
-"""Least share of the variance that counts, however little lies at low frequencies."""
+HUBER = 3.0  # standard deviations of an innovation beyond which it counts linearly (Huber)
+MIN_VARIANCE = 1e-10  # least variance of the noise, in squares of typical velocity x 1 s
+MIN_WHITE = 0.02  # least share of the variance that counts, however little lies at low frequencies
 
 MIN_DIAGONAL = 1e-30
 """Least value of D, relative to its first: far below any data, far above underflow."""

@@ -20,29 +20,16 @@ CONVERGED = 0.05
 NO_LONGER_CONVERGED = 2.0 * CONVERGED
 """Relative uncertainty above which a converged model is converging again (hysteresis)."""
 
-PERIOD = 1.0
-"""Event time [s] from one judgement to the next."""
+PERIOD = 1.0  # event time [s] from one judgement to the next
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """
-    A status and its reasons.
+    """A status and its reasons."""
 
-    Attributes
-    ----------
-    status : str
-        One of ``STATUSES``.
-    method_reasons : tuple of str
-        Reasons from the method and its convergence.
-    gram : Gram or None
-        Excitation of the data; what they do not show is a reason too.
-
-    """
-
-    status: str
-    method_reasons: tuple[str, ...] = ()
-    gram: Gram | None = None
+    status: str  # one of ``STATUSES``
+    method_reasons: tuple[str, ...] = ()  # reasons from the method and its convergence
+    gram: Gram | None = None  # excitation of the data; what they do not show is a reason too
 
     @property
     def reasons(self) -> tuple[str, ...]:

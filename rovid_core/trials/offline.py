@@ -24,17 +24,13 @@ from rovid_core.trials.output_error import output_error
 from rovid_core.trials.record import Fit, Record
 from scipy.signal import butter, sosfiltfilt
 
-LOWPASS_ORDER = 4
-"""Order of the zero-phase low-pass."""
+LOWPASS_ORDER = 4  # order of the zero-phase low-pass
 
 MIN_SINGULAR = 1e-3
 """Directions with less than this share of the largest singular value are undetermined."""
 
-PASS_TIMES = (7.0, 7.0, 10.0)
-"""Settling time of each pass over the trial, in adaptation times."""
-
-FEEDBACK = 3.0
-"""|a| of eq. 7 times the adaptation time: so slow that v_hat is nearly a simulation."""
+PASS_TIMES = (7.0, 7.0, 10.0)  # settling time of each pass over the trial, in adaptation times
+FEEDBACK = 3.0  # |a| of eq. 7 times the adaptation time: so slow that v_hat is nearly a simulation
 
 MIN_SHARE = 1e-3
 """Least share of a mean square that the other regressors are taken to leave unexplained."""

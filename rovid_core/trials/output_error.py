@@ -79,26 +79,16 @@ DRIFTS = (0.0, 0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2, 0.4)
 MIN_SHRINKAGE = 0.975
 """A random walk is accepted if whitening shrinks the residuals at least to this share."""
 
-MAX_LAG = 200
-"""Steps over which residuals may be correlated."""
+MAX_LAG = 200  # steps over which residuals may be correlated
 
 
 @dataclass(frozen=True)
 class Information:
-    """
-    The information of a trial about the parameters.
+    """The information of a trial about the parameters."""
 
-    Attributes
-    ----------
-    covariance : ndarray, shape (4, 4)
-        Cramer-Rao bound of the parameters; 0 for terms that are left out.
-    condition : float
-        Condition number of the information in normalised parameters.
-
-    """
-
+    # shape (4, 4); Cramer-Rao bound of the parameters; 0 for terms that are left out
     covariance: Array
-    condition: float
+    condition: float  # condition number of the information in normalised parameters
 
 
 def noise(records: Sequence[Record]) -> float:

@@ -12,11 +12,8 @@ from typing import Any, NoReturn
 from rovid_core.model.dofs import DOFS
 from rovid_ros.commands.running import wrong_usage
 
-MIN_DURATION = 1e-3
-"""[s] A shorter part of a log holds no message."""
-
-MAX_NUMBER = 1e9
-"""A longer time [s] does not fit the time stamps of ROS; nothing else is so large."""
+MIN_DURATION = 1e-3  # [s] a shorter part of a log holds no message
+MAX_NUMBER = 1e9  # a longer time [s] does not fit the time stamps of ROS; nothing else is so large
 
 
 class Parser(argparse.ArgumentParser):

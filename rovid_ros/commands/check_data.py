@@ -22,26 +22,12 @@ OK, WARNING, ERROR = 'OK', 'WARNING', 'ERROR'
 
 @dataclass(frozen=True)
 class Finding:
-    """
-    One thing that was looked at.
+    """One thing that was looked at."""
 
-    Attributes
-    ----------
-    level : str
-        OK, WARNING or ERROR.
-    subject : str
-        The key, topic or file that it is about.
-    text : str
-        What was found.
-    advice : str
-        What to change; '' if nothing.
-
-    """
-
-    level: str
-    subject: str
-    text: str
-    advice: str = ''
+    level: str  # OK, WARNING or ERROR
+    subject: str  # the key, topic or file that it is about
+    text: str  # what was found
+    advice: str = ''  # what to change; '' if nothing
 
     def __str__(self) -> str:
         """Return the line."""
@@ -86,11 +72,8 @@ class Findings:
 ACCEPTABLE = 0.02
 """Share of refused samples, or of steps that are too fast, above which something is wrong."""
 
-APART = 1.0
-"""[s] By more than this the clocks of two inputs must not differ."""
-
-SHARED = 0.5
-"""Share of their time that inputs should have in common."""
+APART = 1.0  # [s] by more than this the clocks of two inputs must not differ
+SHARED = 0.5  # share of their time that inputs should have in common
 
 
 class SampleStatistics:

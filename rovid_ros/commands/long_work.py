@@ -17,11 +17,8 @@ from typing import Any, TextIO, TypeVar
 Given = TypeVar('Given')
 Made = TypeVar('Made')
 
-BAR_WIDTH = 30
-"""[characters]"""
-
-POLL_PERIOD = 0.1
-"""[s] Between two looks at what the workers have done."""
+BAR_WIDTH = 30  # [characters]
+POLL_PERIOD = 0.1  # [s] between two looks at what the workers have done
 
 
 class Progress:

@@ -17,13 +17,7 @@ from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.simulation.profiles import Profile, Steps, Waveform
 from rovid_core.simulation.vehicle import ThrusterCommands
-from rovid_core.trials.planning.information import (
-    Limits,
-    paths,
-    reach,
-    Sensor,
-    Vehicles,
-)
+from rovid_core.trials.planning.information import Limits, paths, reach, Sensor, Vehicles
 from rovid_core.trials.planning.plan import Plan, plan as find_plan, PlanError, Prospect, STEP
 from rovid_core.trials.planning.shapes import samples, times
 from rovid_ros.commands.arguments import (
@@ -54,11 +48,8 @@ DESCRIPTION = (
     'mass, drags and bias is most certain, also where the model is wrong. Limits are one '
     'NUMBER for surge, sway and heave, or DOF=NUMBER[,DOF=NUMBER ...].')
 
-MAX_DURATION = 3600.0
-"""[s] A longer trial tells nothing new: the profile can be repeated instead."""
-
-MIN_DURATION = 10.0
-"""[s] A shorter trial tells nothing."""
+MAX_DURATION = 3600.0  # [s] a longer trial tells nothing new: the profile can be repeated instead
+MIN_DURATION = 10.0  # [s] a shorter trial tells nothing
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -264,11 +255,8 @@ def _turning_warnings(plans: Mapping[str, Plan]) -> list[str]:
             f'{number(room)} m; for less, plan {" and ".join(level)} without yaw (--dofs)']
 
 
-POOR = 0.1
-"""Relative uncertainty above which a parameter is poorly determined."""
-
-ALIKE_CORRELATION = 0.9
-"""Correlation above which two drags cannot be told apart."""
+POOR = 0.1  # relative uncertainty above which a parameter is poorly determined
+ALIKE_CORRELATION = 0.9  # correlation above which two drags cannot be told apart
 
 NAMES = ('mass', 'quadratic drag', 'linear drag', 'bias')
 

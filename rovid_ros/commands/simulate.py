@@ -40,8 +40,7 @@ DESCRIPTION = (
     'Its parameters are those under "simulation" in the file; the log says them under the MCAP '
     'metadata rovid_truth. The same seed gives the same file.')
 
-NUMBER = re.compile(r'\{n?\}')
-"""Where the number of a trial goes in the name of its file."""
+NUMBER = re.compile(r'\{n?\}')  # where the number of a trial goes in the name of its file
 
 PAUSE = 60 * 1_000_000_000
 """Between two trials of one call [ns]: joined into one log, they follow one another."""

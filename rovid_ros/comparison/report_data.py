@@ -40,11 +40,8 @@ from rovid_ros.comparison.trials import best_of, Model, Trial
 from rovid_ros.results.documents import json_number, json_numbers
 from rovid_ros.results.text import number, percent, unit
 
-BINS = 30
-"""Of a histogram."""
-
-GAP = 5.0
-"""Steps without a measurement at which a curve breaks."""
+BINS = 30  # of a histogram
+GAP = 5.0  # steps without a measurement at which a curve breaks
 
 DETERMINED, VAGUE = 0.1, 0.5
 """Relative bounds up to which a parameter is determined, and from which it is not."""

@@ -28,14 +28,9 @@ from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.results.documents import json_numbers, Result
 
-PAPER = 'aid'
-"""The paper's method, of which the report draws the figures."""
-
-REFERENCE = 'output_error'
-"""The method that is preferred among methods that predict equally well."""
-
-AS_GOOD = 1.02
-"""Errors within this factor are the same."""
+PAPER = 'aid'  # the paper's method, of which the report draws the figures
+REFERENCE = 'output_error'  # the method that is preferred among methods that predict equally well
+AS_GOOD = 1.02  # errors within this factor are the same
 
 WORTH = 0.01
 """A term has to lower the error by this share to be kept: without it the model is simpler."""
@@ -57,23 +52,13 @@ class ForEach(Protocol):
 
 @dataclass
 class History:
-    """
-    The estimates of the adaptive identifier for one DOF, step by step.
+    """The estimates of the adaptive identifier for one DOF, step by step."""
 
-    Attributes
-    ----------
-    times : list of int
-        [ns]
-    v_hats, velocities : list of float
-        Its velocity and the measured one [m/s or rad/s].
-    parameters, theta_hats : list
-        The published parameters, which are a mean, and the state, to which W belongs.
-
-    """
-
-    times: list[int] = field(default_factory=list)
+    times: list[int] = field(default_factory=list)  # [ns]
+    # its velocity and the measured one [m/s or rad/s]
     v_hats: list[float] = field(default_factory=list)
     velocities: list[float] = field(default_factory=list)
+    # the published parameters, which are a mean, and the state, to which W belongs
     parameters: list[Four] = field(default_factory=list)
     theta_hats: list[Four] = field(default_factory=list)
 
@@ -165,29 +150,13 @@ class TrialPlayer(PipelinePlayer):
 
 @dataclass(frozen=True)
 class Trial:
-    """
-    One log after the pipeline.
+    """One log after the pipeline."""
 
-    Attributes
-    ----------
-    name : str
-        Of the log, unlike that of any other trial.
-    trains : bool
-        Whether models are identified from it, or it is only predicted.
-    result : Result
-        What a replay says of it.
-    player : TrialPlayer
-        The pipeline after the log.
-    warnings : list of str
-        One line each.
-
-    """
-
-    name: str
-    trains: bool
-    result: Result
-    player: TrialPlayer
-    warnings: list[str]
+    name: str  # of the log, unlike that of any other trial
+    trains: bool  # whether models are identified from it, or it is only predicted
+    result: Result  # what a replay says of it
+    player: TrialPlayer  # the pipeline after the log
+    warnings: list[str]  # one line each
 
     @property
     def scores(self) -> ScoreLog:
@@ -207,31 +176,16 @@ class Trial:
 
 @dataclass(frozen=True)
 class Model:
-    """
-    A model of one DOF.
+    """A model of one DOF."""
 
-    Attributes
-    ----------
-    method, trained_on, dof : str
-        Where it comes from.
-    terms : tuple of str
-        What it has.
-    selected : bool
-        Whether these are the method's best terms; else they are the configured ones.
-    fit : Fit
-        Parameters and covariance.
-    scores : mapping of str to Score
-        By the name of the log.
-
-    """
-
+    # where it comes from
     method: str
     trained_on: str
     dof: str
-    terms: tuple[str, ...]
-    selected: bool
-    fit: Fit
-    scores: Mapping[str, Score]
+    terms: tuple[str, ...]  # what it has
+    selected: bool  # whether these are the method's best terms; else they are the configured ones
+    fit: Fit  # parameters and covariance
+    scores: Mapping[str, Score]  # by the name of the log
 
     def error(self, logs: Sequence[str]) -> float:
         """Return the mean mae over those logs that it has one in; infinite without any."""

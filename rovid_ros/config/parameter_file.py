@@ -72,10 +72,8 @@ def _number(text: str) -> float | None:
 
 
 PARAMETERS = 'ros__parameters'
-MAX_FILE_SIZE = 1 << 20
-"""[bytes] A larger file is something else."""
-MAX_DEPTH = 32
-"""Levels of keys; more are a broken file."""
+MAX_FILE_SIZE = 1 << 20  # [bytes] a larger file is something else
+MAX_DEPTH = 32  # levels of keys; more are a broken file
 
 SECTION = re.compile(r'/?(?:(?:[A-Za-z_]\w*|\*\*?)/)*(?:[A-Za-z_]\w*|\*\*?)', re.ASCII)
 NAMES = {bool: 'a truth value', int: 'a number', float: 'a number', str: 'text'}

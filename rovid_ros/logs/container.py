@@ -56,30 +56,15 @@ Raw = tuple[int, int, Channel, bytes]
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """
-    A part of a file that is read as a whole.
+    """A part of a file that is read as a whole."""
 
-    Attributes
-    ----------
-    container : Container
-        Whose file it is in.
-    number : int
-        Place among the blocks of the file.
-    start, end : int
-        Times of the first and the last message [ns].
-    channels : frozenset of int or None
-        Those that it has messages of; None if that is not known.
-    where : object
-        What the container needs to find it.
-
-    """
-
-    container: Container
-    number: int
+    container: Container  # whose file it is in
+    number: int  # place among the blocks of the file
+    # times of the first and the last message [ns]
     start: int
     end: int
-    channels: frozenset[int] | None
-    where: Any
+    channels: frozenset[int] | None  # those that it has messages of; None if that is not known
+    where: Any  # what the container needs to find it
 
 
 class Container(ABC):

@@ -32,8 +32,7 @@ from zstandard import ZstdError
 
 __all__ = ['Log', 'LogError', 'LogMessage', 'Maker', 'MakerFactory', 'RawMessage', 'TopicInfo']
 
-RECORD = 'rovid_record'
-"""Name of the metadata in the logs that the node writes itself."""
+RECORD = 'rovid_record'  # name of the metadata in the logs that the node writes itself
 
 MAX_UNDECODED = 20
 """Messages of a topic that cannot be decoded, one after the other from the first one on."""

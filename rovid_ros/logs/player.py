@@ -15,11 +15,8 @@ from rovid_ros.logs.log import LogMessage, Maker
 from rovid_ros.messages.converter import Converter, Unpacker
 from rovid_ros.messages.types import Decoder, WireType
 
-CONTROL = '/rovid/control'
-"""Topic of a node's own log that says what was done to it."""
-
-PARAMETERS = 'parameters'
-"""The control that says which parameters changed, as JSON by dotted key."""
+CONTROL = '/rovid/control'  # topic of a node's own log that says what was done to it
+PARAMETERS = 'parameters'  # the control that says which parameters changed, as JSON by dotted key
 
 
 class Player(Protocol):

@@ -6,14 +6,7 @@ from collections.abc import Iterator, Mapping
 import struct
 from typing import BinaryIO
 
-from rovid_ros.logs.container import (
-    Block,
-    Channel,
-    IndexedContainer,
-    inflate,
-    MAX_BLOCK_SIZE,
-    Raw,
-)
+from rovid_ros.logs.container import Block, Channel, IndexedContainer, inflate, MAX_BLOCK_SIZE, Raw
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'#ROSBAG V2.0\n'

@@ -58,20 +58,11 @@ class RefusedError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """
-    Which fields of a message a sample needs, and how its value is made of them.
+    """Which fields of a message a sample needs, and how its value is made of them."""
 
-    Attributes
-    ----------
-    paths : tuple of paths
-        To the fields that are needed: numbers, or arrays of numbers or texts.
-    make : callable
-        Takes what is at the paths and returns the sample's value.
-
-    """
-
+    # to the fields that are needed: numbers, or arrays of numbers or texts
     paths: tuple[tuple[Step, ...], ...]
-    make: Callable[..., Floats]
+    make: Callable[..., Floats]  # takes what is at the paths and returns the sample's value
 
     def fetch(self) -> Callable[[Any], tuple[Any, ...]]:
         """Return the function from a decoded message to what is at the paths."""
@@ -86,21 +77,13 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """
-    How a source is read from messages of one class, or serialised in one layout.
-
-    Attributes
-    ----------
-    fetch : callable
-        From the message to what the reading makes the value of.
-    stamp : callable or None
-        From the message to seconds and nanoseconds; None for the receive time.
-
-    """
+    """How a source is read from messages of one class, or serialised in one layout."""
 
     source: Source
     reading: Reading
+    # from the message to what the reading makes the value of
     fetch: Callable[[Any], tuple[Any, ...]]
+    # from the message to seconds and nanoseconds; None for the receive time
     stamp: Callable[[Any], tuple[int, int]] | None
 
     def value(self, message: Any) -> tuple[float, ...]:

@@ -30,14 +30,9 @@ WELL_KNOWN = {'mavros_msgs/msg/RCOut': 'std_msgs/Header header\nuint16[] channel
 MAX_MESSAGE_SIZE = 1 << 20
 """[bytes] What is larger is refused before it is decoded; what is of use has 1 kB."""
 
-MAX_DEFINITION = 1 << 17
-"""[characters] Of a type with all that is in it; large ones have 20,000."""
-
-MAX_VALUES = 100_000
-"""Numbers and texts in a message whose sequences are empty."""
-
-MAX_DEPTH = 32
-"""Messages within messages."""
+MAX_DEFINITION = 1 << 17  # [characters] of a type with all that is in it; large ones have 20,000
+MAX_VALUES = 100_000  # numbers and texts in a message whose sequences are empty
+MAX_DEPTH = 32  # messages within messages
 
 _NOTHING = 'structure_needs_at_least_one_member'  # in ROS 1 it does without
 
@@ -226,8 +221,7 @@ def build(store: Typestore, name: str, fields: Mapping[str, Any]) -> Any:
     return _builder(store, name)(fields)
 
 
-Maker = Callable[[Any], Any]
-"""Plain value, None for the default, to the value in a message."""
+Maker = Callable[[Any], Any]  # plain value, None for the default, to the value in a message
 
 
 @cache

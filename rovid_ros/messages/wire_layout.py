@@ -28,8 +28,7 @@ _FORMATS = {
     'uint16': 'H', 'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q', 'float32': 'f',
     'float64': 'd'}
 _ORDERS = {b'\0\0': '>', b'\0\1': '<'}  # of CDR: its other kinds are not of plain messages
-_MAX_ENTRIES = 1000
-"""Messages or texts in one array: a message with more is not worth a layout."""
+_MAX_ENTRIES = 1000  # messages or texts in one array: a message with more is not worth a layout
 
 
 class NoLayoutError(ValueError):
@@ -51,23 +50,13 @@ class Numbers(NamedTuple):
 
 @dataclass
 class Layout:
-    """
-    Where the values are in all messages that ``fits`` accepts.
+    """Where the values are in all messages that ``fits`` accepts."""
 
-    Attributes
-    ----------
-    order : str
-        ``<`` or ``>``.
-    shape : list of (int, int)
-        Offset and length [bytes] of what decides where the others are: encapsulation, counts,
-        and texts with their lengths.
-    places : dict
-        Numbers and texts (or the texts of an array) by path.
-
-    """
-
-    order: str
+    order: str  # ``<`` or ``>``
+    # offset and length [bytes] of what decides where the others are: encapsulation, counts, and
+    # texts with their lengths
     shape: list[tuple[int, int]] = field(default_factory=list)
+    # numbers and texts (or the texts of an array) by path
     places: dict[tuple[Step, ...], Numbers | str | tuple[str, ...]] = field(
         default_factory=dict)
 

@@ -18,12 +18,7 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import inputs_of
 from rovid_ros.files.state_file import Checkpoint
-from rovid_ros.logs.player import (
-    change_parameters,
-    PARAMETERS,
-    recorded_changes,
-    repeat_control,
-)
+from rovid_ros.logs.player import change_parameters, PARAMETERS, recorded_changes, repeat_control
 from rovid_ros.messages.converter import Converter
 from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import NODE_NAME, ParameterNode

@@ -18,27 +18,13 @@ from rovid_ros.logs.writer import LogWriter
 
 @dataclass
 class Received:
-    """
-    A message as it came in.
+    """A message as it came in."""
 
-    Attributes
-    ----------
-    topic : str
-        As configured, before any remapping: what a replay looks for.
-    cdr : bytes
-        The message as it was on the wire.
-    time : int
-        Receive time [ns].
-    recorded : bool
-        True once it is in the log: a message can give several events.
-
-    """
-
-    topic: str
+    topic: str  # as configured, before any remapping: what a replay looks for
     type: str
-    cdr: bytes
-    time: int
-    recorded: bool = False
+    cdr: bytes  # the message as it was on the wire
+    time: int  # receive time [ns]
+    recorded: bool = False  # True once it is in the log: a message can give several events
 
 
 class Recorder:

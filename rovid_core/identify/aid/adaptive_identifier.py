@@ -19,8 +19,7 @@ from rovid_core.model.dofs import Four, PARAMETERS, Three
 from rovid_core.model.samples import finite, Step
 from rovid_core.settings.run import Scales, SettingsError
 
-MAX_PIECES = 100
-"""A step that would have to be divided into more pieces is refused."""
+MAX_PIECES = 100  # a step that would have to be divided into more pieces is refused
 
 MAX_EXCITATION = 1e12
 """Limit of the mean square of the thrust, so that one wild force cannot make it infinite."""
@@ -28,20 +27,11 @@ MAX_EXCITATION = 1e12
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """
-    Feedback gain and adaptation gains.
+    """Feedback gain and adaptation gains."""
 
-    Attributes
-    ----------
-    feedback : float
-        ``a`` of eq. 7 [1/s], below 0.
-    adaptation : tuple of 4 floats
-        Diagonal of Gamma of eq. 11, each at least 0, in the units of parameter per
-        (velocity x regressor x time).
-
-    """
-
-    feedback: float
+    feedback: float  # ``a`` of eq. 7 [1/s], below 0
+    # diagonal of Gamma of eq. 11, each at least 0, in the units of parameter per (velocity x
+    # regressor x time)
     adaptation: Four
 
     def __post_init__(self) -> None:

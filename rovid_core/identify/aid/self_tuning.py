@@ -46,14 +46,12 @@ MIN_SHARE = 0.03
 MIN_SQUARES = (MIN_EXCITATION, MIN_MOTION**2, MIN_MOTION, 1.0)
 """Least mean squares of the regressors, in typical ones; smaller ones are mostly noise."""
 
-MAX_REFUSED = 5
-"""Refused steps in a row after which the data that Gamma comes from are forgotten."""
+MAX_REFUSED = 5  # refused steps in a row after which the data that Gamma comes from are forgotten
 
 MAX_TYPICAL = 1000.0
 """Steps with more than so many typical forces or velocities are left out of Gamma."""
 
-MEAN_SHARE = 0.3
-"""Memory of the running mean, as a share of the time in motion so far."""
+MEAN_SHARE = 0.3  # memory of the running mean, as a share of the time in motion so far
 
 MAX_MEMORY = 40.0
 """Longest memory of the running mean [s], so that it follows a vehicle that changes."""

@@ -23,8 +23,7 @@ A term that takes less than this share of the thrust at top speed is as good as 
 is known to that share: a drag of 0 can not be known to any percentage.
 """
 
-CHUNK = 32
-"""Measurements that are squared together, which is quicker than one by one."""
+CHUNK = 32  # measurements that are squared together, which is quicker than one by one
 
 
 @dataclass(frozen=True)
@@ -70,21 +69,12 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Vehicles:
-    """
-    The model, and the vehicles that could be there in its place.
+    """The model, and the vehicles that could be there in its place."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (4, v)
-        Lumped parameters; the first vehicle is the model. The others have mass and drags up
-        to a factor off, in all directions; the bias is the model's, which thrust cancels.
-    active : tuple of 4 bools
-        Terms that are identified.
-
-    """
-
+    # shape (4, v); lumped parameters; the first vehicle is the model. The others have mass and
+    # drags up to a factor off, in all directions; the bias is the model's, which thrust cancels.
     parameters: Array
-    active: tuple[bool, bool, bool, bool]
+    active: tuple[bool, bool, bool, bool]  # terms that are identified
 
     @staticmethod
     def around(model: Four, active: tuple[bool, bool, bool, bool], factor: float) -> Vehicles:

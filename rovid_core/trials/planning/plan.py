@@ -41,13 +41,11 @@ from rovid_core.trials.planning.shapes import (
 SEARCH_DURATION = 300.0
 """[s] A longer trial is searched for as if it were this long; it then tells more of the same."""
 
-STEP = 0.1
-"""[s] Of the integration; longer in the search, for all of which there are MAX_STEPS."""
+STEP = 0.1  # [s] of the integration; longer in the search, for all of which there are MAX_STEPS
 
 MAX_STEPS = 1000
 
-FINER = (1.3, 1.15, 1.06)
-"""By how much the search changes a shape, round by round."""
+FINER = (1.3, 1.15, 1.06)  # by how much the search changes a shape, round by round
 
 DISTURBANCE, DISTURBANCE_TIME = 0.01, 1.0
 """
@@ -56,11 +54,8 @@ choice of a shape. By the bare bound a few newtons would do, held for minutes: i
 millimetre of slow drift for drag, and in water much else drifts.
 """
 
-MARGIN = 0.98
-"""Of the limits of speed and room: commands are held, and thrusters lag."""
-
-NAIVE = 0.25
-"""[Hz] Of the sinusoid to compare with, which is that of eq. 13 of the paper."""
+MARGIN = 0.98  # of the limits of speed and room: commands are held, and thrusters lag
+NAIVE = 0.25  # [Hz] of the sinusoid to compare with, which is that of eq. 13 of the paper
 
 
 class PlanError(ValueError):
@@ -69,26 +64,15 @@ class PlanError(ValueError):
 
 @dataclass(frozen=True)
 class Prospect:
-    """
-    What a profile would cost and give.
+    """What a profile would cost and give."""
 
-    Attributes
-    ----------
-    waveforms : tuple of Waveform
-        The profile.
-    force : float
-        Its largest thrust [N or N m].
-    speed, room : ndarray, shape (v,)
-        How fast [m/s or rad/s] and how far from the start [m or rad] each vehicle gets.
-    lumped, physical : ndarray, shape (v, 4, 4)
-        Cramer-Rao bound of the parameters of each vehicle; 0 for terms that are left out.
-
-    """
-
-    waveforms: tuple[Waveform, ...]
-    force: float
+    waveforms: tuple[Waveform, ...]  # the profile
+    force: float  # its largest thrust [N or N m]
+    # shape (v,); how fast [m/s or rad/s] and how far from the start [m or rad] each vehicle gets
     speed: Array
     room: Array
+    # shape (v, 4, 4); Cramer-Rao bound of the parameters of each vehicle; 0 for terms that are
+    # left out
     lumped: Array
     physical: Array
 
@@ -100,22 +84,11 @@ class Prospect:
 
 @dataclass(frozen=True)
 class Plan:
-    """
-    The profile that is proposed for a DOF.
+    """The profile that is proposed for a DOF."""
 
-    Attributes
-    ----------
-    limits : Limits
-        What it keeps to.
-    vehicles : Vehicles
-        The model and the others, that the arrays of a prospect are about.
-    planned, naive : Prospect
-        Of the profile, and of one sinusoid with the same largest thrust.
-
-    """
-
-    limits: Limits
-    vehicles: Vehicles
+    limits: Limits  # what it keeps to
+    vehicles: Vehicles  # the model and the others, that the arrays of a prospect are about
+    # of the profile, and of one sinusoid with the same largest thrust
     planned: Prospect
     naive: Prospect
 

@@ -19,67 +19,39 @@ from rovid_core.trials.tuning.cross_validation import Blocks, blocks, fold_bound
 from rovid_core.trials.tuning.log import CommandedForce, Segment, TuningLog
 
 ITERATIONS = 10
-SETTLED = 1e-4
-"""Relative change of the cost after which an iteration ends."""
-
-HUBER_LIMIT = 2.0
-"""Residuals beyond this many median ones count less and less (Huber)."""
-
-MIN_INFORMATION = 1e-6
-"""Of the largest: what the data do not show stays where it was."""
+SETTLED = 1e-4  # relative change of the cost after which an iteration ends
+HUBER_LIMIT = 2.0  # residuals beyond this many median ones count less and less (Huber)
+MIN_INFORMATION = 1e-6  # of the largest: what the data do not show stays where it was
 
 
-MIN_TIME = 60.0
-"""[s] of steps, for less the blocks are too short to be predicted."""
-
-MIN_GAIN = 0.05
-"""A model has to be this much better than a constant velocity for a DOF to count."""
+MIN_TIME = 60.0  # [s] of steps, for less the blocks are too short to be predicted
+MIN_GAIN = 0.05  # a model has to be this much better than a constant velocity for a DOF to count
 
 
 @dataclass(frozen=True)
 class Models:
-    """
-    What was found for the candidates.
+    """What was found for the candidates."""
 
-    Attributes
-    ----------
-    theta : ndarray, shape (candidates, 4)
-        From all blocks, in units of typical force and velocity.
-    start : ndarray, shape (candidates, pieces)
-        Velocity at each piece's start, in typical ones.
-    scores : ndarray, shape (candidates, FOLDS)
-        Mean absolute error on each block of the model of the others [m/s or rad/s].
-
-    """
-
-    theta: Array
-    start: Array
+    theta: Array  # shape (candidates, 4); from all blocks, in units of typical force and velocity
+    start: Array  # shape (candidates, pieces); velocity at each piece's start, in typical ones
+    # shape (candidates, FOLDS); mean absolute error on each block of the model of the others [m/s
+    # or rad/s]
     scores: Array
 
 
 @dataclass
 class NormalEquations:
-    """
-    Errors of the candidates, and normal equations per piece without the start's velocity.
+    """Errors of the candidates, and normal equations per piece without the start's velocity."""
 
-    Attributes
-    ----------
-    limit : ndarray, shape (candidates,)
-        Beyond which residuals count less.
-    cost, before : ndarray, shape (candidates,)
-        With this limit, and with the one before.
-    inside, slope : ndarray, shape (candidates, pieces, 4, 4) and (candidates, pieces, 4)
-        Matrix and right-hand side.
-    cross, right : ndarray, shape (candidates, pieces, 4) and (candidates, pieces)
-        How the start's velocity follows the parameters, and its own step.
-
-    """
-
-    limit: Array
+    limit: Array  # shape (candidates,); beyond which residuals count less
+    # shape (candidates,); with this limit, and with the one before
     cost: Array
     before: Array
+    # shape (candidates, pieces, 4, 4) and (candidates, pieces, 4); matrix and right-hand side
     inside: Array
     slope: Array
+    # shape (candidates, pieces, 4) and (candidates, pieces); how the start's velocity follows the
+    # parameters, and its own step
     cross: Array
     right: Array
 

@@ -17,8 +17,7 @@ from rovid_core.thrust.thruster_curve import are_commands, wrench, wrench_model
 from rovid_core.trials.score import ScoreLog
 
 NS = 1e-9
-BEFORE = 60.0
-"""[s] The first command is taken to have stood this long, whatever the delay."""
+BEFORE = 60.0  # [s] the first command is taken to have stood this long, whatever the delay
 
 
 class CommandedForce:
@@ -87,27 +86,14 @@ def _span(force: Array, slope: Array, behind: Array, x: Array, lag: float) -> Ar
 
 @dataclass(frozen=True)
 class Segment:
-    """
-    The motion of one DOF between two interruptions.
+    """The motion of one DOF between two interruptions."""
 
-    Attributes
-    ----------
-    start : int
-        Time from which the first step goes [ns].
-    velocity : float
-        Measured there [m/s or rad/s].
-    fixes, ends : ndarray of int64, shape (n,)
-        Where each step's measurement begins, and the step's end [ns].
-    means : ndarray, shape (n,)
-        Measured over each step, not filtered [m/s or rad/s].
-
-    """
-
-    start: int
-    velocity: float
+    start: int  # time from which the first step goes [ns]
+    velocity: float  # measured there [m/s or rad/s]
+    # shape (n,); where each step's measurement begins, and the step's end [ns]
     fixes: NDArray[np.int64]
     ends: NDArray[np.int64]
-    means: Array
+    means: Array  # shape (n,); measured over each step, not filtered [m/s or rad/s]
 
     @property
     def bounds(self) -> NDArray[np.int64]:

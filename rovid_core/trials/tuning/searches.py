@@ -96,8 +96,7 @@ class _Turned:
 
 
 DELAYS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
-LAGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0)
-"""[s] where the search begins."""
+LAGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0)  # [s] where the search begins
 
 THRUST_FINER = (0.5, 0.125)
 """Around the best so far the grid is refined to this share of its spacing."""
@@ -150,8 +149,7 @@ KEY = 'thrusters.deadband'
 SHARES = (0.0, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3)
 """Of a large command: the dead-bands that are tried first."""
 
-LARGE = 0.95
-"""Quantile of the sizes of the commands that counts as a large one."""
+LARGE = 0.95  # quantile of the sizes of the commands that counts as a large one
 
 DEADBAND_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
 """Then these are tried around the best one, in shares of the way to its neighbours."""
@@ -238,23 +236,13 @@ WORTH = 0.01
 
 @dataclass(frozen=True)
 class TermsChange:
-    """
-    The terms of one DOF.
+    """The terms of one DOF."""
 
-    Attributes
-    ----------
-    dof : str
-        Its name.
-    before, after : tuple of str
-        The same where nothing better was found.
-    gain, spread : float
-        Of those that predict best against the present ones on held-out blocks, as a share.
-
-    """
-
-    dof: str
+    dof: str  # its name
+    # the same where nothing better was found
     before: tuple[str, ...]
     after: tuple[str, ...]
+    # of those that predict best against the present ones on held-out blocks, as a share
     gain: float
     spread: float
 

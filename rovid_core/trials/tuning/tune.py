@@ -30,11 +30,8 @@ from rovid_core.trials.tuning.searches import (
     tune_thrust,
 )
 
-UNUSED = DofSettings(1.0)
-"""A DOF that is only looked at."""
-
-DIGITS = 4
-"""What is written of a value; the data never tell more."""
+UNUSED = DofSettings(1.0)  # a DOF that is only looked at
+DIGITS = 4  # what is written of a value; the data never tell more
 
 
 class TuningError(ValueError):
@@ -43,27 +40,14 @@ class TuningError(ValueError):
 
 @dataclass(frozen=True)
 class Tuned:
-    """
-    What was found.
+    """What was found."""
 
-    Attributes
-    ----------
-    stages : tuple of Stage
-        Keys that were sought together.
-    terms : tuple of TermsChange
-        The terms of each DOF.
-    errors : dict
-        Per DOF before and after: mean absolute error of the velocity that models predict on
-        held-out blocks [m/s or rad/s].
-    left_out : dict
-        Why nothing was tuned with a DOF, by name.
-
-    """
-
-    stages: tuple[Stage, ...]
-    terms: tuple[TermsChange, ...]
+    stages: tuple[Stage, ...]  # keys that were sought together
+    terms: tuple[TermsChange, ...]  # the terms of each DOF
+    # per DOF before and after: mean absolute error of the velocity that models predict on held-out
+    # blocks [m/s or rad/s]
     errors: Mapping[str, tuple[float, float]]
-    left_out: Mapping[str, str]
+    left_out: Mapping[str, str]  # why nothing was tuned with a DOF, by name
 
     def changes(self) -> dict[str, float | tuple[str, ...]]:
         """Return the keys that have a better value, with that."""

@@ -123,11 +123,8 @@ class HealthMonitor:
             self._log.warning(line)
 
 
-SUMMARY_TIMEOUT = 5.0
-"""[s] The summary is logged after this time even if inputs are still missing."""
-
-RATE_MESSAGES = 5
-"""Messages that each topic needs before its rate goes into the summary."""
+SUMMARY_TIMEOUT = 5.0  # [s] the summary is logged after this time even if inputs are still missing
+RATE_MESSAGES = 5  # messages that each topic needs before its rate goes into the summary
 
 
 class StartupSummary:
@@ -194,8 +191,7 @@ def _line(data: HealthData, missing: set[str]) -> str:
 PERIOD = 10.0
 """[s] Between two lines about what was refused; the limits of all lines are per period."""
 
-MAX_WARNINGS = 10
-"""Largest number of warnings in one period."""
+MAX_WARNINGS = 10  # largest number of warnings in one period
 
 
 class RefusalSummary:

@@ -46,29 +46,13 @@ LEVEL_NAMES = ('OK', 'WARN', 'ERROR', 'STALE')
 
 @dataclass(frozen=True)
 class NodeState:
-    """
-    What the node says of itself.
+    """What the node says of itself."""
 
-    Attributes
-    ----------
-    name : str
-        Its full name.
-    state : str
-        Of its life cycle; only an ``active`` one takes data.
-    uptime : float
-        [s]
-    record : str
-        File that it records to, '' if none.
-    recording : bool
-        False: recording has ended by itself.
-
-    """
-
-    name: str
-    state: str = ACTIVE
-    uptime: float = 0.0
-    record: str = ''
-    recording: bool = True
+    name: str  # its full name
+    state: str = ACTIVE  # of its life cycle; only an ``active`` one takes data
+    uptime: float = 0.0  # [s]
+    record: str = ''  # file that it records to, '' if none
+    recording: bool = True  # False: recording has ended by itself
 
 
 def diagnostics(data: HealthData, node: NodeState) -> Output:

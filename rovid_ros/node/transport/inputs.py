@@ -28,11 +28,8 @@ from rovid_ros.node.recorder import Received
 from rovid_ros.node.transport.encoding import definition, import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import best_effort, DEPTH, latched, reliable
 
-LATE = 0.5
-"""[s] The node is behind when the oldest message of a batch has waited longer than this."""
-
-LARGEST_DECIMATION = 64
-"""At least one message in so many is always used."""
+LATE = 0.5  # [s] the node is behind when the oldest message of a batch has waited longer than this
+LARGEST_DECIMATION = 64  # at least one message in so many is always used
 
 SHARE_OF_TIMEOUT = 0.3
 """Gap between two used messages of an input, as a share of its timeout, that is never exceeded."""

@@ -22,8 +22,7 @@ from rovid_core.identify.estimate import Estimate
 from rovid_ros.node.transport.encoding import encoded, import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, Outputs, TOPICS
 
-DEPTH = 1000
-"""Messages that are kept for a slow peer, so that none of a burst is lost."""
+DEPTH = 1000  # messages that are kept for a slow peer, so that none of a burst is lost
 
 
 def reliable(depth: int) -> QoSProfile:

@@ -220,7 +220,7 @@ def _check_type(converter: Converter, topic: str, type_name: str, key: str,
     if type_name in standard_types().fielddefs:
         blank = build(standard_types(), type_name, {})
     if installed:
-        from rovid_ros.node.transport.encoding import import_type, MessageTypeError
+        from rovid_ros.node.transport.wire_encoding import import_type, MessageTypeError
         try:
             blank = import_type(type_name)()
         except MessageTypeError as error:

@@ -28,8 +28,8 @@ from rovid_ros.messages.field_paths import (
     Step,
     walk,
 )
+from rovid_ros.messages.serialised_layout import find_layout, NoLayoutError
 from rovid_ros.messages.types import standard_types, WireType
-from rovid_ros.messages.wire_layout import find_layout, NoLayoutError
 
 __all__ = ['Converter', 'FieldError', 'MAX_ATTEMPTS', 'RefusedError', 'Unpacker']
 

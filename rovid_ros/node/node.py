@@ -23,9 +23,9 @@ from rovid_ros.messages.converter import Converter
 from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import NODE_NAME, ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
-from rovid_ros.node.transport.encoding import definition
 from rovid_ros.node.transport.inputs import InputDecoder, message_classes, Subscriptions
 from rovid_ros.node.transport.publishers import Publishers
+from rovid_ros.node.transport.wire_encoding import definition
 from rovid_ros.results.outputs import Outputs
 from std_srvs.srv import SetBool, Trigger
 

@@ -30,8 +30,8 @@ from rovid_ros.node.health.diagnostics import diagnostics, NodeState
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.health.levels import Arrivals, HealthData, input_level, RecentCounts
 from rovid_ros.node.node import IdentifierNode
-from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.node.transport.publishers import best_effort, reliable
+from rovid_ros.node.transport.wire_encoding import import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
 
 from test.support.live_node import (

@@ -19,7 +19,7 @@ from rclpy.qos import (
     ReliabilityPolicy,
 )
 from rovid_core.identify.estimate import Estimate
-from rovid_ros.node.transport.encoding import encoded, import_type
+from rovid_ros.node.transport.wire_encoding import encoded, import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, Outputs, TOPICS
 
 DEPTH = 1000  # messages that are kept for a slow peer, so that none of a burst is lost

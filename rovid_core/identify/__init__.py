@@ -43,10 +43,6 @@ def make_identifier(settings: IdentifierSettings, dof: DofSettings,
 
     Parameters
     ----------
-    settings : IdentifierSettings
-        Method, integrator and gains.
-    dof : DofSettings
-        Initial values, scales and terms.
     raw_gains : tuple of 4 floats, optional
         The diagonal of Gamma for this DOF where the settings give raw gains (``aid``).
 

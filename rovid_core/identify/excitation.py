@@ -139,15 +139,7 @@ def add_products(sums: Sums, steps: Sequence[Step], force_scale: float = 1.0,
     """
     Return the sums of phi phi' dt with those of some steps added, in their order.
 
-    Parameters
-    ----------
-    sums : tuple of 10 floats
-        Sums so far.
-    steps : sequence of Step
-        Many at once cost half as much as one by one.
-    force_scale, velocity_scale : float
-        Factors of force and velocity.
-
+    ``sums`` are 10 floats. Many steps at once cost half as much as one by one.
     """
     a, ab, ac, ad, b, bc, bd, c, cd, d = sums
     for step in steps:
@@ -175,8 +167,6 @@ class Excitation:
 
     Parameters
     ----------
-    scales : Scales
-        Typical sizes and terms.
     memory : float
         Time [s] after which data count 1/e in the fading one.
 

@@ -61,8 +61,6 @@ def intervals(parameters: Sequence[float], covariance: Sequence[float],
 
     Parameters
     ----------
-    parameters : sequence of 4 floats
-        alpha, beta, gamma, delta.
     covariance : sequence of 16 floats
         Covariance of the parameters, row-major, 0 for left-out terms; empty if there is none.
     z : float
@@ -94,12 +92,7 @@ def intervals(parameters: Sequence[float], covariance: Sequence[float],
 
 def _fieller(theta: float, theta_variance: float, covariance: float, alpha: float,
              alpha_variance: float, z: float) -> list[Interval]:
-    """
-    Return the one or two intervals in which r = -theta / alpha can lie.
-
-    They hold every r with (theta + r alpha)^2 <= z^2 var(theta + r alpha), which is
-    a r^2 + 2 b r + c <= 0.
-    """
+    """Return the interval(s) of r = -theta / alpha, by (theta + r alpha)^2 <= z^2 its variance."""
     a = alpha * alpha - z * z * alpha_variance
     b = theta * alpha - z * z * covariance
     c = theta * theta - z * z * theta_variance

@@ -58,8 +58,6 @@ class RecursiveLeastSquares(Identifier):
 
     Parameters
     ----------
-    scales : Scales
-        Initial parameters, terms and typical sizes.
     adaptation_time : float
         A hundredth of the longest memory [s].
 
@@ -130,20 +128,10 @@ class RecursiveLeastSquares(Identifier):
 
     def step(self, step: Step, adapt: bool = True) -> str:
         """
-        Process one step; return '' or why it was refused.
+        Process one step; return '', or ``out_of_range`` for values not finite or far too large.
 
-        Parameters
-        ----------
-        step : Step
-            The measurement; its unfiltered velocity and forces are used.
-        adapt : bool
-            False leaves the parameters as they are.
-
-        Returns
-        -------
-        str
-            '', or ``out_of_range`` for values that are not finite or far too large.
-
+        The unfiltered velocity and forces are used. With ``adapt`` False the parameters stay
+        as they are.
         """
         dt, mean, size = step.dt, step.mean, self._scales.velocity
         (one, other), (first, second) = step.parts, step.forces
@@ -282,12 +270,6 @@ class RegressionNoise:
 
     The estimate is disturbed by the noise's spectrum at the frequencies of the regressors. A
     low-pass measures it: y += h (e - y) of white noise has h / (2 - h) of its variance.
-
-    Parameters
-    ----------
-    variance : float
-        Initial value.
-
     """
 
     def __init__(self, variance: float) -> None:
@@ -333,23 +315,10 @@ class FactoredCovariance:
     Factorization Methods for Discrete Sequential Estimation, 1977), so that P is symmetric
     and positive definite after any number of updates. A parameter whose regressor is always 0
     keeps its value and its variance.
-
-    Parameters
-    ----------
-    variance : float
-        Initial variance of each parameter.
-
-    Attributes
-    ----------
-    u : tuple of 6 floats
-        U above the diagonal, column by column.
-    d : tuple of 4 floats
-        The diagonal D.
-
     """
 
     def __init__(self, variance: float) -> None:
-        self.u: Six = (0.0,) * 6
+        self.u: Six = (0.0,) * 6  # U above the diagonal, column by column
         self.d: Four = (variance,) * 4
         self._smallest = MIN_DIAGONAL * variance
 

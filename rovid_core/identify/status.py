@@ -54,14 +54,6 @@ class DofStatus:
     when the mean of its parameters changes the acceleration by less than this from one window of
     three adaptation times to the next, and the data show the mass. Otherwise the status is
     ``converging``.
-
-    Parameters
-    ----------
-    scales : Scales
-        Of the degree of freedom.
-    adaptation_time : float
-        Of the method [s].
-
     """
 
     def __init__(self, scales: Scales, adaptation_time: float) -> None:

@@ -51,10 +51,6 @@ def with_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) 
 
     Parameters
     ----------
-    records : sequence of Record
-        Of the trial.
-    scales : Scales
-        Typical sizes and terms.
     cutoff : float
         Cutoff of the zero-phase low-pass on position and thrust [Hz].
 
@@ -154,10 +150,6 @@ def adaptive_identifier(records: Sequence[Record], scales: Scales, adaptation_ti
 
     Parameters
     ----------
-    records : sequence of Record
-        Of the trial.
-    scales : Scales
-        Initial values, typical sizes and terms.
     adaptation_time : float
         Of the identifier [s]; it scales the times of all passes.
     integrator : str

@@ -32,10 +32,6 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     ----------
     records : sequence of Record
         Of the trial. Position and velocity at the start of each record are fitted too.
-    scales : Scales
-        Typical sizes, terms and bounds.
-    start : tuple of 4 floats
-        Initial parameters.
 
     Returns
     -------

@@ -104,8 +104,6 @@ def check(path: Path, logs: Sequence[Path] = (), *, start: float = 0.0,
 
     Parameters
     ----------
-    path : Path
-        The file.
     logs : sequence of Path
         Logs to check it against, joined in time order.
     start, duration : float

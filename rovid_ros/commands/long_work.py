@@ -109,10 +109,6 @@ def in_parallel(work: Callable[[Given], Made], given: Sequence[Given],
     ----------
     work : callable
         What it reaches is shared with the workers as it is now; what it changes is lost.
-    given : sequence
-        What to work on.
-    tick : callable
-        Told now and then how many are done.
     workers : int, optional
         Number of processes; one per core if it is not given.
 

@@ -33,11 +33,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     Run the command.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        The arguments; those of the process when left out.
-
     Returns
     -------
     code : int

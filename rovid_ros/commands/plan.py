@@ -137,10 +137,6 @@ def propose(settings: Settings, models: Sequence[Identified], request: Request) 
     ----------
     settings : Settings
         The vehicle, its sensors, and the initial values for DOFs that have no model.
-    models : sequence of Identified
-        What was identified so far.
-    request : Request
-        What the command line asks for.
 
     Raises
     ------

@@ -40,17 +40,7 @@ _PLUS = re.compile(r'(?<=[^eE:/@\s])\s*\+')
 
 def parse_profile(text: str) -> Profile:
     """
-    Read a thrust profile.
-
-    Parameters
-    ----------
-    text : str
-        As ``GRAMMAR`` says.
-
-    Returns
-    -------
-    profile : mapping of str to tuple of waveforms
-        Of the DOFs that the text names.
+    Read a thrust profile of the form that ``GRAMMAR`` says.
 
     Raises
     ------

@@ -125,8 +125,6 @@ def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
     ----------
     logs : sequence of Path
         Files or rosbag2 directories, joined in time order.
-    settings : Settings
-        The run.
     player : Player
         Plays the messages; closed at the end.
     output : Path, optional

@@ -32,17 +32,7 @@ class UsageError(ValueError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """
-    A run that a signal ended.
-
-    Parameters
-    ----------
-    message : str
-        Says what was kept.
-    code : int
-        What the process ends with.
-
-    """
+    """A run that a signal ended; the text says what was kept, ``code`` is for the process."""
 
     def __init__(self, message: str, code: int = INTERRUPTED) -> None:
         super().__init__(message)
@@ -53,20 +43,8 @@ class Interrupt:
     """
     Turn the first signal into a flag, so that nothing is left half written.
 
-    The loop looks at ``asked`` between two messages and leaves; a second signal stops at once.
-
-    Parameters
-    ----------
-    output : Path, optional
-        The file that is being written, which a second signal leaves incomplete.
-
-    Attributes
-    ----------
-    asked : bool
-        Whether there was a signal.
-    code : int
-        What the process is to end with then.
-
+    The loop looks at ``asked`` between two messages and leaves; ``code`` is what the process is to
+    end with then. A second signal stops at once and leaves ``output`` incomplete.
     """
 
     def __init__(self, output: Path | None = None) -> None:

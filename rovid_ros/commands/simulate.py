@@ -115,12 +115,6 @@ def plan_trials(output: Path, duration: float, seed: int,
     output : Path
         ``{}`` in it stands for the trial's number, from 1. Without it a single trial is
         written there, and of several ``out.mcap`` the first to ``out-1.mcap``.
-    duration : float
-        Of each trial [s].
-    seed : int
-        Of the first.
-    profiles : sequence of mapping
-        One for each trial.
 
     """
     name = str(output)
@@ -161,7 +155,9 @@ def profile_warnings(settings: Settings, duration: float, profile: Profile) -> l
 def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
                  profile: Profile | None = None, start: int = EPOCH) -> int:
     """
-    Write the log of a simulated vehicle, with the configured topics and types.
+    Write the log of a simulated vehicle and return how many messages it has.
+
+    Topics and types are as configured. The log is ``duration`` [s] long, from ``start`` [ns].
 
     Parameters
     ----------
@@ -170,19 +166,10 @@ def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
     path : Path
         MCAP file; its metadata record ``rovid_truth`` holds the true parameters and, as
         ``profile``, the thrust of all DOFs.
-    duration : float
-        Length [s].
     seed : int
         Of the noise; the same seed gives the same file, byte for byte.
     profile : mapping, optional
         Thrust per DOF; the others have that of the settings.
-    start : int
-        Time [ns] of the first measurement.
-
-    Returns
-    -------
-    count : int
-        Number of messages written.
 
     Raises
     ------

@@ -52,19 +52,7 @@ Data = dict[str, Any]
 
 def report_data(models: Sequence[Model], trials: Sequence[Trial],
                 settings: Settings) -> Data:
-    """
-    Return what the report of a comparison shows.
-
-    Parameters
-    ----------
-    models : sequence of Model
-        As ``compare`` returns them.
-    trials : sequence of Trial
-        All logs.
-    settings : Settings
-        The run.
-
-    """
+    """Return what the report of a comparison shows."""
     return {
         'rovid_version': __version__, 'logs': [_log(trial, settings) for trial in trials],
         'dofs': {dof: _dof(dof, models, trials, settings) for dof in settings.dofs}}

@@ -87,15 +87,7 @@ class OnlineMethods(ScoreLog):
 
 
 class TrialPlayer(PipelinePlayer):
-    """
-    The pipeline with all online methods.
-
-    Attributes
-    ----------
-    history : dict of str to History
-        What the adaptive identifier estimated, by DOF.
-
-    """
+    """The pipeline with all online methods."""
 
     def __init__(self, settings: Settings) -> None:
         # a node that is to start frozen is compared by what it would find
@@ -210,15 +202,6 @@ class Model:
 def compare(trials: Sequence[Trial], settings: Settings, for_each: ForEach) -> list[Model]:
     """
     Identify by each method from each training log and score the models on all logs.
-
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Those that train are used to identify; all to score.
-    settings : Settings
-        The run.
-    for_each : callable
-        Does the fits.
 
     Returns
     -------

@@ -97,8 +97,6 @@ def load(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dic
 
     Parameters
     ----------
-    path : Path
-        ROS 2 parameter file.
     node, namespace : str
         Which sections count: those whose name, possibly with the wildcards ``*`` and
         ``**``, fits the node. Where two give a key, the one that begins further down wins.
@@ -297,15 +295,10 @@ class _Reader:
 
 def edited(path: Path, changes: Mapping[str, float | tuple[str, ...]]) -> str:
     """
-    Return the text of a parameter file with other values.
+    Return the text of a parameter file, which has ``dofs``, with other values.
 
-    Parameters
-    ----------
-    path : Path
-        A parameter file that has ``dofs``.
-    changes : mapping
-        New number, or words of a list, by dotted name. A key that the file does not have goes
-        to its neighbours.
+    ``changes`` has the new number, or words of a list, by dotted name. A key that the file does
+    not have goes to its neighbours.
 
     Raises
     ------

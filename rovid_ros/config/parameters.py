@@ -43,10 +43,6 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         Parameters by their dotted names, from a parameter file or from a node's overrides.
         Those left out take their defaults; a node's own ROS parameters are ignored.
 
-    Returns
-    -------
-    Settings
-
     Raises
     ------
     SettingsError
@@ -85,12 +81,7 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     """
     Return the settings with other values of live keys, all of them or none.
 
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    changes : mapping
-        Values by dotted key; an empty list stands for a key that is left out.
+    ``changes`` is by dotted key; an empty list stands for a key that is left out.
 
     Raises
     ------

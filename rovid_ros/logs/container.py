@@ -262,12 +262,6 @@ def inflate(data: bytes, compression: str, name: str, size: int) -> bytes:
 
     Parameters
     ----------
-    data : bytes
-        May lack its end or be damaged.
-    compression : str
-        '', none, zstd, lz4 or bz2.
-    name : str
-        The file, for the error.
     size : int
         What the chunk says that is in it [bytes].
 

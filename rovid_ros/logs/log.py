@@ -81,11 +81,6 @@ class Log:
     """
     One or more recorded files, as one log.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        MCAP files, rosbag2 sqlite3 files and directories, ROS 1 bags.
-
     Attributes
     ----------
     topics : dict of str to TopicInfo
@@ -145,12 +140,7 @@ class Log:
 
     def require(self, topics: Mapping[str, str]) -> None:
         """
-        Refuse a log that lacks a topic.
-
-        Parameters
-        ----------
-        topics : mapping of str to str
-            Type by topic; '' is any type.
+        Refuse a log that lacks a topic, or has it with another type; '' is any type.
 
         Raises
         ------

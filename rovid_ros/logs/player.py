@@ -76,14 +76,7 @@ class PipelinePlayer:
 
 def change_parameters(stream: Stream, changes: Mapping[str, Any]) -> None:
     """
-    Give live keys other values, between two steps.
-
-    Parameters
-    ----------
-    stream : Stream
-        Gets them, and tells its recorder.
-    changes : mapping
-        Value by dotted key.
+    Give live keys other values, by dotted key, between two steps; the recorder is told.
 
     Raises
     ------

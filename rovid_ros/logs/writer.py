@@ -118,10 +118,6 @@ class LogWriter:
 
         Parameters
         ----------
-        topic, type, time, publish_time, latched
-            As in ``write``.
-        cdr : bytes
-            The serialised message.
         definition : str, optional
             Text of the type's definition; needed where the type does not come with ROS 2.
 
@@ -184,12 +180,6 @@ class OutputLog(LogWriter):
 
     A run that is killed or interrupted leaves what was there under the name as it was, and what
     it wrote itself beside it. A device or a pipe is written to as it is.
-
-    Parameters
-    ----------
-    path : Path
-        The name that it gets.
-
     """
 
     def __init__(self, path: Path) -> None:

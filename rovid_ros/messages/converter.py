@@ -97,8 +97,6 @@ class Converter:
 
     Parameters
     ----------
-    settings : Settings
-        Names the topics, field paths, stamps and frames.
     count : callable
         Called with (input, reason) for what a message lacks: ``missing_index``,
         ``missing_name``, ``wrong_length`` and ``not_numeric`` give no sample,
@@ -141,14 +139,8 @@ class Converter:
 
         Parameters
         ----------
-        topic : str
-            As in ``topics``; another one gives no event.
         message : object
             An rclpy message or the dataclass that a log is decoded to.
-        receive_time : int
-            [ns]
-        origin : object
-            Kept in the events.
 
         Returns
         -------
@@ -199,12 +191,7 @@ class Converter:
         """
         Refuse settings that do not fit a topic's type, before any message comes.
 
-        Parameters
-        ----------
-        topic : str
-            As in ``topics``.
-        blank : object
-            A message of the type with default values only.
+        ``blank`` is a message of the type with default values only.
 
         Raises
         ------
@@ -250,12 +237,6 @@ class Unpacker:
 
     Parameters
     ----------
-    converter : Converter
-        Knows the inputs.
-    topic : str
-        As in ``converter.topics``.
-    wire : WireType
-        How the messages are written, by the definition that comes with them.
     decode : callable
         From bytes to a message; what it raises is passed on.
 
@@ -271,17 +252,7 @@ class Unpacker:
         self._known: dict[int, _Known] = {}  # by the length of the message
 
     def events(self, data: bytes, receive_time: int, origin: Any = None) -> list[Event]:
-        """
-        Convert a message.
-
-        Parameters
-        ----------
-        data : bytes
-            The message.
-        receive_time, origin
-            As in ``Converter.events``.
-
-        """
+        """Convert a message."""
         known = self._known.get(len(data))
         if known is not None:
             fits, shape, accesses = known

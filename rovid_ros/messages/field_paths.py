@@ -29,13 +29,7 @@ class FieldError(ValueError):
     """
     A field path that the message type does not have, or that leads to something of no use.
 
-    Parameters
-    ----------
-    key : str
-        The key in the parameter file, such as ``position.field``.
-    message : str
-        What is wrong and what is there.
-
+    ``key`` is the key in the parameter file, such as ``position.field``.
     """
 
     def __init__(self, key: str, message: str) -> None:

@@ -63,11 +63,6 @@ class SensorMessages:
     """
     Make messages out of what the simulator says.
 
-    Parameters
-    ----------
-    settings : Settings
-        Topics, types, field paths, frames, units, scales and latencies.
-
     Raises
     ------
     SimulationError

@@ -182,12 +182,7 @@ def decoder(store: Typestore, name: str, encoding: str) -> Decoder:
 
 
 def _deserialized(store: Typestore, name: str, data: bytes) -> Any:
-    """
-    Decode a message, whatever follows it.
-
-    ROS serialises into room that it has estimated, and ``rclpy.serialization`` hands out all of
-    it; a subscriber takes no notice, but ``Typestore.deserialize_cdr`` refuses it.
-    """
+    """Decode a message, whatever follows it: rclpy hands out all that ROS made room for."""
     if data[:2] not in (b'\0\0', b'\0\1') or len(data) < 4:
         raise SerdeError('invalid or unsupported CDR encapsulation')
     message = store.get_msgdef(name)
@@ -204,10 +199,6 @@ def build(store: Typestore, name: str, fields: Mapping[str, Any]) -> Any:
 
     Parameters
     ----------
-    store : Typestore
-        Has the type.
-    name : str
-        The type.
     fields : mapping
         Values by field name, mappings for messages in it; those left out get their default. A
         mapping from index to value stands for an array with defaults in between.

@@ -32,8 +32,6 @@ class ManagedNode(LifecycleNode):
 
     Parameters
     ----------
-    name : str
-        Of the node.
     overrides : list of Parameter
         Values of the parameters that rclpy itself declares.
 

@@ -26,10 +26,6 @@ class LiveCheck:
 
     Parameters
     ----------
-    settings : Settings
-        The run.
-    findings : Findings
-        Told what is found.
     namespace : str
         Of the node that is going to run; relative topics are in it.
 

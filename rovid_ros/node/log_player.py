@@ -30,10 +30,6 @@ class NodePlayer:
 
     Parameters
     ----------
-    values : mapping
-        Parameters by dotted key.
-    settings : Settings
-        Made of the same parameters.
     rate : float, optional
         Times real time; as fast as it goes when left out.
 

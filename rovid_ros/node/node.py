@@ -44,8 +44,6 @@ class IdentifierNode(ParameterNode):
     live : bool
         False: no subscriptions, no recording and no checkpoint; the owner calls
         ``add_message``. Such a node always starts by itself.
-    scorer : Scorer, optional
-        Gets every step.
 
     Attributes
     ----------
@@ -110,22 +108,10 @@ class IdentifierNode(ParameterNode):
 
     def add_message(self, topic: str, message: Any, receive_time: int) -> list[Estimate]:
         """
-        Process a message and publish the estimates that it releases.
+        Process a message, received at ``receive_time`` [ns]; return the estimates it releases.
 
-        Parameters
-        ----------
-        topic : str
-            As configured.
-        message : object
-            Of rclpy or of rosbags.
-        receive_time : int
-            When it came [ns].
-
-        Returns
-        -------
-        estimates : list of Estimate
-            What was published; none while the node is not active.
-
+        The topic is as configured, the message of rclpy or of rosbags. The estimates are
+        published; there are none while the node is not active.
         """
         if not self.active:
             return []

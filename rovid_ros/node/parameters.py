@@ -50,14 +50,6 @@ def declare(node: Node, values: Mapping[str, Any]) -> None:
     Declare every key with its value, described as in the table of the keys.
 
     Those that are not live are read-only.
-
-    Parameters
-    ----------
-    node : Node
-        Gets the parameters.
-    values : mapping
-        Checked values by dotted key; the others have their default.
-
     """
     for key in KEYS:
         value = _value(key, values.get(key.name, key.default))
@@ -103,8 +95,6 @@ class ParameterNode(ManagedNode):
 
     Parameters
     ----------
-    name : str
-        Of the node.
     values : mapping
         Parameters by dotted key; ``-p`` overrides win.
     autostart : bool

@@ -34,15 +34,6 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
     """
     Run a node until a signal comes.
 
-    Parameters
-    ----------
-    make : callable
-        Makes the node from the values of the parameter files.
-    arguments : sequence of str
-        Command line, the program's name first.
-    stop : StopRequest
-        Says whether a signal has come.
-
     Returns
     -------
     code : int
@@ -80,11 +71,6 @@ def read_files(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
 
     rcl's own reader turns an empty list into nothing, dies of a list with integers and
     doubles, and names neither file nor key in its errors.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Command line, with ``--ros-args``.
 
     Returns
     -------

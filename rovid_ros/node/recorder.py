@@ -39,10 +39,6 @@ class Recorder:
     ----------
     path : Path
         Where to; an existing file is kept, and the next free ``name-1.mcap`` taken.
-    definition : callable
-        Gives the message definition of a type.
-    failed : callable
-        Told in one line why the recording ended.
 
     Raises
     ------
@@ -63,15 +59,7 @@ class Recorder:
         self._early: list[tuple[str, str]] = []  # controls before the first one
 
     def open(self, restored: Mapping[str, Any] | None) -> None:
-        """
-        Make the file.
-
-        Parameters
-        ----------
-        restored : mapping or None
-            The state that the stream goes on from; a replay needs it.
-
-        """
+        """Make the file, with the state that the stream goes on from, which a replay needs."""
         self.path = create_unused(self.path)
         self._writer = LogWriter(self.path)
         sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power

@@ -129,15 +129,7 @@ class Columns:
 
 
 class Figures:
-    """
-    Collects the figures of a report.
-
-    Parameters
-    ----------
-    data : mapping
-        The report's input.
-
-    """
+    """Collects the figures of a report."""
 
     def __init__(self, data: Data) -> None:
         self._columns = Columns()
@@ -156,15 +148,7 @@ class Figures:
         """
         Return the figures of one DOF on one log; their time axes are linked.
 
-        Parameters
-        ----------
-        dof : str
-            Its name.
-        values : mapping
-            The DOF's part of the report's input.
-        entry : mapping
-            The log; figures that it has no data for are left out.
-
+        ``values`` is the DOF's part of the report's input. What it has no data for is left out.
         """
         units, log = values.get('units') or {}, entry['name']
         trained = ' trained on this log' if entry.get('role') != 'validate' else ''

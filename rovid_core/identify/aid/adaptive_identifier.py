@@ -147,10 +147,6 @@ class AdaptiveIdentifier(Identifier):
 
     Parameters
     ----------
-    scales : Scales
-        Initial parameters, terms and typical sizes.
-    gains : Gains
-        Feedback and adaptation gains.
     integrator : str
         ``euler`` (the paper's online form, with the mean thrust of the step), ``heun`` or
         ``rk4``.

@@ -75,25 +75,7 @@ def full_gain_rates(a: float, gamma: tuple[float, ...], state: Five, v: float,
 
 def _direct_euler(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
                   bounds: Bounds) -> NewState:
-    """
-    Return v_hat and theta_hat after one step by Euler, None if it needs the general form.
-
-    Parameters
-    ----------
-    a : float
-        Feedback gain [1/s].
-    gamma : tuple of 10 floats
-        Upper triangle of Gamma, row by row.
-    v : float
-        v_hat [m/s or rad/s].
-    theta : tuple of 4 floats
-        theta_hat.
-    step : Step
-        The measurement.
-    bounds : tuple of 2 tuples
-        Lowest and highest parameters.
-
-    """
+    """Return v_hat and theta_hat after one step by Euler, None if it needs the general form."""
     h, tau, dv = step.dt, step.force[1], v - step.velocity[0]
     g00, g01, g02, g03, g11, g12, g13, g22, g23, g33 = gamma
     p0, p1, p2, p3 = theta
@@ -173,8 +155,6 @@ class FullGainIdentifier(AdaptiveIdentifier):
 
     Parameters
     ----------
-    scales : Scales
-        Initial parameters, terms and typical sizes.
     feedback : float
         |a| of eq. 7 [1/s].
     gamma : ndarray, shape (4, 4)
@@ -242,8 +222,6 @@ def inverse_gram(mean: Array, scales: Scales, min_squares: Sequence[float],
     ----------
     mean : ndarray, shape (4, 4)
         In SI units.
-    scales : Scales
-        Typical sizes and terms.
     min_squares : sequence of 4 floats
         Least mean squares, in typical ones.
     min_share : float
@@ -280,8 +258,6 @@ class SelfTuningIdentifier(FullGainIdentifier):
 
     Parameters
     ----------
-    scales : Scales
-        Initial parameters, terms and typical sizes.
     adaptation_time : float
         T [s]; theta_hat settles (1/e) in about 2 T.
     integrator : str

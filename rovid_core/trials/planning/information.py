@@ -181,8 +181,6 @@ def disturbance(vehicles: Vehicles, force: Array, dt: float, density: float) -> 
 
     Parameters
     ----------
-    vehicles, force, dt
-        As in ``bounds``.
     density : float
         Of the unknown forces, white noise [N^2 s or N^2 m^2 s].
 

@@ -102,16 +102,7 @@ class Plan:
 
 def plan(vehicles: Vehicles, sensor: Sensor, limits: Limits) -> Plan:
     """
-    Propose a profile.
-
-    Parameters
-    ----------
-    vehicles : Vehicles
-        The model, and the others for which the profile has to be good too.
-    sensor : Sensor
-        What measures the motion.
-    limits : Limits
-        For all the vehicles; each begins at rest.
+    Plan the profile of one DOF; it keeps the limits with all the vehicles, each from rest.
 
     Raises
     ------

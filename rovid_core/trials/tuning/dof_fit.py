@@ -69,8 +69,6 @@ class OutputError:
     ----------
     blocks : Blocks
         The trial; its measured velocities may be replaced in ``fit``.
-    scales : Scales
-        Typical sizes and terms.
     cutoff : float
         Of the low-pass through which velocities are compared [Hz].
 
@@ -226,23 +224,9 @@ class OutputError:
 
 class Dof:
     """
-    One DOF that is tuned with.
+    One DOF that is tuned with: ``settings`` have typical sizes from the data.
 
-    Parameters
-    ----------
-    name : str
-        Of the DOF.
-    row : int
-        Of its force.
-    segments : list of Segment
-        Its motion.
-    blocks : Blocks
-        The same in blocks.
-    settings : DofSettings
-        With typical sizes from the data.
-    cutoff : float
-        Of the low-pass through which predictions are compared [Hz].
-
+    Predictions are compared through a low-pass of ``cutoff`` [Hz].
     """
 
     def __init__(self, name: str, row: int, segments: list[Segment], blocks: Blocks,

@@ -45,25 +45,11 @@ class CommandedForce:
         # after the last command its force stays
         self._slopes = np.concatenate([rise * linear, np.zeros((len(forces), 1))], axis=1)
 
-    def impulse(self, dof: int, times: NDArray[np.int64], delay: float,
-                lag: float) -> Array:
+    def impulse(self, dof: int, times: NDArray[np.int64], delay: float, lag: float) -> Array:
         """
-        Return the integral of the force on a DOF up to some times.
+        Return the integral [N s or N m s] of the force on a DOF up to some times [ns].
 
-        Parameters
-        ----------
-        dof : int
-            Row of the forces.
-        times : ndarray of int64
-            [ns]
-        delay, lag : float
-            Dead time and time constant [s].
-
-        Returns
-        -------
-        ndarray
-            [N s or N m s], from a start that is the same for all times.
-
+        It begins at the same time for all of them. Delay and lag are in seconds.
         """
         at, force, slope = self._at, self._forces[dof], self._slopes[dof]
         step = np.diff(at)
@@ -102,20 +88,7 @@ class Segment:
 
 
 class TuningLog(ScoreLog):
-    """
-    A score log that also keeps the commands; it is the stream's recorder and scorer in one.
-
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-
-    Attributes
-    ----------
-    jumped : bool
-        Whether time went back.
-
-    """
+    """A score log that also keeps the commands: the stream's recorder and scorer in one."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)

@@ -162,12 +162,6 @@ def tune_deadband(log: TuningLog, dofs: Sequence[Dof], settings: Settings,
 
     Parameters
     ----------
-    log : TuningLog
-        Has the raw commands.
-    dofs : sequence of Dof
-        The DOFs whose models are to predict well.
-    settings : Settings
-        As they are.
     pair : tuple of 2 floats
         Delay and lag of the thrust [s].
 

@@ -86,12 +86,8 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
     ----------
     log : TuningLog
         Read with ``reading_settings`` settings.
-    settings : Settings
-        As they are.
     done : callable
         Told now and then which share of the work is done.
-    each : callable
-        Does work on each of some things, possibly at the same time.
 
     Raises
     ------

@@ -32,21 +32,10 @@ class HealthMonitor:
 
     Parameters
     ----------
-    node : Node
-        Gives the log, the clock and the graph.
-    stream : Stream
-        The stream to observe.
-    recorder : Recorder, optional
-        Records what the stream consumes.
     live : bool
         False: the messages come from a log, so the publishers in the graph do not matter.
     steady : callable
         Returns the time [s] of a clock that is never set.
-
-    Attributes
-    ----------
-    arrivals : Arrivals
-        Counts the messages; the owner adds every one.
 
     """
 
@@ -128,15 +117,7 @@ RATE_MESSAGES = 5  # messages that each topic needs before its rate goes into th
 
 
 class StartupSummary:
-    """
-    One line about the inputs: which come, which are missing and why; again when one has come.
-
-    Parameters
-    ----------
-    settings : Settings
-        Which inputs there are.
-
-    """
+    """One line about the inputs, which come and which do not; again when one has come."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -146,13 +127,7 @@ class StartupSummary:
         """
         Return the line, '' while there is nothing to say, and whether all inputs are there.
 
-        Parameters
-        ----------
-        data : HealthData
-            What has come so far.
-        elapsed : float
-            Time since the start [s].
-
+        ``elapsed`` is the time since the start [s].
         """
         missing = {name for name in self._settings.used_inputs() if not _is_there(data, name)}
         if self._missing is None:
@@ -195,17 +170,7 @@ MAX_WARNINGS = 10  # largest number of warnings in one period
 
 
 class RefusalSummary:
-    """
-    One line per period about what was refused in it, none when nothing was.
-
-    Parameters
-    ----------
-    stream : Stream
-        Whose counters are read.
-    now : float
-        Time of a steady clock [s].
-
-    """
+    """One line per period about what was refused in it, none when nothing was."""
 
     def __init__(self, stream: Stream, now: float) -> None:
         self._stream = stream
@@ -231,17 +196,7 @@ class WarningLimiter:
         self._withheld = 0
 
     def allowed(self, lines: Sequence[str], now: float) -> list[str]:
-        """
-        Return those of the lines that may be logged.
-
-        Parameters
-        ----------
-        lines : sequence of str
-            What there is to warn of; none asks whether something is due.
-        now : float
-            Time of a steady clock [s].
-
-        """
+        """Return which of the lines may be logged at ``now`` [s], and how many were not before."""
         result: list[str] = []
         if now - self._since >= PERIOD:
             if self._withheld:

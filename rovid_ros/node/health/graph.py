@@ -70,20 +70,13 @@ class TopicState:
 
 def graph_states(settings: Settings, node: Graph) -> dict[str, TopicState]:
     """
-    Compare the graph with the configuration.
+    Compare the graph with the configuration; return the state of each configured topic.
 
     Parameters
     ----------
-    settings : Settings
-        Names the topics and types.
     node : Graph
         Asked for publishers, types and QoS. Where it has subscribed itself, its profile
         counts, else the one that hears most.
-
-    Returns
-    -------
-    states : dict of str to TopicState
-        By topic as configured.
 
     """
     converter = Converter(settings, lambda name, reason: None)

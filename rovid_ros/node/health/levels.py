@@ -79,17 +79,7 @@ class Arrivals:
 
 
 class RecentCounts:
-    """
-    What a stream used and refused over the last ``WINDOW``.
-
-    Parameters
-    ----------
-    stream : Stream
-        Whose counters are read.
-    now : float
-        Time of a steady clock [s].
-
-    """
+    """What a stream used and refused over the last ``WINDOW``."""
 
     def __init__(self, stream: Stream, now: float) -> None:
         self._stream = stream

@@ -148,10 +148,6 @@ class Subscriptions:
         Owns the subscriptions; its clock gives the receive time where it is simulated.
     settings : Settings
         The quality of service of the inputs.
-    classes : dict
-        Message class by topic.
-    types : dict
-        Name of the message type by topic.
     process : callable
         Gets what has come, by topic, each topic's messages in order of arrival.
     reject : callable
@@ -301,16 +297,6 @@ class InputDecoder:
 
     Parameters
     ----------
-    stream : Stream
-        Told what is refused.
-    converter : Converter
-        Knows the fields.
-    classes : dict
-        Message class by topic.
-    arrivals : ArrivalCounter
-        Told of every message.
-    log : RcutilsLogger
-        Told of messages that are not of their type.
     keep : bool
         Whether events carry the bytes that they came from, for a record.
 

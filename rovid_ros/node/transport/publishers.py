@@ -48,11 +48,6 @@ class Publishers:
     """
     All that the node publishes.
 
-    Parameters
-    ----------
-    node : Node
-        Owns the publishers.
-
     Attributes
     ----------
     incompatible : dict

@@ -38,14 +38,6 @@ class WaitLoop:
 
     Events about quality of service are not waited for: the executor handles them whenever it
     runs, which it does at least with each of the node's timers.
-
-    Parameters
-    ----------
-    node : Node and InputNode
-        The node to run.
-    executor : Executor
-        Has the node, and runs everything except the inputs.
-
     """
 
     def __init__(self, node: Any, executor: Executor) -> None:

@@ -107,15 +107,9 @@ def split_array(text: str) -> tuple[str, str]:
 
 def encoded(name: str, fields: Mapping[str, Any]) -> bytes:
     """
-    Encode a message of plain values to the bytes that rclpy would send.
+    Encode a message to the bytes that rclpy would send.
 
-    Parameters
-    ----------
-    name : str
-        Its type.
-    fields : mapping
-        Its nested fields, every one of the type.
-
+    ``fields`` are its nested fields, every one of the type.
     """
     out = bytearray(_ENCAPSULATION)
     _message(name)(out, fields)

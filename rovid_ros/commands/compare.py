@@ -72,15 +72,7 @@ def run(args: argparse.Namespace) -> None:
 def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Settings,
                 warn: Callable[[str], None], *, start: float = 0.0,
                 duration: float | None = None) -> list[Trial]:
-    """
-    Feed each log, from ``start`` for ``duration`` [s], through a pipeline of its own.
-
-    Raises
-    ------
-    LogError, FieldError, ReplayError, Interrupted
-        As in ``replay``.
-
-    """
+    """Feed each log, from ``start`` for ``duration`` [s], through ``replay`` by itself."""
     paths = [*train, *validate]
     names = [path.name for path in paths]
     trials = []

@@ -64,15 +64,7 @@ def demo(folder: Path, duration: float = DURATION) -> None:
 
 
 def find_config() -> Path:
-    """
-    Return the example configuration, of the checkout or of the installation.
-
-    Raises
-    ------
-    CommandError
-        If it is nowhere around this file.
-
-    """
+    """Return the example configuration, of the checkout or the installation, or CommandError."""
     here = Path(__file__).resolve()
     places = [here.parents[2] / 'config' / CONFIG]
     places += [up / 'share' / 'rovid_ros' / 'config' / CONFIG

@@ -11,7 +11,6 @@ import os
 import signal
 import sys
 import time
-from types import TracebackType
 from typing import Any, TextIO, TypeVar
 
 Given = TypeVar('Given')
@@ -78,8 +77,7 @@ class Progress:
     def __enter__(self) -> Progress:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

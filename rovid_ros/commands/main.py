@@ -31,13 +31,9 @@ COMMANDS = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """
-    Run the command.
+    Run the command and return the exit code.
 
-    Returns
-    -------
-    code : int
-        0 done, 1 the input is at fault, 2 wrong usage, 130 Ctrl-C, 143 SIGTERM.
-
+    It is 0 done, 1 the input is at fault, 2 wrong usage, 130 Ctrl-C, 143 SIGTERM.
     """
     if sys.stdout is not None and hasattr(sys.stdout, 'reconfigure'):
         sys.stdout.reconfigure(errors='replace')

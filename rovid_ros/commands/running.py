@@ -9,7 +9,7 @@ from pathlib import Path
 import signal
 import sys
 import threading
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, NoReturn, TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -65,8 +65,7 @@ class Interrupt:
                 signal.signal(number, self._on_signal)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         if threading.current_thread() is threading.main_thread():
             for number, previous in zip(SIGNALS, self._previous):
                 signal.signal(number, previous)
@@ -126,13 +125,9 @@ def _fail(prog: str, message: str, code: int) -> int:
 
 def read_settings(path: Path, method: str = '') -> Settings:
     """
-    Read a parameter file as the node does.
+    Read a parameter file as the node does; ``method`` is that of the command line.
 
-    Raises
-    ------
-    ParameterFileError, CommandError, UsageError
-        If the file, a value in it or the ``method`` of the command line cannot work.
-
+    Raises ParameterFileError, CommandError or UsageError if one of them cannot work.
     """
     from rovid_ros.config.parameters import settings_from
     with located_errors(path):

@@ -129,11 +129,7 @@ def profile_warnings(settings: Settings, duration: float, profile: Profile) -> l
     """
     Return what the thrusters cannot do of a trial's profile, one line each.
 
-    Raises
-    ------
-    SettingsError
-        If they cannot move what the profile moves.
-
+    Raises SettingsError if they cannot move what the profile moves.
     """
     lines = []
     rate = settings.simulation.thruster_rate

@@ -94,17 +94,7 @@ class TuningPlayer(PipelinePlayer):
 def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
               duration: float | None = None,
               warn: Callable[[str], None] = lambda line: None) -> Tuned:
-    """
-    Read logs once and tune with them.
-
-    Raises
-    ------
-    LogError, FieldError, ReplayError, Interrupted
-        As in ``replay``.
-    TuneError
-        If the log tells nothing.
-
-    """
+    """Read logs once, with ``replay``, and tune with them; TuneError if they tell nothing."""
     read_with = reading_settings(settings)
     player = TuningPlayer(read_with)
     # typical sizes are found here, so that warnings about them would be out of place

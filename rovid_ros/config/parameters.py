@@ -120,11 +120,7 @@ def check(values: Mapping[str, Any]) -> dict[str, Any]:
     """
     Return the given values in the types of their keys, without ROS' own parameters.
 
-    Raises
-    ------
-    SettingsError
-        As :func:`settings_from`, for each value by itself.
-
+    Raises SettingsError as :func:`settings_from`, for each value by itself.
     """
     keys = {key.name: key for key in KEYS}
     checked = {}

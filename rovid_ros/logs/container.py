@@ -69,21 +69,9 @@ class Block:
 
 class Container(ABC):
     """
-    A file of recorded messages.
+    A file of recorded messages, which raises LogError if it cannot be read.
 
     A file without an end, as a power failure leaves it, gives what comes before the cut.
-
-    Attributes
-    ----------
-    channels, counts : dict
-        By channel id; None counts if the file does not say.
-    metadata : dict
-        MCAP metadata records by name.
-    start, end : int
-        Times of the first and the last message [ns].
-    cut : bool
-        Whether the end of the file is missing.
-
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -97,13 +85,14 @@ class Container(ABC):
 
     def clear(self) -> None:
         """Drop all that is known of the file."""
-        self.channels: dict[int, Channel] = {}
-        self.counts: dict[int, int] | None = {}
+        self.channels: dict[int, Channel] = {}  # by number, as the counts
+        self.counts: dict[int, int] | None = {}  # None if the file does not say
         self.metadata: dict[str, dict[str, str]] = {}
         self.blocks: list[Block] = []
+        # times of the first and the last message [ns]
         self.start = _MAX_TIME
         self.end = -1
-        self.cut = False
+        self.cut = False  # whether the end of the file is missing
         self._warnings: list[str] = []
         self._damaged = False
         self._declared = 0  # [bytes]
@@ -172,15 +161,7 @@ class Container(ABC):
         self.add_block(min(times), max(times), set(numbers), where)
 
     def declare(self, known: dict[Any, Any], key: Any, value: Any, size: int) -> None:
-        """
-        Keep what the file declares, if it is new.
-
-        Raises
-        ------
-        ValueError
-            If these ``size`` bytes are more than a file may declare.
-
-        """
+        """Keep what the file declares, if it is new; ValueError if it declares too many bytes."""
         if known.get(key) == value:
             return
         self._declared += size

@@ -35,15 +35,7 @@ _ENCODINGS = {'ros2msg': False, 'ros1msg': False, 'ros2idl': True, 'omgidl': Tru
 
 
 class McapFile(IndexedContainer):
-    """
-    An MCAP file.
-
-    Raises
-    ------
-    LogError
-        If it cannot be read.
-
-    """
+    """An MCAP file."""
 
     def clear(self) -> None:
         """Drop all that is known of the file."""

@@ -78,25 +78,13 @@ def change_parameters(stream: Stream, changes: Mapping[str, Any]) -> None:
     """
     Give live keys other values, by dotted key, between two steps; the recorder is told.
 
-    Raises
-    ------
-    SettingsError
-        If a value is refused; then nothing is changed.
-
+    Raises SettingsError if a value is refused; then nothing is changed.
     """
     stream.change(changed(stream.settings, changes), json.dumps(dict(changes)))
 
 
 def recorded_changes(value: str) -> dict[str, Any]:
-    """
-    Return which parameters a recorded control of ``PARAMETERS`` changed.
-
-    Raises
-    ------
-    ValueError
-        If it is not JSON of values by key.
-
-    """
+    """Return what a recorded control of ``PARAMETERS`` changed; ValueError if that is not JSON."""
     changes = json.loads(value)
     if not isinstance(changes, dict):
         raise ValueError(f'a control of parameters that has no keys: {value!r}')
@@ -107,11 +95,7 @@ def repeat_control(stream: Stream, name: str, value: str) -> list[Estimate]:
     """
     Do a recorded control again; what was recorded before it is released first.
 
-    Raises
-    ------
-    ValueError
-        For a control that there is not, or parameters that are refused.
-
+    Raises ValueError for a control that there is not, or parameters that are refused.
     """
     if name != PARAMETERS:
         return stream.control(name, value)

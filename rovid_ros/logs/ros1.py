@@ -19,15 +19,7 @@ Header = dict[bytes, bytes]
 
 
 class BagFile(IndexedContainer):
-    """
-    A ROS 1 bag.
-
-    Raises
-    ------
-    LogError
-        If it cannot be read.
-
-    """
+    """A ROS 1 bag."""
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
         """Return the messages of these channels in a block, in the order of the file."""

@@ -28,15 +28,7 @@ def part_of_page(head: bytes, size: int) -> int:
 
 
 class SqliteFile(Container):
-    """
-    A rosbag2 sqlite3 file.
-
-    Raises
-    ------
-    LogError
-        If it cannot be read.
-
-    """
+    """A rosbag2 sqlite3 file."""
 
     def read_structure(self) -> None:
         """Read the tables."""

@@ -7,7 +7,6 @@ from contextlib import suppress
 from io import BufferedWriter, FileIO
 import os
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from mcap.writer import CompressionType, Writer
@@ -159,8 +158,7 @@ class LogWriter:
         """Return the writer itself."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the file."""
         self.close()
 
@@ -196,8 +194,7 @@ class OutputLog(LogWriter):
             self._part.replace(self._path)
             sync_folder(self._path.parent)
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the file; a part without a message is removed."""
         self.close()
         if self._part != self._path and not self._channels:

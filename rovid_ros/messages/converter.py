@@ -330,20 +330,7 @@ def _type_conflict(one: Source, other: Source) -> SettingsError:
 
 
 def _reading(source: Source, message: Any, settings: Settings, blank: bool = False) -> Reading:
-    """
-    Return how to read a source's value from messages like this one.
-
-    A message that is ``blank`` holds default values only: an array in it that is not empty
-    always has that length.
-
-    Raises
-    ------
-    FieldError
-        If the path does not lead to something that the input takes.
-    MissingIndexError
-        If the path indexes an array that is too short in this message.
-
-    """
+    """Return how to read a source's value from messages like this, ``blank`` or with data."""
     key = f'{source.section}.field'
     steps, value, shape = resolve(source.input, source.field, message, key)
     if source.input in ('thrusters', 'sign'):

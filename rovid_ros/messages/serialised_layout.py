@@ -71,15 +71,9 @@ class Layout:
 
     def fetch(self, paths: Sequence[Path]) -> Fetch:
         """
-        Return the function from a message to the values at some paths.
+        Return the function from a message to the values at some paths, an array as a tuple.
 
-        An array is a tuple of its numbers or texts.
-
-        Raises
-        ------
-        NoLayoutError
-            If one of them has no place of its own.
-
+        Raises NoLayoutError if one of them has no place of its own.
         """
         places = [self._place(path) for path in paths]
         if all(isinstance(place, Numbers) and place.length is None for place in places):
@@ -133,15 +127,7 @@ class Layout:
 
 
 def find_layout(wire: WireType, data: bytes) -> Layout:
-    """
-    Return the layout of a message.
-
-    Raises
-    ------
-    NoLayoutError
-        If it has none, or ends where it should not.
-
-    """
+    """Return the layout of a message; NoLayoutError if it has none, or has another end."""
     order, start = '<', 0
     if wire.encoding == 'cdr':
         order, start = _ORDERS.get(data[:2], ''), 4

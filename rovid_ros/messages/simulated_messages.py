@@ -63,13 +63,8 @@ class SensorMessages:
     """
     Make messages out of what the simulator says.
 
-    Raises
-    ------
-    SimulationError
-        If a type is unknown.
-    FieldError
-        If a type has nothing at the field path that could hold the value.
-
+    Raises SimulationError if a type is unknown, and FieldError if a type has nothing at the field
+    path that could hold the value.
     """
 
     def __init__(self, settings: Settings) -> None:

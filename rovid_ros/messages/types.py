@@ -124,13 +124,8 @@ def count_values(store: Typestore, name: str) -> int:
     """
     Return how many values a blank message holds, a sequence counted as one.
 
-    Raises
-    ------
-    EndlessTypeError
-        If it holds too many, or itself, or sequences of something that takes no bytes.
-    KeyError
-        If the store lacks a type.
-
+    Raises EndlessTypeError if it holds too many, or itself, or sequences of something that takes
+    no bytes, and KeyError if the store lacks a type.
     """
     return _count_of(store, name, (), {})
 

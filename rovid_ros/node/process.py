@@ -32,14 +32,10 @@ if TYPE_CHECKING:
 def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
         stop: StopRequest) -> int:
     """
-    Run a node until a signal comes.
+    Run a node until a signal comes, and return the exit code.
 
-    Returns
-    -------
-    code : int
-        0 after SIGINT or SIGTERM, 1 for a wrong configuration, 2 for a command line that
-        cannot be read. Either error is printed as one line.
-
+    It is 0 after SIGINT or SIGTERM, 1 for a wrong configuration, 2 for a command line that cannot
+    be read. Either error is printed as one line.
     """
     if stop.received:
         stop.ignore_signals()

@@ -46,15 +46,7 @@ class Sensor:
 
     @staticmethod
     def of(settings: Settings, dof: str) -> Sensor:
-        """
-        Return the sensor that measures a DOF; one message has one rate.
-
-        Raises
-        ------
-        SettingsError
-            If it has no noise, for then there is no bound.
-
-        """
+        """Return the sensor that measures a DOF; SettingsError if it has no noise."""
         simulation, name = settings.simulation, settings.source(dof)
         noise = float(getattr(simulation, f'{name}_noise'))
         if not noise > 0.0:

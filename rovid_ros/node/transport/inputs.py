@@ -44,13 +44,8 @@ def message_class(settings: Settings, converter: Converter, topic: str) -> type[
     """
     Import the message class of a topic and check the field paths against it.
 
-    Raises
-    ------
-    SettingsError
-        If the name of the topic is invalid, or its type is not given or not installed.
-    FieldError
-        If the type does not have a configured field.
-
+    Raises SettingsError if the name of the topic is invalid, or its type is not given or not
+    installed, and FieldError if the type does not have a configured field.
     """
     name = converter.topics[topic]
     key = section(inputs_of(settings, topic)[0])

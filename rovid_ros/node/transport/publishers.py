@@ -45,17 +45,10 @@ def best_effort(depth: int) -> QoSProfile:
 
 
 class Publishers:
-    """
-    All that the node publishes.
-
-    Attributes
-    ----------
-    incompatible : dict
-        Topic -> one line about a subscriber that its quality of service does not suit.
-
-    """
+    """All that the node publishes."""
 
     def __init__(self, node: Node) -> None:
+        # by topic, one line about a subscriber that its quality of service does not suit
         self.incompatible: dict[str, str] = {}
         self._node = node
         self._unsent: set[str] = set()

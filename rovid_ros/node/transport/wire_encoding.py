@@ -37,11 +37,7 @@ def import_type(name: str) -> type[Any]:
     """
     Return the message class of ``package/msg/Name`` (or ``package/Name``).
 
-    Raises
-    ------
-    MessageTypeError
-        If it is not the name of a type, or its package or itself is not installed.
-
+    Raises MessageTypeError if it is not the name of a type, or not installed.
     """
     parts = name.split('/')
     if len(parts) == 2:

@@ -111,8 +111,7 @@ def without_acceleration(records: Sequence[Record], scales: Scales, cutoff: floa
 
 def _regressors(force: Array, velocity: Array) -> Array:
     """Return phi = [tau, v|v|, v, 1] of many steps, shape (n, 4)."""
-    return np.stack(
-        [force, velocity * np.abs(velocity), velocity, np.ones_like(velocity)], axis=1)
+    return np.stack([force, velocity * np.abs(velocity), velocity, np.ones_like(velocity)], axis=1)
 
 
 def _solve(parts: Sequence[Array], targets: Sequence[Array], scales: Scales) -> Fit:

@@ -56,8 +56,7 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     return Fit(solution, white * problem.inflation(solution))
 
 
-def information(records: Sequence[Record], scales: Scales,
-                parameters: Four) -> Information | None:
+def information(records: Sequence[Record], scales: Scales, parameters: Four) -> Information | None:
     """
     Return the Cramer-Rao bound of a trial at ``parameters``, for the noise that it shows.
 

@@ -47,17 +47,14 @@ TOPIC = re.compile(r'(~/|/)?([A-Za-z_{}]\w*\}?/)*[A-Za-z_{}]\w*\}?', re.ASCII)
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add what ``rovid check`` takes."""
-    command.add_argument(
-        'params_file', type=Path, metavar='FILE',
-        help="the vehicle's parameter file, the same as the node's")
+    command.add_argument('params_file', type=Path, metavar='FILE',
+                         help="the vehicle's parameter file, the same as the node's")
     add_logs(command, '*')
     command.add_argument('--live', action='store_true', help='against the ROS graph')
-    command.add_argument(
-        '--timeout', type=positive, metavar='S',
-        help='with --live: listen for S seconds (default: 5)')
-    command.add_argument(
-        '--namespace', default='', metavar='NS',
-        help='with --live: of the node; relative topics are in it')
+    command.add_argument('--timeout', type=positive, metavar='S',
+                         help='with --live: listen for S seconds (default: 5)')
+    command.add_argument('--namespace', default='', metavar='NS',
+                         help='with --live: of the node; relative topics are in it')
     add_json(command, 'findings')
     add_part(command)
     command.set_defaults(start=None)  # to tell whether it was given
@@ -74,9 +71,8 @@ def run(args: argparse.Namespace) -> None:
         if getattr(args, name) is not None and not args.logs:
             raise UsageError(f'--{name} goes with a LOG')
     check_written([args.json], [*args.logs, args.params_file])
-    outcome = check(
-        args.params_file, args.logs, start=args.start or 0.0, duration=args.duration,
-        live=args.live, timeout=args.timeout or 5.0, namespace=args.namespace)
+    outcome = check(args.params_file, args.logs, start=args.start or 0.0, duration=args.duration,
+                    live=args.live, timeout=args.timeout or 5.0, namespace=args.namespace)
     print(outcome.text)
     if args.json:
         write_json(args.json, outcome.document)

@@ -31,9 +31,8 @@ NAMES = {'mass': 'effective mass'}
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demonstration; returns the exit code."""
     parser = argparse.ArgumentParser(prog='python -m rovid_ros.commands.demo', description=__doc__)
-    parser.add_argument(
-        'folder', nargs='?', type=Path, default=Path('build/demo'),
-        help='where to write the log (default: build/demo)')
+    parser.add_argument('folder', nargs='?', type=Path, default=Path('build/demo'),
+                        help='where to write the log (default: build/demo)')
     return run_to_exit_code(
         'rovid_ros.commands.demo', lambda: demo(parser.parse_args(argv).folder))
 

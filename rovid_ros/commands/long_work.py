@@ -143,8 +143,7 @@ def _cores() -> int:
 def _pool(workers: int, work: Callable[[int], Any]) -> Iterator[ProcessPoolExecutor]:
     """Provide processes, which are gone afterwards, whatever happens."""
     before = multiprocessing.active_children()
-    pool = ProcessPoolExecutor(
-        workers, multiprocessing.get_context('fork'), _begin, (work,))
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context('fork'), _begin, (work,))
     try:
         yield pool
         pool.shutdown()

@@ -60,15 +60,12 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="of rovid replay or compare (default: the parameter file's initial values)")
     command.add_argument(
         '--dofs', type=dof_list, default=(), metavar='DOF,...', help='plan these only')
-    command.add_argument(
-        '--duration', type=time_span, default=300.0, metavar='S',
-        help='length of the trial [s] (default: 300)')
-    command.add_argument(
-        '--max-force', type=per_dof, default={}, metavar='N',
-        help='largest thrust [N or N m] (default: typical.force)')
-    command.add_argument(
-        '--max-speed', type=per_dof, default={}, metavar='V',
-        help='largest speed [m/s or rad/s] (default: velocity.max)')
+    command.add_argument('--duration', type=time_span, default=300.0, metavar='S',
+                         help='length of the trial [s] (default: 300)')
+    command.add_argument('--max-force', type=per_dof, default={}, metavar='N',
+                         help='largest thrust [N or N m] (default: typical.force)')
+    command.add_argument('--max-speed', type=per_dof, default={}, metavar='V',
+                         help='largest speed [m/s or rad/s] (default: velocity.max)')
     command.add_argument(
         '--room', type=per_dof, default={}, metavar='M',
         help='largest distance from the start, to either side [m or rad] (default: no limit)')

@@ -56,9 +56,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         '--output', type=mcap, required=True, metavar='OUT.mcap',
         help="{} in the name is the trial's number, such as trials/{}.mcap; without it, several "
              'trials go to OUT-1.mcap, OUT-2.mcap, ...')
-    command.add_argument(
-        '--duration', type=duration, default=600.0, metavar='S',
-        help='length of each trial [s] (default: 600)')
+    command.add_argument('--duration', type=duration, default=600.0, metavar='S',
+                         help='length of each trial [s] (default: 600)')
     command.add_argument(
         '--seed', type=seed, default=1, metavar='N',
         help='of the noise (default: 1); of several trials the first has N, the next N+1, ...')

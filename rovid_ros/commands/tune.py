@@ -42,9 +42,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add what ``rovid tune`` takes."""
     add_params_file(command)
     add_logs(command)
-    command.add_argument(
-        '--output', type=Path, required=True, metavar='TUNED.yaml',
-        help='parameter file to write')
+    command.add_argument('--output', type=Path, required=True, metavar='TUNED.yaml',
+                         help='parameter file to write')
     add_json(command, 'result')
     add_part(command)
 
@@ -145,8 +144,7 @@ def _notes(tuned: Tuned) -> str:
     lines = []
     for stage in tuned.stages:
         better = '' if stage.gain > stage.spread else ': not clearly better, stay'
-        lines.append(
-            f'{" and ".join(stage.keys)}: gain {_gain(stage.gain, stage.spread)}{better}')
+        lines.append(f'{" and ".join(stage.keys)}: gain {_gain(stage.gain, stage.spread)}{better}')
         if stage.note:
             lines.append(f'  {stage.note}')
     for terms in tuned.terms:

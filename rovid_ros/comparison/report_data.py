@@ -50,8 +50,7 @@ Column = list[float | None]
 Data = dict[str, Any]
 
 
-def report_data(models: Sequence[Model], trials: Sequence[Trial],
-                settings: Settings) -> Data:
+def report_data(models: Sequence[Model], trials: Sequence[Trial], settings: Settings) -> Data:
     """Return what the report of a comparison shows."""
     return {
         'rovid_version': __version__, 'logs': [_log(trial, settings) for trial in trials],
@@ -198,8 +197,7 @@ def _histogram(values: Sequence[float]) -> Data:
     return {'edges': edges.tolist(), 'counts': counts.tolist()}
 
 
-def _spectrum(seconds: Sequence[float], force: Sequence[float],
-              velocity: Sequence[float]) -> Data:
+def _spectrum(seconds: Sequence[float], force: Sequence[float], velocity: Sequence[float]) -> Data:
     """Return amplitudes by frequency, of the series at even steps."""
     if len(seconds) < 16:
         return {'frequency': [], 'force': [], 'velocity': []}

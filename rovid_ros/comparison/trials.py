@@ -120,9 +120,8 @@ class TrialPlayer(PipelinePlayer):
             if abs(identifier.delay) > DELAY_SIGNIFICANCE * identifier.delay_std:
                 notes.append(f'the thrust is delayed by {identifier.delay:.3f} s, with a '
                              f'standard deviation of {identifier.delay_std:.3f} s')
-            found[method] = Fit(
-                identifier.parameters, np.array(identifier.covariance).reshape(4, 4),
-                '; '.join(notes))
+            found[method] = Fit(identifier.parameters,
+                                np.array(identifier.covariance).reshape(4, 4), '; '.join(notes))
         return found
 
     def _kept(self, estimates: list[Estimate]) -> list[Estimate]:
@@ -271,8 +270,7 @@ def _best_terms(trial: Trial, dof: str, settings: Settings,
 def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
     trial, dof = job.trial, job.dof
     if job.method in OFFLINE:
-        fit = OFFLINE[job.method](
-            trial.scores.records(dof), Scales.of(job.dof_settings), settings)
+        fit = OFFLINE[job.method](trial.scores.records(dof), Scales.of(job.dof_settings), settings)
     else:
         fit = trial.player.fits(dof)[job.method]
     sound = all(map(math.isfinite, fit.parameters))

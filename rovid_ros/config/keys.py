@@ -76,8 +76,7 @@ def key_of(name: str, setting: str, owner: type, description: str, unit: str = '
     kind, size, default = _TYPES[str(field.type)]
     if field.default is not MISSING:
         default = field.default
-    return Key(name, setting, kind, default, description, unit, low, high, choices, size,
-               live)
+    return Key(name, setting, kind, default, description, unit, low, high, choices, size, live)
 
 
 def in_group(group: str, owner: type, name: str, description: str, unit: str = '',

@@ -70,11 +70,10 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     rest.update({name: os.path.expanduser(rest[name])  # as in a shell
                  for name in ('record_path', 'checkpoint_path')})
     return Settings(
-        dofs=dofs, dof=known,
-        thrusters=_thrusters(tree['thrusters'], given),
+        dofs=dofs, dof=known, thrusters=_thrusters(tree['thrusters'], given),
         identifier=IdentifierSettings(**tree['identifier']),
-        simulation=SimulationSettings(dofs=dict(_simulated(truth, given)), **simulation),
-        **inputs, **rest)
+        simulation=SimulationSettings(dofs=dict(_simulated(truth, given)), **simulation), **inputs,
+        **rest)
 
 
 def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:

@@ -150,8 +150,7 @@ class Log:
         channel = self._channels(topic)[0]
         return build(self._typestore(channel), channel.type, {})
 
-    def messages(self, topics: Collection[str], start: float = 0.0,
-                 duration: float | None = None,
+    def messages(self, topics: Collection[str], start: float = 0.0, duration: float | None = None,
                  make: MakerFactory | None = None) -> Iterator[LogMessage]:
         """
         Yield the decoded messages of some topics; those that the log lacks are left out.

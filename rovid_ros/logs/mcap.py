@@ -178,8 +178,7 @@ class McapFile(IndexedContainer):
             return
         file.seek(start)
         data = file.read(end - start)
-        self.add_counted(
-            messages(data, self.channels, 0), (start, end - start, False))
+        self.add_counted(messages(data, self.channels, 0), (start, end - start, False))
 
     def _scan_chunk(self, file: BinaryIO, offset: int, length: int) -> None:
         data, whole = self._chunk(file.read(length))
@@ -188,8 +187,7 @@ class McapFile(IndexedContainer):
         for opcode, body in records_in(data):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self.attempt(self._declare, opcode, body)
-        self.add_counted(
-            messages(data, self.channels, 0), (offset, length, True))
+        self.add_counted(messages(data, self.channels, 0), (offset, length, True))
 
     def _chunk(self, body: bytes) -> tuple[bytes, bool]:
         """Return the records in a chunk and whether they are all there and right."""

@@ -107,9 +107,8 @@ class SqliteFile(Container):
                 self.note_damage()
                 continue
             kind, text = definitions.get(type_name, ('', ''))
-            self.channels[number] = Channel(
-                number, '/' + topic.lstrip('/'), normalised(type_name), encoding, str(text),
-                kind == 'ros2idl')
+            self.channels[number] = Channel(number, '/' + topic.lstrip('/'), normalised(type_name),
+                                            encoding, str(text), kind == 'ros2idl')
 
     def _read_index(self, base: sqlite3.Connection) -> None:
         """Make blocks of the rows in time order."""

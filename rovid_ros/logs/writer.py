@@ -74,8 +74,7 @@ class LogWriter:
             self._file = BufferedWriter(_File(path, 'wb'))
         except OSError as error:
             raise LogError(f'{path}: cannot be written: {error.strerror}') from None
-        self._writer = Writer(
-            self._file, chunk_size=_CHUNK, compression=_COMPRESSION[compression])
+        self._writer = Writer(self._file, chunk_size=_CHUNK, compression=_COMPRESSION[compression])
         self._writer.start(profile='ros2', library='rovid')
         self._schemas: dict[tuple[str, str | None], int] = {}
         self._channels: dict[tuple[str, int], int] = {}
@@ -106,8 +105,7 @@ class LogWriter:
         if type not in store.fielddefs:
             raise TypeUnknownError(f'type {type}: ROS 2 comes with no such type')
         data = store.serialize_cdr(build(store, type, fields), type)
-        self.write_raw(
-            topic, type, bytes(data), time, publish_time=publish_time, latched=latched)
+        self.write_raw(topic, type, bytes(data), time, publish_time=publish_time, latched=latched)
 
     def write_raw(self, topic: str, type: str, cdr: bytes, time: int,
                   definition: str | None = None, publish_time: int | None = None,

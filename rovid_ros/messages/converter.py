@@ -131,9 +131,8 @@ class Converter:
                     other for other in self._sources[source.topic] if other.type == known))
             self.topics[source.topic] = known or source.type
 
-    def events(
-        self, topic: str, message: Any, receive_time: int, origin: Any = None,
-    ) -> list[Event]:
+    def events(self, topic: str, message: Any, receive_time: int,
+               origin: Any = None) -> list[Event]:
         """
         Convert a message.
 
@@ -384,8 +383,7 @@ def _vector(steps: Sequence[Step], shape: str, turn: Turn) -> Reading:
 
 def _pair(steps: Sequence[Step], names: tuple[str, str], turn: Turn) -> Reading:
     one, other = (_component_paths([*steps, name], 'xyz') for name in names)
-    return Reading(
-        one + other, lambda a, b, c, d, e, f: turn(a, b, c) + turn(d, e, f))
+    return Reading(one + other, lambda a, b, c, d, e, f: turn(a, b, c) + turn(d, e, f))
 
 
 def _floats(x: float, y: float, z: float) -> Floats:

@@ -57,8 +57,7 @@ class Layout:
     # texts with their lengths
     shape: list[tuple[int, int]] = field(default_factory=list)
     # numbers and texts (or the texts of an array) by path
-    places: dict[tuple[Step, ...], Numbers | str | tuple[str, ...]] = field(
-        default_factory=dict)
+    places: dict[tuple[Step, ...], Numbers | str | tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def fits(self) -> Fetch:

@@ -128,8 +128,7 @@ class SensorMessages:
         return _Topic(topic, type_name, read[0].latency, hasattr(blank, 'header'),
                       hasattr(blank, 'name'), tuple(places))
 
-    def _fields(self, topic: _Topic, stamp: int, values: Mapping[str, Values]
-                ) -> dict[str, Any]:
+    def _fields(self, topic: _Topic, stamp: int, values: Mapping[str, Values]) -> dict[str, Any]:
         fields: dict[str, Any] = {}
         names = self._settings.thrusters.names
         for place in topic.places:

@@ -70,9 +70,8 @@ class LiveCheck:
             self._findings.error(error.key, str(error).partition(': ')[2])
             self._broken.add(topic)
             return
-        self._node.create_subscription(
-            cls, topic, partial(self._on_message, topic, cls), qos(self._settings, topic),
-            raw=True)
+        self._node.create_subscription(cls, topic, partial(self._on_message, topic, cls),
+                                       qos(self._settings, topic), raw=True)
 
     def _on_message(self, topic: str, cls: type[Any], cdr: bytes) -> None:
         try:

@@ -40,8 +40,7 @@ class NodePlayer:
 
     """
 
-    def __init__(self, values: Mapping[str, Any], settings: Settings, rate: float | None
-                 ) -> None:
+    def __init__(self, values: Mapping[str, Any], settings: Settings, rate: float | None) -> None:
         # Ctrl-C is handled by the replay; rclpy's handler would end the context under the node
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.scores = ScoreLog(settings)

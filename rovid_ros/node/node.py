@@ -89,9 +89,8 @@ class IdentifierNode(ParameterNode):
 
     def activate(self) -> None:
         """Subscribe to the inputs."""
-        self._inputs = Subscriptions(
-            self, self.settings, self._classes, self.converter.topics, self._add_batch,
-            self.stream.reject)
+        self._inputs = Subscriptions(self, self.settings, self._classes, self.converter.topics,
+                                     self._add_batch, self.stream.reject)
         self._health.expect_inputs()
         self._log_inputs()
 
@@ -237,16 +236,14 @@ class IdentifierNode(ParameterNode):
     def _on_save_timer(self) -> None:
         self._checkpoint.save()
 
-    def _on_reset(self, request: Trigger.Request, response: Trigger.Response
-                  ) -> Trigger.Response:
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.stream.reset()
         self._publish_initial()
         response.success, response.message = True, 'back at the initial values'
         self.get_logger().info(f'~/reset: {response.message}')
         return response
 
-    def _on_enable(self, request: SetBool.Request, response: SetBool.Response
-                   ) -> SetBool.Response:
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self.stream.enable(request.data)
         self.show_changes({'enable': request.data})
         response.success = True

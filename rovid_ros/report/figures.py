@@ -90,8 +90,7 @@ class Plot:
             top = bottom + panel['height']
             layout[f'yaxis{i + 1}'] = {
                 'anchor': 'x', 'domain': [bottom / total, top / total], **panel['axis']}
-            layout['annotations'].append({
-                'text': panel['text'], 'y': top / total})
+            layout['annotations'].append({'text': panel['text'], 'y': top / total})
             bottom += heights[i]
         return {'traces': self._traces, 'layout': layout, 'link': self._link,
                 'entries': len(told_apart)}
@@ -198,8 +197,7 @@ class Figures:
                 axis: Dict = {'range': [math.log10(low / 1.3), math.log10(high * 1.3)],
                         'dtick': 1 if high > 100.0 * low else 'D2'} if low else {}
                 lines.add_panel(f'{label} amplitude', unit, tall=True, type='log', **axis)
-                lines.add_curve('amplitude', frequency, amplitudes,
-                                {'color': color, 'width': 1.4})
+                lines.add_curve('amplitude', frequency, amplitudes, {'color': color, 'width': 1.4})
                 figures.append(self._figure('excitation', dof, log, lines,
                                             f'Spectrum of the {label}.', link=False, log_x=True))
         return join(tag('h3', f'{capital(dof)} on {log}'), tag('div', *figures, class_='pair')
@@ -264,10 +262,9 @@ class Figures:
         name = f'figure{len(self._plots)}'
         self._plots[name] = spec
         panels = ', '.join(a['text'] for a in reversed(spec['layout']['annotations']))
-        return tag(
-            'figure', tag('figcaption', tag('b', heading), ' ' if text else '', text),
-            tag('div', class_='plot', role='img', aria_label=f'{heading} {panels}'),
-            id=name, data_kind=kind, data_dof=dof, data_log=log)
+        return tag('figure', tag('figcaption', tag('b', heading), ' ' if text else '', text),
+                   tag('div', class_='plot', role='img', aria_label=f'{heading} {panels}'),
+                   id=name, data_kind=kind, data_dof=dof, data_log=log)
 
 
 def thinned(x: Values, y: Values) -> tuple[Values, Values]:

@@ -27,8 +27,7 @@ class Html(str):
 
 def join(*parts: str) -> Html:
     """Return parts in a row, escaping those that are not markup."""
-    return Html(''.join(
-        part if isinstance(part, Html) else html.escape(part) for part in parts))
+    return Html(''.join(part if isinstance(part, Html) else html.escape(part) for part in parts))
 
 
 def tag(name: str, *children: str, **attributes: str | None) -> Html:
@@ -38,9 +37,8 @@ def tag(name: str, *children: str, **attributes: str | None) -> Html:
     Children are markup (``Html``) or text. Attributes are ``class_`` for ``class``, ``data_dof``
     for ``data-dof``; None leaves one out.
     """
-    shown = ''.join(
-        f' {key.rstrip("_").replace("_", "-")}="{html.escape(value)}"'
-        for key, value in attributes.items() if value is not None)
+    shown = ''.join(f' {key.rstrip("_").replace("_", "-")}="{html.escape(value)}"' for key,
+                    value in attributes.items() if value is not None)
     return Html(f'<{name}{shown}>{join(*children)}</{name}>')
 
 

@@ -241,9 +241,8 @@ def excitation(dof: str, values: Data) -> Html:
         '(Cramér-Rao bound), and condition number of the normalised regressors [–]'))
     verdicts = [tag('li', tag('b', f'{log}: '), bound_to_units(measured['verdict']))
                 for log, measured in found.items() if measured.get('verdict')]
-    return join(
-        table(caption, ('log', *map(symbol, names), 'condition'), [rows], class_='bounds'),
-        tag('ul', *verdicts, class_='verdicts'))
+    return join(table(caption, ('log', *map(symbol, names), 'condition'), [rows], class_='bounds'),
+                tag('ul', *verdicts, class_='verdicts'))
 
 
 def _bound(value: Any) -> Html:

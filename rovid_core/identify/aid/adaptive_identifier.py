@@ -40,9 +40,8 @@ class Gains:
             raise SettingsError(
                 'identifier.feedback_gain', f'got {self.feedback}, takes a number below 0')
         if not (finite(self.adaptation) and min(self.adaptation) >= 0.0):
-            raise SettingsError(
-                'identifier.adaptation_gains',
-                f'got {list(self.adaptation)}, takes numbers of at least 0')
+            raise SettingsError('identifier.adaptation_gains',
+                                f'got {list(self.adaptation)}, takes numbers of at least 0')
 
     @staticmethod
     def from_time(adaptation_time: float, scales: Scales) -> Gains:
@@ -135,10 +134,9 @@ def piece_of_step(step: Step, k: int, pieces: int) -> Step:
                 + end * x * (2.0 * x - 1.0))
 
     xs = (k / pieces, (k + 0.5) / pieces, (k + 1.0) / pieces)
-    return Step(
-        step.dt / pieces,
-        (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
-        (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))
+    return Step(step.dt / pieces,
+                (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
+                (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))
 
 
 class AdaptiveIdentifier(Identifier):
@@ -177,9 +175,8 @@ class AdaptiveIdentifier(Identifier):
 
     def __init__(self, scales: Scales, gains: Gains, integrator: str = 'euler') -> None:
         if integrator not in INTEGRATORS:
-            raise SettingsError(
-                'identifier.integrator',
-                f'got {integrator!r}, takes {", ".join(INTEGRATORS)}')
+            raise SettingsError('identifier.integrator',
+                                f'got {integrator!r}, takes {", ".join(INTEGRATORS)}')
         self._scales = scales
         self._regressor_scale = scales.regressor
         self._per_force, _, self._per_velocity, _ = scales.regressor

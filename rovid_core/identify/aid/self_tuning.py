@@ -57,8 +57,7 @@ MAX_MEMORY = 40.0
 """Longest memory of the running mean [s], so that it follows a vehicle that changes."""
 
 
-def full_gain_rates(a: float, gamma: tuple[float, ...], state: Five, v: float,
-                    tau: float) -> Five:
+def full_gain_rates(a: float, gamma: tuple[float, ...], state: Five, v: float, tau: float) -> Five:
     """Return the rates for the upper triangle of a symmetric Gamma, row by row."""
     v_hat, p0, p1, p2, p3 = state
     g00, g01, g02, g03, g11, g12, g13, g22, g23, g33 = gamma
@@ -269,8 +268,7 @@ class SelfTuningIdentifier(FullGainIdentifier):
         gains = Gains.from_time(adaptation_time, scales)
         self._max_force = MAX_TYPICAL * scales.force
         self._max_velocity = MAX_TYPICAL * scales.velocity
-        self._start = np.diag([
-            g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)])
+        self._start = np.diag([g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)])
         super().__init__(scales, -gains.feedback, self._start, integrator)
         g = self._start.diagonal().tolist()
         self._resting = (g[0], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, g[3])

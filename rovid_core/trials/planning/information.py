@@ -134,8 +134,7 @@ def paths(parameters: Array, force: Array, dt: float) -> Array:
     return np.asarray(np.cumsum(steps, axis=0))
 
 
-def bounds(vehicles: Vehicles, sensor: Sensor, force: Array,
-           dt: float) -> tuple[Array, Array]:
+def bounds(vehicles: Vehicles, sensor: Sensor, force: Array, dt: float) -> tuple[Array, Array]:
     """
     Return the Cramer-Rao bound of the lumped and of the physical parameters.
 

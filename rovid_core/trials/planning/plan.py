@@ -168,8 +168,7 @@ def _density(limits: Limits) -> float:
     return 2.0 * DISTURBANCE_TIME * (DISTURBANCE * limits.force) ** 2
 
 
-def _largest(vehicles: Vehicles, limits: Limits, force: Array, offset: float,
-             dt: float) -> Array:
+def _largest(vehicles: Vehicles, limits: Limits, force: Array, offset: float, dt: float) -> Array:
     """Return the sizes of profiles of size 1 that keep within the limits, nearly."""
     most = limits.force - abs(offset)
     sizes = np.full(force.shape[1], most)

@@ -168,10 +168,9 @@ class OutputError:
         right = np.einsum('kicp,kcp->cpi', slopes, weight * errors, optimize=True)
         own = np.maximum(full[..., 4, 4], 1e-12)
         cross = full[..., :4, 4] / own[..., None]
-        return NormalEquations(
-            own_limit, self._huber(size, own_limit), self._huber(size, limit),
-            full[..., :4, :4] - cross[..., :, None] * full[..., None, :4, 4],
-            right[..., :4] - cross * right[..., 4:], cross, right[..., 4] / own)
+        return NormalEquations(own_limit, self._huber(size, own_limit), self._huber(size, limit),
+                               full[..., :4, :4] - cross[..., :, None] * full[..., None, :4, 4],
+                               right[..., :4] - cross * right[..., 4:], cross, right[..., 4] / own)
 
     def _huber(self, size: Array, limit: Array) -> Array:
         inner = np.minimum(size, limit[:, None])
@@ -199,8 +198,7 @@ class OutputError:
         return errors, slopes
 
     def _step(self, theta: Array, normal: NormalEquations, damping: Array) -> tuple[Array, Array]:
-        step = self._solved(
-            theta, normal.inside.sum(axis=1), normal.slope.sum(axis=1), damping)
+        step = self._solved(theta, normal.inside.sum(axis=1), normal.slope.sum(axis=1), damping)
         return step, -normal.right - np.einsum('cpi,ci->cp', normal.cross, step)
 
     def _solved(self, theta: Array, inside: Array, slope: Array, damping: Array) -> Array:

@@ -154,8 +154,7 @@ class TuningLog(ScoreLog):
         for run in self.runs[dof]:
             times, values = run.steps
             if run.count:
-                found.append(Segment(
-                    run.start, run.velocity, times[0], times[1], values[3]))
+                found.append(Segment(run.start, run.velocity, times[0], times[1], values[3]))
         return found
 
 

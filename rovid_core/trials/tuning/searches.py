@@ -257,8 +257,7 @@ def tune_terms(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -
     candidates = [before, *(
         ('alpha', *others) for count in range(len(PARAMETERS))
         for others in combinations(PARAMETERS[1:], count) if {'alpha', *others} != {*before})]
-    scores = np.concatenate([
-        dof.fit_terms(commanded, pair, terms).scores for terms in candidates])
+    scores = np.concatenate([dof.fit_terms(commanded, pair, terms).scores for terms in candidates])
     cost = scores.mean(axis=1) * [1.0 + WORTH * len(terms) for terms in candidates]
     best = int(np.where(np.isfinite(cost), cost, np.inf).argmin())
     gains = (scores[0] - scores[best]) / scores[0].mean()

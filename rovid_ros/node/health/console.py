@@ -39,9 +39,8 @@ class HealthMonitor:
 
     """
 
-    def __init__(self, node: Node, stream: Stream,
-                 recorder: Recorder | None = None, *, live: bool = True,
-                 steady: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, node: Node, stream: Stream, recorder: Recorder | None = None, *,
+                 live: bool = True, steady: Callable[[], float] = time.monotonic) -> None:
         self.arrivals = Arrivals()
         self._node = node
         self._log = node.get_logger()
@@ -74,9 +73,8 @@ class HealthMonitor:
         now = self._steady()
         self._recent.update(now)
         topics = graph_states(self._stream.settings, self._node) if self._live else {}
-        data = HealthData(
-            self._stream.settings, self._stream, self.arrivals, self._recent, topics,
-            self._node.get_clock().now().nanoseconds, now, self._steps)
+        data = HealthData(self._stream.settings, self._stream, self.arrivals, self._recent, topics,
+                          self._node.get_clock().now().nanoseconds, now, self._steps)
         if self._live and state == ACTIVE:
             self._report_inputs(data, now - self._expected_since)
         self._warn([], now)

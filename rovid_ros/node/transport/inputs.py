@@ -153,8 +153,7 @@ class Subscriptions:
     """
 
     def __init__(self, node: Node, settings: Settings, classes: dict[str, type[Any]],
-                 types: dict[str, str],
-                 process: Callable[[dict[str, list[Received]]], None],
+                 types: dict[str, str], process: Callable[[dict[str, list[Received]]], None],
                  reject: Callable[[str, str], None]) -> None:
         self._node = node
         self._types = types
@@ -202,8 +201,7 @@ class Subscriptions:
         incompatible = partial(self._count, inputs, 'incompatible_qos')
         lost: Callable[[Any], None] | None = partial(self._count, inputs, 'lost')
         while True:
-            events = SubscriptionEventCallbacks(
-                incompatible_qos=incompatible, message_lost=lost)
+            events = SubscriptionEventCallbacks(incompatible_qos=incompatible, message_lost=lost)
             try:
                 return self._node.create_subscription(
                     cls, topic, partial(self._on_message, topic), qos(settings, topic),
@@ -233,8 +231,7 @@ class Subscriptions:
     def _empty_batch(self) -> dict[str, list[Received]]:
         return {topic: [] for topic in self._topics}
 
-    def _process_batch(self, batch: dict[str, list[Received]], began: float, oldest: int
-                       ) -> None:
+    def _process_batch(self, batch: dict[str, list[Received]], began: float, oldest: int) -> None:
         """Process a batch whose oldest message came at a time [ns], 0 if that is not known."""
         self._load_shedding.start_batch(began - (1e-9 * oldest or began))
         came = time.time()

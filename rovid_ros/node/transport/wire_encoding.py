@@ -43,8 +43,7 @@ def import_type(name: str) -> type[Any]:
     if len(parts) == 2:
         parts.insert(1, 'msg')
     if len(parts) != 3 or not all(part.isidentifier() for part in parts):
-        raise MessageTypeError(
-            f'got {name!r}, takes a message type such as sensor_msgs/msg/Imu')
+        raise MessageTypeError(f'got {name!r}, takes a message type such as sensor_msgs/msg/Imu')
     package, folder, short = parts
     try:
         module = import_module(f'{package}.{folder}')

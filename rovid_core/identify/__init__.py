@@ -20,20 +20,12 @@ def _aid(scales: Scales, settings: IdentifierSettings, raw_gains: Four | None) -
         scales, Gains(settings.feedback_gain, raw_gains), settings.integrator)
 
 
-def _rls(scales: Scales, settings: IdentifierSettings, _: Four | None) -> Identifier:
-    return RecursiveLeastSquares(scales, settings.adaptation_time)
-
-
-def _ekf(scales: Scales, settings: IdentifierSettings, _: Four | None) -> Identifier:
-    return ExtendedKalman(scales)
-
-
+# The function that makes the identifier of a DOF, in the order in which they are offered.
 METHODS: dict[str, Callable[[Scales, IdentifierSettings, Four | None], Identifier]] = {
     'aid': _aid,
-    'rls': _rls,
-    'ekf': _ekf,
+    'rls': lambda scales, settings, _: RecursiveLeastSquares(scales, settings.adaptation_time),
+    'ekf': lambda scales, settings, _: ExtendedKalman(scales),
 }
-"""The function that makes the identifier of a DOF, in the order in which they are offered."""
 
 
 def make_identifier(settings: IdentifierSettings, dof: DofSettings,

@@ -20,35 +20,26 @@ from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
+# c [rad/s]: faster than the vehicle, yet slow enough that noise of fixes at 10 Hz stays white
 CORNER = 3.0
-"""c [rad/s]: faster than the vehicle, yet slow enough that noise of fixes at 10 Hz stays white."""
-
 FEEDBACK = 2.0  # gain by which v_hat is pulled to the measured velocity [1/s]
-
+# Steps shorter than this [s] may pull more: the difference of their fixes is noisier.
 PULL_STEP = 0.1
-"""Steps shorter than this [s] may pull more: the difference of their fixes is noisier."""
-
 SETTLING = 5.0  # filter time constants after which the noise of the first velocity has decayed
 MEMORY = 100.0  # longest memory, in adaptation times; at first it is half of the time so far
 PRIOR = 5.0  # standard deviation of the initial guess, in typical accelerations
 STEADY = 3.0  # time [s] after which constant thrust and velocity add no information
 MAX_STATE = 1e100  # limit of the numbers in a saved state; its square is finite
-
 ZERO4: Four = (0.0,) * 4
-
 MAX_TYPICAL = 1e6  # a larger velocity or force, in typical ones, is refused
 NOISE_MEMORY = 20.0  # memory of the noise's variance [s]
-
+# Only the innovations' spectrum below it counts [rad/s], where a vehicle moves.
 NOISE_FREQUENCY = 0.5
-"""Only the innovations' spectrum below it counts [rad/s], where a vehicle moves."""
-
 HUBER = 3.0  # standard deviations of an innovation beyond which it counts linearly (Huber)
 MIN_VARIANCE = 1e-10  # least variance of the noise, in squares of typical velocity x 1 s
 MIN_WHITE = 0.02  # least share of the variance that counts, however little lies at low frequencies
-
+# Least value of D, relative to its first: far below any data, far above underflow.
 MIN_DIAGONAL = 1e-30
-"""Least value of D, relative to its first: far below any data, far above underflow."""
-
 Six = tuple[float, float, float, float, float, float]
 
 
@@ -255,7 +246,7 @@ class RecursiveLeastSquares(Identifier):
         theta, (i, j, k, m) = self._theta, self._unit
         (a, b, c, d), (e, f, g, h), (p, q, r, s) = self._low, self._high, theta
         if not (a <= p <= e and b <= q <= f and c <= r <= g and d <= s <= h):
-            p, q, r, s = projected(theta, self._p.matrix(), self._low, self._high)
+            p, q, r, s = projected(theta, product(self._p.u, self._p.d), self._low, self._high)
         p, q, r, s = p / i, q / j, r / k, s / m
         (a, b, c, d), (e, f, g, h) = self.bounds
         if not (a <= p <= e and b <= q <= f and c <= r <= g and d <= s <= h):
@@ -394,10 +385,6 @@ class FactoredCovariance:
         self.d = (d0 if d0 > smallest else smallest, d1 if d1 > smallest else smallest,
                   d2 if d2 > smallest else smallest, d3 if d3 > smallest else smallest)
         return ((g0 + a * v3) / t3, (g1 + b * v3) / t3, (v2 + c * v3) / t3, v3 / t3)
-
-    def matrix(self) -> list[list[float]]:
-        """Return P, exactly symmetric."""
-        return product(self.u, self.d)
 
 
 def product(u: Six, d: Four) -> list[list[float]]:

@@ -13,13 +13,10 @@ from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
 STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invalid')
-
+# Relative uncertainty of acceleration and alpha below which a model has converged.
 CONVERGED = 0.05
-"""Relative uncertainty of acceleration and alpha below which a model has converged."""
-
+# Relative uncertainty above which a converged model is converging again (hysteresis).
 NO_LONGER_CONVERGED = 2.0 * CONVERGED
-"""Relative uncertainty above which a converged model is converging again (hysteresis)."""
-
 PERIOD = 1.0  # event time [s] from one judgement to the next
 
 

@@ -25,24 +25,18 @@ from rovid_core.trials.record import Fit, Record
 from scipy.signal import butter, sosfiltfilt
 
 LOWPASS_ORDER = 4  # order of the zero-phase low-pass
-
+# Directions with less than this share of the largest singular value are undetermined.
 MIN_SINGULAR = 1e-3
-"""Directions with less than this share of the largest singular value are undetermined."""
-
 PASS_TIMES = (7.0, 7.0, 10.0)  # settling time of each pass over the trial, in adaptation times
 FEEDBACK = 3.0  # |a| of eq. 7 times the adaptation time: so slow that v_hat is nearly a simulation
-
+# Least share of a mean square that the other regressors are taken to leave unexplained.
 MIN_SHARE = 1e-3
-"""Least share of a mean square that the other regressors are taken to leave unexplained."""
-
+# Least mean squares of the regressors, in typical ones, for trials without motion.
 MIN_SQUARES = (1e-4,) * 4
-"""Least mean squares of the regressors, in typical ones, for trials without motion."""
-
+# Pieces of each step, so that every integrator evaluates eq. 7 and 11 four times.
 PIECES = {'euler': 4, 'heun': 2, 'rk4': 1}
-"""Pieces of each step, so that every integrator evaluates eq. 7 and 11 four times."""
-
+# The first guess of the regressors uses means of so many steps, to reduce noise.
 AVERAGED_STEPS = 10
-"""The first guess of the regressors uses means of so many steps, to reduce noise."""
 
 
 def with_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) -> Fit:
@@ -206,6 +200,8 @@ def _output_error(records: Sequence[Record], scales: Scales, settings: Settings)
     return output_error(records, scales, start)
 
 
+# Least squares as in the paper and without acceleration, the paper's identifier in several passes
+# with Runge-Kutta, and output error, which is the reference.
 METHODS: dict[str, Method] = {
     'least_squares': lambda records, scales, settings: with_acceleration(
         records, scales, settings.cutoff),
@@ -215,8 +211,6 @@ METHODS: dict[str, Method] = {
         records, scales, settings.identifier.adaptation_time),
     'output_error': _output_error,
 }
-"""Least squares as in the paper and without acceleration, the paper's identifier in several
-passes with Runge-Kutta, and output error, which is the reference."""
 
 
 def subsets(settings: DofSettings) -> Iterator[DofSettings]:

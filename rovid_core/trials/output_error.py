@@ -20,8 +20,8 @@ from rovid_core.trials.record import Fit, Record
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
+# Residuals so many times larger than the noise come from the model, and are not white.
 MODEL_ERROR = 3.0
-"""Residuals so many times larger than the noise come from the model, and are not white."""
 
 
 def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
@@ -68,12 +68,10 @@ def information(records: Sequence[Record], scales: Scales, parameters: Four) -> 
     return problem.information(parameters, noise(records))
 
 
+# Kalman gains for a random walk in white noise that are tried, from none to strong
 DRIFTS = (0.0, 0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2, 0.4)
-"""Kalman gains for a random walk in white noise that are tried, from none to strong."""
-
+# A random walk is accepted if whitening shrinks the residuals at least to this share.
 MIN_SHRINKAGE = 0.975
-"""A random walk is accepted if whitening shrinks the residuals at least to this share."""
-
 MAX_LAG = 200  # steps over which residuals may be correlated
 
 

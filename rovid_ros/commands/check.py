@@ -29,7 +29,8 @@ from rovid_ros.config.parameter_file import ParameterFileError, read
 from rovid_ros.config.parameters import check as check_values, settings_from
 from rovid_ros.files.state_file import is_record, load as load_checkpoint
 from rovid_ros.files.whole_files import write_json
-from rovid_ros.logs.log import Log, LogError
+from rovid_ros.logs.container import LogError
+from rovid_ros.logs.log import Log
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError, nearest
 from rovid_ros.messages.types import build, normalised, standard_types
@@ -41,8 +42,8 @@ DESCRIPTION = (
     'read, then a line for each finding: OK, WARNING or ERROR. Exits with 1 if there is an '
     'ERROR.')
 
+# A topic as ROS takes it.
 TOPIC = re.compile(r'(~/|/)?([A-Za-z_{}]\w*\}?/)*[A-Za-z_{}]\w*\}?', re.ASCII)
-"""A topic as ROS takes it."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

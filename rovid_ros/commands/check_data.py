@@ -69,9 +69,8 @@ class Findings:
         return [asdict(one) for one in self.all]
 
 
+# Share of refused samples, or of steps that are too fast, above which something is wrong.
 ACCEPTABLE = 0.02
-"""Share of refused samples, or of steps that are too fast, above which something is wrong."""
-
 APART = 1.0  # [s] by more than this the clocks of two inputs must not differ
 SHARED = 0.5  # share of their time that inputs should have in common
 

@@ -17,6 +17,7 @@ import sys
 from rovid_ros.commands.arguments import Parser, Version
 from rovid_ros.commands.running import run_to_exit_code, USAGE, wrong_usage
 
+# What each subcommand does, in the order of ``rovid --help``.
 COMMANDS = {
     'check': 'validate a parameter file',
     'replay': 'identify from recorded logs',
@@ -26,7 +27,6 @@ COMMANDS = {
     'plan': 'propose the thrust profile to drive next',
     'export': 'write identified parameters for other programs',
 }
-"""What each subcommand does, in the order of ``rovid --help``."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -250,7 +250,6 @@ def _turning_warnings(plans: Mapping[str, Plan]) -> list[str]:
 
 POOR = 0.1  # relative uncertainty above which a parameter is poorly determined
 ALIKE_CORRELATION = 0.9  # correlation above which two drags cannot be told apart
-
 NAMES = ('mass', 'quadratic drag', 'linear drag', 'bias')
 
 

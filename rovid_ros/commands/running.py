@@ -16,10 +16,8 @@ if TYPE_CHECKING:
     from rovid_core.settings.run import Settings
 
 DONE, AT_FAULT, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141  # exit codes
-
+# [characters] An error about a damaged log can quote more of it than is of use
 LONGEST_LINE = 2000
-"""[characters] An error about a damaged log can quote more of it than is of use."""
-
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 

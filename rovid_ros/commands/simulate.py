@@ -33,17 +33,16 @@ from rovid_ros.commands.running import (
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.simulated_messages import SensorMessage, SensorMessages, SimulationError
 
+# When every simulation begins [ns]: fixed, so that the same seed gives the same file.
 EPOCH = 1_700_000_000 * 1_000_000_000
-"""When every simulation begins [ns]: fixed, so that the same seed gives the same file."""
 
 DESCRIPTION = (
     'Its parameters are those under "simulation" in the file; the log says them under the MCAP '
     'metadata rovid_truth. The same seed gives the same file.')
 
 NUMBER = re.compile(r'\{n?\}')  # where the number of a trial goes in the name of its file
-
+# Between two trials of one call [ns]: joined into one log, they follow one another.
 PAUSE = 60 * 1_000_000_000
-"""Between two trials of one call [ns]: joined into one log, they follow one another."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

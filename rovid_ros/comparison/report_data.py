@@ -42,9 +42,8 @@ from rovid_ros.results.text import number, percent, unit
 
 BINS = 30  # of a histogram
 GAP = 5.0  # steps without a measurement at which a curve breaks
-
+# Relative bounds up to which a parameter is determined, and from which it is not.
 DETERMINED, VAGUE = 0.1, 0.5
-"""Relative bounds up to which a parameter is determined, and from which it is not."""
 
 Column = list[float | None]
 Data = dict[str, Any]
@@ -87,7 +86,7 @@ def _verdict(relative: Mapping[str, float | None]) -> str:
 
 
 def _log(trial: Trial, settings: Settings) -> Data:
-    stream = trial.stream
+    stream = trial.player.stream
     topics = {name: ', '.join(settings.thrusters.topics) if name == 'thrusters'
               else settings.input(name).topic for name in stream.inputs}
     return {
@@ -159,10 +158,10 @@ def _series(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
 
 def _adaptation(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
     """Return Fig. 4 and 5: the online identifier, its errors taken against least squares."""
-    history = trial.history[dof]
+    history = trial.player.history[dof]
     reference = next(m.fit.parameters for m in models if not m.selected
                      and m.method == 'least_squares' and m.trained_on == trial.name)
-    energy = trial.stream.identifier(dof).energy
+    energy = trial.player.stream.identifier(dof).energy
     dv = [v_hat - v for v_hat, v in zip(history.v_hats, history.velocities)]
     return {
         't': _column(_seconds(history.times)), 'v_hat': _column(history.v_hats),

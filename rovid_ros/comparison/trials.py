@@ -19,7 +19,6 @@ from rovid_core.identify.estimate import Estimate
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.model.samples import Step
-from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales, Settings
 from rovid_core.trials.offline import METHODS as OFFLINE, subsets
 from rovid_core.trials.record import Fit
@@ -31,12 +30,10 @@ from rovid_ros.results.documents import json_numbers, Result
 PAPER = 'aid'  # the paper's method, of which the report draws the figures
 REFERENCE = 'output_error'  # the method that is preferred among methods that predict equally well
 AS_GOOD = 1.02  # errors within this factor are the same
-
+# A term has to lower the error by this share to be kept: without it the model is simpler.
 WORTH = 0.01
-"""A term has to lower the error by this share to be kept: without it the model is simpler."""
-
+# Standard deviations from 0 above which an identified delay of the thrust is noted.
 DELAY_SIGNIFICANCE = 3.0
-"""Standard deviations from 0 above which an identified delay of the thrust is noted."""
 
 Given = TypeVar('Given')
 Made = TypeVar('Made')
@@ -95,7 +92,7 @@ class TrialPlayer(PipelinePlayer):
                         enable=True)
         self._others = OnlineMethods(settings)
         super().__init__(paper, self._others)
-        self.history = {dof: History() for dof in settings.dofs}
+        self.history = {dof: History() for dof in settings.dofs}  # of the adaptive identifier
 
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message; return the estimates that it released."""
@@ -153,16 +150,6 @@ class Trial:
     def scores(self) -> ScoreLog:
         """Return thrust and velocity of every step."""
         return self.player.scores
-
-    @property
-    def stream(self) -> Stream:
-        """Return the stream after the last message."""
-        return self.player.stream
-
-    @property
-    def history(self) -> Mapping[str, History]:
-        """Return what the adaptive identifier estimated, by DOF."""
-        return self.player.history
 
 
 @dataclass(frozen=True)

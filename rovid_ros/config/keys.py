@@ -289,4 +289,3 @@ def _simulation() -> list[Key]:
 
 KEYS = (*_run(), *_inputs(), *_thrusters(), *_identifier(),
         *(key for dof in DOFS for key in _dof(dof)), *_simulation())
-"""Every parameter."""

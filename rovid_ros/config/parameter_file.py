@@ -17,7 +17,6 @@ Scalar = bool | int | float | str
 
 TRUE = {'Y', 'y', 'yes', 'Yes', 'YES', 'true', 'True', 'TRUE', 'on', 'On', 'ON'}
 FALSE = {'N', 'n', 'no', 'No', 'NO', 'false', 'False', 'FALSE', 'off', 'Off', 'OFF'}
-
 # what C's strtol (base 0) and strtod take whole
 INTEGER = re.compile(r'\s*([+-]?)(?:0[xX]([0-9a-fA-F]+)|(0[0-7]*)|([1-9][0-9]*))', re.ASCII)
 DECIMAL = re.compile(r'\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?', re.ASCII)
@@ -74,7 +73,6 @@ def _number(text: str) -> float | None:
 PARAMETERS = 'ros__parameters'
 MAX_FILE_SIZE = 1 << 20  # [bytes] a larger file is something else
 MAX_DEPTH = 32  # levels of keys; more are a broken file
-
 SECTION = re.compile(r'/?(?:(?:[A-Za-z_]\w*|\*\*?)/)*(?:[A-Za-z_]\w*|\*\*?)', re.ASCII)
 NAMES = {bool: 'a truth value', int: 'a number', float: 'a number', str: 'text'}
 

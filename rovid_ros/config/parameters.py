@@ -25,11 +25,8 @@ from rovid_core.settings.run import (
 )
 from rovid_ros.config.keys import Key, KEYS
 
-__all__ = ['KEYS', 'Key', 'changed', 'check', 'settings_from']
-
+# Parameters that every node has.
 ROS_PARAMETERS = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\..+')
-"""Parameters that every node has."""
-
 MESSAGE_TYPE = re.compile(r'[A-Za-z]\w*/msg/[A-Za-z]\w*', re.ASCII)
 
 

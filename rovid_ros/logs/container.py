@@ -14,21 +14,19 @@ import lz4.frame
 from mcap.exceptions import McapError
 import zstandard
 
+# [bytes] A block that is larger, packed or not, is not read; recorders make them of 1 to 4 MB
 MAX_BLOCK_SIZE = 1 << 27
-"""[bytes] A block that is larger, packed or not, is not read; recorders make them of 1 to 4 MB."""
-
+# [bytes] Of topics, types and metadata that are kept of a file; most have less than 1 MB
 MAX_DECLARATIONS = 1 << 26
-"""[bytes] Of topics, types and metadata that are kept of a file; most have less than 1 MB."""
-
 _MAX_TIME = (1 << 63) - 1  # [ns]
 _SECTOR = 512  # [bytes]; fewer zeros at the end of a file can well be data
 _READ_SIZE = 1 << 20  # [bytes]
 _SALVAGE_SIZE = 1024  # [bytes]; what one damaged piece costs when a chunk cannot be had whole
 
+# What comes of bytes that do not mean anything; LogError is among them.
 MALFORMED = (
     struct.error, IndexError, KeyError, OverflowError, StopIteration, TypeError, ValueError,
     McapError)
-"""What comes of bytes that do not mean anything; LogError is among them."""
 
 
 class LogError(ValueError):
@@ -50,8 +48,8 @@ class Channel:
     idl: bool = False
 
 
+# Log time [ns], place (no two messages share one), channel, serialised message.
 Raw = tuple[int, int, Channel, bytes]
-"""Log time [ns], place (no two messages share one), channel, serialised message."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,16 +29,11 @@ from rovid_ros.messages.types import (
 )
 from zstandard import ZstdError
 
-__all__ = ['Log', 'LogError', 'LogMessage', 'Maker', 'MakerFactory', 'RawMessage', 'TopicInfo']
-
 RECORD = 'rovid_record'  # name of the metadata in the logs that the node writes itself
-
+# Messages of a topic that cannot be decoded, one after the other from the first one on.
 MAX_UNDECODED = 20
-"""Messages of a topic that cannot be decoded, one after the other from the first one on."""
-
+# [bytes] Of messages that have to be sorted because their blocks overlap in time
 MAX_HELD = 1 << 29
-"""[bytes] Of messages that have to be sorted because their blocks overlap in time."""
-
 _OVERHEAD = 200  # [bytes] of memory that a message takes beside its data
 
 
@@ -59,12 +54,10 @@ class LogMessage(NamedTuple):
     data: Any
 
 
+# Serialised message and log time [ns] to the data of a ``LogMessage``.
 Maker = Callable[[bytes, int], Any]
-"""Serialised message and log time [ns] to the data of a ``LogMessage``."""
-
+# Topic, how its messages are written, and their decoder, to the maker of their data.
 MakerFactory = Callable[[str, WireType, Decoder], Maker]
-"""Topic, how its messages are written, and their decoder, to the maker of their data."""
-
 _Wanted = Mapping[Container, Mapping[int, Channel]]  # the channels to read of each file
 
 

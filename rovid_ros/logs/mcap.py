@@ -27,7 +27,6 @@ from rovid_ros.logs.container import (
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'\x89MCAP0\r\n'
-
 _CHUNK = struct.Struct('<QQQII')  # start, end, uncompressed size and CRC, length of a name
 _FOOTER = 9 + 20 + len(MAGIC)
 _RUN = 1 << 20  # [bytes] of messages outside chunks that are read as one block

@@ -10,7 +10,6 @@ from rovid_ros.logs.container import Block, Channel, IndexedContainer, inflate, 
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'#ROSBAG V2.0\n'
-
 _LENGTH = struct.Struct('<I')
 _TIME = struct.Struct('<II')
 _MESSAGE, _BAG, _CHUNK, _CHUNK_INFO, _CONNECTION = b'\x02', b'\x03', b'\x05', b'\x06', b'\x07'

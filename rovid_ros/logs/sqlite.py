@@ -17,7 +17,6 @@ from rovid_ros.logs.container import Block, Channel, Container, LogError, MAX_BL
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'SQLite format 3\x00'
-
 _ROWS = 2000  # per block
 
 

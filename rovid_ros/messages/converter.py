@@ -31,14 +31,10 @@ from rovid_ros.messages.field_paths import (
 from rovid_ros.messages.serialised_layout import find_layout, NoLayoutError
 from rovid_ros.messages.types import standard_types, WireType
 
-__all__ = ['Converter', 'FieldError', 'MAX_ATTEMPTS', 'RefusedError', 'Unpacker']
-
+# Layouts to look for on one topic: where they change that often, they are of no use.
 MAX_ATTEMPTS = 100
-"""Layouts to look for on one topic: where they change that often, they are of no use."""
-
+# Where the time of a message with a header is.
 STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
-"""Where the time of a message with a header is."""
-
 Floats = tuple[float, ...]
 Turn = Callable[[Any, Any, Any], Floats]
 

@@ -17,7 +17,6 @@ from rovid_ros.messages.field_paths import parse, resolve, Step
 from rovid_ros.messages.types import build, standard_types
 
 Values = tuple[float, ...]
-
 NED_TO_ENU: Quaternion = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)  # and back: half a turn
 FRD_TO_FLU: Quaternion = (1.0, 0.0, 0.0, 0.0)
 

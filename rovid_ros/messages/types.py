@@ -23,19 +23,14 @@ from rovid_ros.messages.field_paths import FieldError, nearest
 import zstandard
 
 Decoder = Callable[[bytes], Any]
-
+# Types of common vehicles that do not come with ROS 2.
 WELL_KNOWN = {'mavros_msgs/msg/RCOut': 'std_msgs/Header header\nuint16[] channels\n'}
-"""Types of common vehicles that do not come with ROS 2."""
-
+# [bytes] What is larger is refused before it is decoded; what is of use has 1 kB
 MAX_MESSAGE_SIZE = 1 << 20
-"""[bytes] What is larger is refused before it is decoded; what is of use has 1 kB."""
-
 MAX_DEFINITION = 1 << 17  # [characters] of a type with all that is in it; large ones have 20,000
 MAX_VALUES = 100_000  # numbers and texts in a message whose sequences are empty
 MAX_DEPTH = 32  # messages within messages
-
 _NOTHING = 'structure_needs_at_least_one_member'  # in ROS 1 it does without
-
 _RULE = '=' * 80 + '\n'
 _ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}  # others: 0
 

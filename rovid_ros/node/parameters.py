@@ -15,9 +15,8 @@ from rovid_ros.config.parameters import changed, check, settings_from
 from rovid_ros.node.lifecycle import ManagedNode
 
 NODE_NAME = 'identifier_node'
-
+# Parameters that rclpy itself declares.
 RCLPY_PARAMETERS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
-"""Parameters that rclpy itself declares."""
 
 TYPES = {
     'double': Parameter.Type.DOUBLE,

@@ -19,14 +19,11 @@ from rovid_ros.report.markup import capital, finite, Html, join, quantity, SYMBO
 Data = Mapping[str, Any]
 Values = Sequence[Any]
 Dict = dict[str, Any]
-
+# Of a curve; a longer one keeps the lowest and the highest value of each of its parts.
 POINTS = 3000
-"""Of a curve; a longer one keeps the lowest and the highest value of each of its parts."""
-
 TIME_DIGITS, DIGITS = 7, 5  # significant
+# From the lowest to the highest amplitude shown; below are only rounding errors.
 SPECTRUM_SPAN = 1e5
-"""From the lowest to the highest amplitude shown; below are only rounding errors."""
-
 HEIGHT, TALL, SPACE = 110, 190, 32  # [px] of a panel, of the first one, and above each
 MEASURED = {'color': 'measured', 'width': 2.8}
 REFERENCE = {'color': 'ink', 'dash': 'dash', 'width': 1.2}

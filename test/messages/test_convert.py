@@ -17,7 +17,8 @@ from rovid_core.settings.run import (
     SettingsError,
     ThrusterSettings,
 )
-from rovid_ros.messages.converter import Converter, FieldError
+from rovid_ros.messages.converter import Converter
+from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import build, standard_types
 
 NOW = 5_000_000_000

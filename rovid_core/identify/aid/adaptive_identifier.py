@@ -20,9 +20,8 @@ from rovid_core.model.samples import finite, Step
 from rovid_core.settings.run import Scales, SettingsError
 
 MAX_PIECES = 100  # a step that would have to be divided into more pieces is refused
-
+# Limit of the mean square of the thrust, so that one wild force cannot make it infinite.
 MAX_EXCITATION = 1e12
-"""Limit of the mean square of the thrust, so that one wild force cannot make it infinite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,11 +57,10 @@ class Gains:
         return Gains(-a, cast(Four, tuple([g * x * x for x in s])))
 
 
+# v_hat, alpha, beta, gamma, delta (or their rates)
 Five = tuple[float, float, float, float, float]
-"""v_hat, alpha, beta, gamma, delta (or their rates)."""
-
+# Feedback gain, Gamma, state, velocity and force to the right-hand sides of eq. 7 and 11.
 Rates = Callable[[float, tuple[float, ...], Five, float, float], Five]
-"""Feedback gain, Gamma, state, velocity and force to the right-hand sides of eq. 7 and 11."""
 
 
 def rates(a: float, gamma: tuple[float, ...], state: Five, v: float, tau: float) -> Five:
@@ -76,8 +74,8 @@ def rates(a: float, gamma: tuple[float, ...], state: Five, v: float, tau: float)
     )
 
 
+# Feedback gain, Gamma, state, step and rates to the state after the step.
 Integrator = Callable[[float, tuple[float, ...], Five, Step, Rates], Five]
-"""Feedback gain, Gamma, state, step and rates to the state after the step."""
 
 
 def _shifted(x: Five, h: float, d: Five) -> Five:
@@ -111,12 +109,12 @@ def _rk4(a: float, gamma: tuple[float, ...], x: Five, step: Step, f: Rates) -> F
 INTEGRATORS: dict[str, Integrator] = {'euler': _euler, 'heun': _heun, 'rk4': _rk4}
 
 
+# v_hat and theta_hat after a step; None if the step must be divided or leaves the bounds
 NewState = tuple[float, Four] | None
-"""v_hat and theta_hat after a step; None if the step must be divided or leaves the bounds."""
 
+# Feedback gain, Gamma, v_hat, theta_hat, step and bounds to the state after the step.
 DirectStep = Callable[
     [float, tuple[float, ...], float, Four, Step, tuple[Four, Four]], NewState]
-"""Feedback gain, Gamma, v_hat, theta_hat, step and bounds to the state after the step."""
 
 
 def no_direct_step(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,

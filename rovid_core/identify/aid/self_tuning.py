@@ -37,24 +37,18 @@ from rovid_core.settings.run import Scales
 Array = NDArray[np.float64]
 Bounds = tuple[Four, Four]
 
+# Time in motion [s] after which Gamma is first taken from the data; then whenever it doubles.
 FIRST_LEARNED = 20.0
-"""Time in motion [s] after which Gamma is first taken from the data; then whenever it doubles."""
-
+# Least share of a mean square that the other regressors are taken to leave unexplained.
 MIN_SHARE = 0.03
-"""Least share of a mean square that the other regressors are taken to leave unexplained."""
-
+# Least mean squares of the regressors, in typical ones; smaller ones are mostly noise.
 MIN_SQUARES = (MIN_EXCITATION, MIN_MOTION**2, MIN_MOTION, 1.0)
-"""Least mean squares of the regressors, in typical ones; smaller ones are mostly noise."""
-
 MAX_REFUSED = 5  # refused steps in a row after which the data that Gamma comes from are forgotten
-
+# Steps with more than so many typical forces or velocities are left out of Gamma.
 MAX_TYPICAL = 1000.0
-"""Steps with more than so many typical forces or velocities are left out of Gamma."""
-
 MEAN_SHARE = 0.3  # memory of the running mean, as a share of the time in motion so far
-
+# Longest memory of the running mean [s], so that it follows a vehicle that changes.
 MAX_MEMORY = 40.0
-"""Longest memory of the running mean [s], so that it follows a vehicle that changes."""
 
 
 def full_gain_rates(a: float, gamma: tuple[float, ...], state: Five, v: float, tau: float) -> Five:
@@ -140,8 +134,8 @@ def _direct_heun(a: float, gamma: tuple[float, ...], v: float, theta: Four, step
     return None
 
 
+# To rounding the same as ``INTEGRATORS`` with ``full_gain_rates``.
 DIRECT_STEPS: dict[str, DirectStep] = {'euler': _direct_euler, 'heun': _direct_heun}
-"""To rounding the same as ``INTEGRATORS`` with ``full_gain_rates``."""
 
 
 class FullGainIdentifier(AdaptiveIdentifier):

@@ -17,12 +17,9 @@ from rovid_core.model.plant import lumped, physical
 from rovid_core.model.trajectory import Array, midpoint_steps
 from rovid_core.settings.run import Settings, SettingsError
 
+# A term that takes less than this share of the thrust at top speed is as good as known once it is
+# known to that share: a drag of 0 can not be known to any percentage.
 SHARE = 0.05
-"""
-A term that takes less than this share of the thrust at top speed is as good as known once it
-is known to that share: a drag of 0 can not be known to any percentage.
-"""
-
 CHUNK = 32  # measurements that are squared together, which is quicker than one by one
 
 

@@ -38,22 +38,15 @@ from rovid_core.trials.planning.shapes import (
     times,
 )
 
+# [s] A longer trial is searched for as if it were this long; it then tells more of the same
 SEARCH_DURATION = 300.0
-"""[s] A longer trial is searched for as if it were this long; it then tells more of the same."""
-
 STEP = 0.1  # [s] of the integration; longer in the search, for all of which there are MAX_STEPS
-
 MAX_STEPS = 1000
-
 FINER = (1.3, 1.15, 1.06)  # by how much the search changes a shape, round by round
-
+# Forces that no model knows: of the largest thrust, and for how long [s]. They are added in the
+# choice of a shape. By the bare bound a few newtons would do, held for minutes: it takes every
+# millimetre of slow drift for drag, and in water much else drifts.
 DISTURBANCE, DISTURBANCE_TIME = 0.01, 1.0
-"""
-Forces that no model knows: of the largest thrust, and for how long [s]. They are added in the
-choice of a shape. By the bare bound a few newtons would do, held for minutes: it takes every
-millimetre of slow drift for drag, and in water much else drifts.
-"""
-
 MARGIN = 0.98  # of the limits of speed and room: commands are held, and thrusters lag
 NAIVE = 0.25  # [Hz] of the sinusoid to compare with, which is that of eq. 13 of the paper
 

@@ -19,13 +19,10 @@ from rovid_core.model.trajectory import Array
 from rovid_core.trials.tuning.log import CommandedForce, Segment
 
 NS = 1e-9
-
 FOLDS = 8  # blocks of time of equal length; each is held out once
-
+# [s] Shorter steps are joined: a vehicle's velocity hardly bends in this time, and the impulse
+# over it is exact whatever the delay
 STEP = 0.2
-"""[s] Shorter steps are joined: a vehicle's velocity hardly bends in this time, and the
-impulse over it is exact whatever the delay."""
-
 MIN_STEPS = 8  # a piece with fewer says nothing
 
 

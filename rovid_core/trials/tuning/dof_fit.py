@@ -22,8 +22,6 @@ ITERATIONS = 10
 SETTLED = 1e-4  # relative change of the cost after which an iteration ends
 HUBER_LIMIT = 2.0  # residuals beyond this many median ones count less and less (Huber)
 MIN_INFORMATION = 1e-6  # of the largest: what the data do not show stays where it was
-
-
 MIN_TIME = 60.0  # [s] of steps, for less the blocks are too short to be predicted
 MIN_GAIN = 0.05  # a model has to be this much better than a constant velocity for a DOF to count
 

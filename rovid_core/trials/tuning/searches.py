@@ -32,8 +32,8 @@ from rovid_core.trials.tuning.dof_fit import Dof
 from rovid_core.trials.tuning.log import CommandedForce, Segment, TuningLog, turnable, turned
 
 HEADING_STEP = math.radians(15.0)
+# Around the best so far the grid of ``HEADING_STEP`` is refined to this share.
 HEADING_FINER = (0.25, 0.0625, 0.0156)
-"""Around the best so far the grid of ``HEADING_STEP`` is refined to this share."""
 
 
 def tune_heading(log: TuningLog, dofs: Sequence[Dof], commanded: CommandedForce,
@@ -97,9 +97,8 @@ class _Turned:
 
 DELAYS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
 LAGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0)  # [s] where the search begins
-
+# Around the best so far the grid is refined to this share of its spacing.
 THRUST_FINER = (0.5, 0.125)
-"""Around the best so far the grid is refined to this share of its spacing."""
 
 
 def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settings,
@@ -145,14 +144,11 @@ def _near(value: float, grid: Sequence[float], finer: float) -> list[float]:
 
 
 KEY = 'thrusters.deadband'
-
+# Of a large command: the dead-bands that are tried first.
 SHARES = (0.0, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3)
-"""Of a large command: the dead-bands that are tried first."""
-
 LARGE = 0.95  # quantile of the sizes of the commands that counts as a large one
-
+# Then these are tried around the best one, in shares of the way to its neighbours.
 DEADBAND_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
-"""Then these are tried around the best one, in shares of the way to its neighbours."""
 
 
 def tune_deadband(log: TuningLog, dofs: Sequence[Dof], settings: Settings,
@@ -224,8 +220,8 @@ class _Candidates:
         self.commanded += forces
 
 
+# A term has to lower the error by this share to be kept: without it the model is simpler.
 WORTH = 0.01
-"""A term has to lower the error by this share to be kept: without it the model is simpler."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
 from rovid_core.trials.tuning.cross_validation import (
     blocks,
-    Change,
     fold_bounds,
     ParallelMap,
     Result,
@@ -157,6 +156,3 @@ def _rounded(stage: Stage) -> Stage:
         key: change if change.after == change.before else
         replace(change, after=float(f'{change.after:.{DIGITS}g}'))
         for key, change in stage.keys.items()})
-
-
-__all__ = ['Change', 'reading_settings', 'Stage', 'TermsChange', 'tune', 'Tuned', 'TuningError']

@@ -161,9 +161,8 @@ def _line(data: HealthData, missing: set[str]) -> str:
     return f'{line}; missing: {", ".join(lost)}' if lost else line
 
 
+# [s] Between two lines about what was refused; the limits of all lines are per period
 PERIOD = 10.0
-"""[s] Between two lines about what was refused; the limits of all lines are per period."""
-
 MAX_WARNINGS = 10  # largest number of warnings in one period
 
 

@@ -15,10 +15,8 @@ from rovid_ros.node.transport.publishers import best_effort
 from rovid_ros.results.outputs import TOPICS
 
 LISTED = 3  # largest number of type names in a line; there could be any number in the graph
-
+# What rmw calls a node of which only an endpoint has been discovered yet.
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
-"""What rmw calls a node of which only an endpoint has been discovered yet."""
-
 SIMILARITY = 0.5  # how similar the names of two topics have to be for a hint
 
 

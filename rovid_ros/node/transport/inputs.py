@@ -22,7 +22,8 @@ from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.input_topics import inputs_of, section
-from rovid_ros.messages.converter import Converter, FieldError, Unpacker
+from rovid_ros.messages.converter import Converter, Unpacker
+from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import MAX_MESSAGE_SIZE, typestore, WireType
 from rovid_ros.node.recorder import Received
 from rovid_ros.node.transport.publishers import best_effort, DEPTH, latched, reliable
@@ -30,9 +31,8 @@ from rovid_ros.node.transport.wire_encoding import definition, import_type, Mess
 
 LATE = 0.5  # [s] the node is behind when the oldest message of a batch has waited longer than this
 LARGEST_DECIMATION = 64  # at least one message in so many is always used
-
+# Gap between two used messages of an input, as a share of its timeout, that is never exceeded.
 SHARE_OF_TIMEOUT = 0.3
-"""Gap between two used messages of an input, as a share of its timeout, that is never exceeded."""
 
 
 def message_classes(settings: Settings, converter: Converter) -> dict[str, type[Any]]:

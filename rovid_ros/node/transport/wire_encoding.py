@@ -12,12 +12,11 @@ import struct
 import sys
 from typing import Any
 
+# Primitive types whose name in rclpy is not that in a .msg file.
 DEFINITION_NAMES = {
     'boolean': 'bool', 'octet': 'byte', 'float': 'float32', 'double': 'float64'}
-"""Primitive types whose name in rclpy is not that in a .msg file."""
 
 Append = Callable[[bytearray, Any], None]  # appends a value to the bytes of a message
-
 _LITTLE = sys.byteorder == 'little'
 _ENCAPSULATION = bytes((0, int(_LITTLE), 0, 0))  # of CDR; alignment counts from behind it
 _FORMATS = {

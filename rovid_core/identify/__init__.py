@@ -31,18 +31,9 @@ METHODS: dict[str, Callable[[Scales, IdentifierSettings, Four | None], Identifie
 def make_identifier(settings: IdentifierSettings, dof: DofSettings,
                     raw_gains: Four | None = None) -> Identifier:
     """
-    Return the configured identifier for one DOF.
+    Return the configured identifier for one DOF; raises SettingsError if there is no such method.
 
-    Parameters
-    ----------
-    raw_gains : tuple of 4 floats, optional
-        The diagonal of Gamma for this DOF where the settings give raw gains (``aid``).
-
-    Raises
-    ------
-    SettingsError
-        If there is no such method.
-
+    ``raw_gains`` is the diagonal of Gamma where the settings give raw gains (``aid``).
     """
     if settings.method not in METHODS:
         raise SettingsError(
@@ -55,13 +46,7 @@ def retuned_identifier(identifier: Identifier, settings: IdentifierSettings, dof
     """
     Return an identifier with other gains that continues with the state of a given one.
 
-    Parameters
-    ----------
-    identifier : Identifier
-        Made with the same method, DOF and integrator. It must not be used afterwards.
-    settings, dof, raw_gains
-        As in :func:`make_identifier`.
-
+    That was made with the same method, DOF and integrator, and must not be used afterwards.
     """
     keeps_gains = isinstance(identifier, SelfTuningIdentifier) and raw_gains is None
     if keeps_gains or not isinstance(identifier, AdaptiveIdentifier):

@@ -126,9 +126,9 @@ class Gram:
 def add_products(sums: Sums, steps: Sequence[Step], force_scale: float = 1.0,
                  velocity_scale: float = 1.0) -> Sums:
     """
-    Return the sums of phi phi' dt with those of some steps added, in their order.
+    Return the 10 sums of phi phi' dt with those of some steps added, in their order.
 
-    ``sums`` are 10 floats. Many steps at once cost half as much as one by one.
+    Many steps at once cost half as much as one by one.
     """
     a, ab, ac, ad, b, bc, bd, c, cd, d = sums
     for step in steps:
@@ -154,11 +154,7 @@ class Excitation:
     """
     The Gram matrix of one DOF: with a fading memory, and of everything since the start.
 
-    Parameters
-    ----------
-    memory : float
-        Time [s] after which data count 1/e in the fading one.
-
+    ``memory`` is the time [s] after which data count 1/e in the fading one.
     """
 
     def __init__(self, scales: Scales, memory: float) -> None:

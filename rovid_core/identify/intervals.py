@@ -56,18 +56,10 @@ def intervals(parameters: Sequence[float], covariance: Sequence[float]) -> dict[
     """
     Return the 95 % interval of each lumped and physical parameter by name.
 
-    Parameters
-    ----------
-    covariance : sequence of 16 floats
-        Covariance of the parameters, row-major, 0 for left-out terms; empty if there is none.
-
-    Returns
-    -------
-    dict of str to (low, high)
-        An end that the data leave open is infinite. A left-out term has no interval. Intervals
-        of masses and drags are cut to physical values (at least 0), unless the whole interval
-        is negative: such data contradict the model, and the user should see it.
-
+    ``covariance`` has 16 floats, row-major, 0 for left-out terms; it is empty if there is none. An
+    end that the data leave open is infinite. A left-out term has no interval. Intervals of masses
+    and drags are cut to physical values (at least 0), unless the whole interval is negative: such
+    data contradict the model, and the user should see it.
     """
     if len(covariance) != 16 or not all(map(math.isfinite, (*parameters, *covariance))):
         return {}

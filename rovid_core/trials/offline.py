@@ -43,16 +43,8 @@ def with_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) 
     """
     Identify by eq. 5 and 6: position filtered without phase and differentiated twice.
 
-    Parameters
-    ----------
-    cutoff : float
-        Cutoff of the zero-phase low-pass on position and thrust [Hz].
-
-    Returns
-    -------
-    Fit
-        Without covariance: the residuals are filtered noise, not white.
-
+    ``cutoff`` [Hz] is that of the zero-phase low-pass on position and thrust. There is no
+    covariance, as the residuals are filtered noise, not white.
     """
     parts: list[Array] = []
     targets: list[Array] = []
@@ -82,8 +74,8 @@ def without_acceleration(records: Sequence[Record], scales: Scales, cutoff: floa
     Identify by eq. 3 passed through a low-pass, whose derivative needs no acceleration.
 
     The filtered acceleration is the difference of the filtered velocity; thrust and drag go
-    through the same filter (the approach of the paper's references 2, 15 and 22).
-    Parameters and result as in ``with_acceleration``.
+    through the same filter (the approach of the paper's references 2, 15 and 22). There is no
+    covariance.
     """
     parts: list[Array] = []
     targets: list[Array] = []
@@ -135,24 +127,12 @@ def adaptive_identifier(records: Sequence[Record], scales: Scales, adaptation_ti
     Identify by the paper's identifier in three passes over the trial, the last one slower.
 
     Gamma is the inverse of the trial's mean of phi phi', so that every combination of the
-    parameters settles in the same time, also those that a slow sinusoid hardly shows. The
-    result is the mean over the second half of the last pass, which averages the noise.
-    The velocity is not filtered, because a filter would bias the drag. With Runge-Kutta the
-    result is unbiased. Euler and Heun have the bias of their steps, and take the noise of the
-    velocity and its echo in v_hat for drag, less so with divided steps (``PIECES``).
-
-    Parameters
-    ----------
-    adaptation_time : float
-        Of the identifier [s]; it scales the times of all passes.
-    integrator : str
-        ``rk4`` as in the paper, ``heun`` or ``euler``.
-
-    Returns
-    -------
-    Fit
-        Without covariance.
-
+    parameters settles in the same time, also those that a slow sinusoid hardly shows. The result
+    is the mean over the second half of the last pass, which averages the noise; it has no
+    covariance. The velocity is not filtered, because a filter would bias the drag. With
+    Runge-Kutta (``rk4``, as in the paper) the result is unbiased. Euler and Heun have the bias of
+    their steps, and take the noise of the velocity and its echo in v_hat for drag, less so with
+    divided steps (``PIECES``). ``adaptation_time`` [s] scales the times of all passes.
     """
     steps = [record.steps() for record in records]
     half = 0.5 * sum(step.dt for sequence in steps for step in sequence)

@@ -26,21 +26,11 @@ MODEL_ERROR = 3.0
 
 def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     """
-    Fit the model to a trial.
+    Fit the model to a trial, and position and velocity at the start of each of its records.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        Of the trial. Position and velocity at the start of each record are fitted too.
-
-    Returns
-    -------
-    Fit
-        With the covariance from curvature and residuals. The integrated path of a vehicle that
-        turns drifts, because noise of the attitude enters it: a random walk in the residuals
-        is detected and whitened. Correlation that remains over up to ``MAX_LAG`` steps
-        enlarges the covariance.
-
+    The covariance is from curvature and residuals. The integrated path of a vehicle that turns
+    drifts, because noise of the attitude enters it: a random walk in the residuals is detected and
+    whitened. Correlation that remains over up to ``MAX_LAG`` steps enlarges the covariance.
     """
     problem = Residuals(records, scales, all(len(r.position) for r in records))
     if not problem.size:
@@ -57,11 +47,7 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
 
 
 def information(records: Sequence[Record], scales: Scales, parameters: Four) -> Information | None:
-    """
-    Return the Cramer-Rao bound of a trial at ``parameters``, for the noise that it shows.
-
-    None if it is too short.
-    """
+    """Return the Cramer-Rao bound of a trial for the noise it shows, None if it is too short."""
     problem = Residuals(records, scales, all(len(r.position) for r in records))
     if not problem.size:
         return None

@@ -103,18 +103,9 @@ def in_parallel(work: Callable[[Given], Made], given: Sequence[Given],
     """
     Return ``work`` of each, in order; with one core, or no fork, it is done one by one.
 
-    Parameters
-    ----------
-    work : callable
-        What it reaches is shared with the workers as it is now; what it changes is lost.
-    workers : int, optional
-        Number of processes; one per core if it is not given.
-
-    Raises
-    ------
-    WorkerError
-        If the system ended a worker; what ``work`` raises comes out as it is.
-
+    What it reaches is shared with the workers as it is now; what it changes is lost. ``tick`` is
+    told now and then how many are done. There is a process per core, or ``workers``. Raises
+    WorkerError if the system ended one; what ``work`` raises comes out as it is.
     """
     workers = min(len(given), _cores() if workers is None else workers)
     if workers < 2:

@@ -130,16 +130,8 @@ def propose(settings: Settings, models: Sequence[Identified], request: Request) 
     """
     Plan a profile for each DOF that is asked for; the others get no thrust.
 
-    Parameters
-    ----------
-    settings : Settings
-        The vehicle, its sensors, and the initial values for DOFs that have no model.
-
-    Raises
-    ------
-    CommandError, UsageError, SettingsError
-        If the DOFs, the limits or the thrusters do not allow it.
-
+    A DOF without a model has its initial values. Raises CommandError, UsageError or SettingsError
+    if the DOFs, the limits or the thrusters do not allow it.
     """
     dofs = _dofs(settings, request)
     limits = _limits_within_thrusters(

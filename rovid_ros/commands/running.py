@@ -162,11 +162,7 @@ def check_written(written: Sequence[Path | None], read: Sequence[Path | None]) -
     """
     Refuse to write over what is read, twice to one file, or to where nothing can be.
 
-    Raises
-    ------
-    CommandError
-        Names the first path that cannot be written; None in the sequences is no path.
-
+    Raises CommandError, which names the first path that cannot be written. None is no path.
     """
     sources = [_real(path) for path in read if path is not None]
     seen: list[Path] = []

@@ -106,14 +106,9 @@ def plan_trials(output: Path, duration: float, seed: int,
     """
     Lay out the trials of one call.
 
-    Each starts a minute after the end of the one before, with a seed that is one higher.
-
-    Parameters
-    ----------
-    output : Path
-        ``{}`` in it stands for the trial's number, from 1. Without it a single trial is
-        written there, and of several ``out.mcap`` the first to ``out-1.mcap``.
-
+    Each starts a minute after the end of the one before, with a seed that is one higher. ``{}`` in
+    the name of the output stands for the trial's number, from 1. Without it a single trial is
+    written there, and of several ``out.mcap`` the first to ``out-1.mcap``.
     """
     name = str(output)
     if not NUMBER.search(name) and len(profiles) > 1:

@@ -189,13 +189,9 @@ def compare(trials: Sequence[Trial], settings: Settings, for_each: ForEach) -> l
     """
     Identify by each method from each training log and score the models on all logs.
 
-    Returns
-    -------
-    list of Model
-        Per training log, DOF and method: with the configured terms, then, for the offline
-        methods, with the best choice of terms by the error on the other logs (on the log
-        itself where there is only one).
-
+    Return per training log, DOF and method: with the configured terms, then, for the offline
+    methods, with the best choice of terms by the error on the other logs (on the log itself where
+    there is only one).
     """
     pairs = [(trial, dof) for trial in trials if trial.trains for dof in settings.dofs]
     chosen = for_each('terms', lambda pair: _best_terms(*pair, settings, trials), pairs)

@@ -296,13 +296,7 @@ def edited(path: Path, changes: Mapping[str, float | tuple[str, ...]]) -> str:
     Return the text of a parameter file, which has ``dofs``, with other values.
 
     ``changes`` has the new number, or words of a list, by dotted name. A key that the file does
-    not have goes to its neighbours.
-
-    Raises
-    ------
-    ParameterFileError
-        If the file cannot be read.
-
+    not have goes to its neighbours. Raises ParameterFileError if the file cannot be read.
     """
     entries = read(path)
     text = path.read_bytes().decode('utf-8-sig')

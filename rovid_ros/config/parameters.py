@@ -32,20 +32,11 @@ MESSAGE_TYPE = re.compile(r'[A-Za-z]\w*/msg/[A-Za-z]\w*', re.ASCII)
 
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """
-    Build the settings of a run.
+    Build the settings of a run from parameters by their dotted names.
 
-    Parameters
-    ----------
-    values : mapping
-        Parameters by their dotted names, from a parameter file or from a node's overrides.
-        Those left out take their defaults; a node's own ROS parameters are ignored.
-
-    Raises
-    ------
-    SettingsError
-        For a key that there is not and a value that its key does not take; it names the
-        key, what it got and what it takes.
-
+    Those left out take their defaults; a node's own ROS parameters are ignored. Raises
+    SettingsError for a key that there is not and a value that its key does not take; it names the
+    key, what it got and what it takes.
     """
     given = check(values)
     tree: dict[str, Any] = {}
@@ -77,13 +68,8 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     """
     Return the settings with other values of live keys, all of them or none.
 
-    ``changes`` is by dotted key; an empty list stands for a key that is left out.
-
-    Raises
-    ------
-    SettingsError
-        As :func:`settings_from`, and for a key that takes no change while the node runs.
-
+    ``changes`` is by dotted key; an empty list stands for a key that is left out. Raises
+    SettingsError as :func:`settings_from`, and for a key that takes no change while the node runs.
     """
     keys = {key.name: key for key in KEYS}
     tree: dict[str, Any] = {}

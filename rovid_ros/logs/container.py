@@ -237,18 +237,8 @@ def inflate(data: bytes, compression: str, name: str, size: int) -> bytes:
     """
     Decompress a chunk, or as much of it as can be had.
 
-    No more comes out than one byte beyond what it says, nor than ``MAX_BLOCK_SIZE``.
-
-    Parameters
-    ----------
-    size : int
-        What the chunk says that is in it [bytes].
-
-    Raises
-    ------
-    LogError
-        If the compression is another.
-
+    No more comes out than one byte beyond the ``size`` that the chunk says, nor than
+    ``MAX_BLOCK_SIZE``. Raises LogError if the compression is another.
     """
     if compression in ('', 'none'):
         return data

@@ -122,11 +122,7 @@ class Log:
         """
         Refuse a log that lacks a topic, or has it with another type; '' is any type.
 
-        Raises
-        ------
-        LogError
-            Names the topic, the nearest one and those that are there.
-
+        Raises LogError, which names the topic, the nearest one and those that are there.
         """
         there = sorted(name for name, info in self.topics.items() if info.count != 0)
         for topic, type in topics.items():
@@ -148,19 +144,10 @@ class Log:
         """
         Yield the decoded messages of some topics; those that the log lacks are left out.
 
-        Parameters
-        ----------
-        start, duration : float
-            Part of the log [s], from its first message on any topic.
-        make : callable, optional
-            Gets a topic, how its messages are written and their decoder; returns what makes
-            the data of bytes and log time. Without it, they are decoded as a whole.
-
-        Raises
-        ------
-        LogError
-            If a topic cannot be decoded.
-
+        ``start`` and ``duration`` are a part of the log [s], from its first message on any topic.
+        ``make`` gets a topic, how its messages are written and their decoder; it returns what
+        makes the data of bytes and log time. Without it, they are decoded as a whole. Raises
+        LogError if a topic cannot be decoded.
         """
         # by identity: comparing channels for every message would take a third of the time
         makers = {id(channel): self._maker(channel, make)

@@ -113,11 +113,8 @@ class LogWriter:
         """
         Write a message that is serialised already.
 
-        Parameters
-        ----------
-        definition : str, optional
-            Text of the type's definition; needed where the type does not come with ROS 2.
-
+        The type's definition is needed where it does not come with ROS 2; the rest is as in
+        ``write``.
         """
         schema = self._schemas.get((type, definition))
         if schema is None:

@@ -130,23 +130,10 @@ class Converter:
     def events(self, topic: str, message: Any, receive_time: int,
                origin: Any = None) -> list[Event]:
         """
-        Convert a message.
+        Convert a message, of rclpy or the dataclass that a log is decoded to.
 
-        Parameters
-        ----------
-        message : object
-            An rclpy message or the dataclass that a log is decoded to.
-
-        Returns
-        -------
-        events : list of Event
-            One per event time, which is one unless inputs differ in latency or stamp.
-
-        Raises
-        ------
-        FieldError
-            If the type of the message has no such field.
-
+        Return one event per time, which is one unless inputs differ in latency or stamp. Raises
+        FieldError if the type of the message has no field that is configured.
         """
         accesses = self._accesses.get((topic, type(message)))
         if accesses is None:
@@ -186,13 +173,8 @@ class Converter:
         """
         Refuse settings that do not fit a topic's type, before any message comes.
 
-        ``blank`` is a message of the type with default values only.
-
-        Raises
-        ------
-        FieldError
-            Names the input, the path, the type and the fields that are there.
-
+        ``blank`` is a message of the type with default values only. Raises FieldError, which names
+        the input, the path, the type and the fields that are there.
         """
         for source in self._sources.get(topic, ()):
             _has_stamp(source, blank)
@@ -228,13 +210,7 @@ class Unpacker:
 
     A message is decoded as a whole, and converted, unless it has the layout of one that was:
     then its values are read from where they were, to the same bits. What cannot be decoded is
-    left to the decoder, also a message that lacks its end.
-
-    Parameters
-    ----------
-    decode : callable
-        From bytes to a message; what it raises is passed on.
-
+    left to the decoder, also a message that lacks its end; what ``decode`` raises is passed on.
     """
 
     def __init__(self, converter: Converter, topic: str, wire: WireType,

@@ -78,16 +78,10 @@ class SensorMessages:
 
     def messages(self, time: int, values: Mapping[str, Values]) -> list[SensorMessage]:
         """
-        Return the messages of one instant.
+        Return the messages of one instant [ns].
 
-        Parameters
-        ----------
-        time : int
-            Event time [ns].
-        values : mapping of str to tuple of float
-            Value of each input that was measured then, in body FLU, world ENU and SI units.
-            A topic that serves several inputs is sent when all of them are there.
-
+        ``values`` has each input that was measured then, in body FLU, world ENU and SI units. A
+        topic that serves several inputs is sent when all of them are there.
         """
         return [
             SensorMessage(

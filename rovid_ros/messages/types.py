@@ -68,22 +68,10 @@ def normalised(name: str) -> str:
 @cache
 def typestore(name: str, definition: str, idl: bool = False) -> Typestore:
     """
-    Return a store that has the type.
+    Return a store that has the type, which is named as by ``normalised``.
 
-    Parameters
-    ----------
-    name : str
-        As in ``normalised``.
-    definition : str
-        Text of the definition, with those of the types in it; '' takes what ROS 2 has.
-    idl : bool
-        Whether the text is IDL.
-
-    Raises
-    ------
-    TypeUnknownError
-        If there is no definition or it makes no sense.
-
+    The definition has those of the types in it; '' takes what ROS 2 has. ``idl`` tells whether it
+    is IDL. Raises TypeUnknownError if there is no definition or it makes no sense.
     """
     problem = 'no definition of it is at hand'
     if definition:
@@ -185,19 +173,10 @@ def _deserialized(store: Typestore, name: str, data: bytes) -> Any:
 
 def build(store: Typestore, name: str, fields: Mapping[str, Any]) -> Any:
     """
-    Return a message made from plain values.
+    Return a message made from plain values; raises FieldError if the type has no such field.
 
-    Parameters
-    ----------
-    fields : mapping
-        Values by field name, mappings for messages in it; those left out get their default. A
-        mapping from index to value stands for an array with defaults in between.
-
-    Raises
-    ------
-    FieldError
-        If the type has no such field.
-
+    Values are by field name, mappings for messages in it; those left out get their default. A
+    mapping from index to value stands for an array with defaults in between.
     """
     return _builder(store, name)(fields)
 

@@ -24,11 +24,7 @@ class LiveCheck:
     """
     Listen to a vehicle for some seconds; nothing is published.
 
-    Parameters
-    ----------
-    namespace : str
-        Of the node that is going to run; relative topics are in it.
-
+    The namespace is that of the node that is going to run; relative topics are in it.
     """
 
     def __init__(self, settings: Settings, findings: Findings, namespace: str = '') -> None:

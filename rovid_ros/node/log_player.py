@@ -28,16 +28,8 @@ class NodePlayer:
     """
     Plays a log through the node, which gets its messages from here, not by subscriptions.
 
-    Parameters
-    ----------
-    rate : float, optional
-        Times real time; as fast as it goes when left out.
-
-    Raises
-    ------
-    ValueError
-        If the node refuses a value.
-
+    It plays at ``rate`` times real time, or as fast as it goes. Raises ValueError if the node
+    refuses a value.
     """
 
     def __init__(self, values: Mapping[str, Any], settings: Settings, rate: float | None) -> None:

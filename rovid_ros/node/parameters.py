@@ -92,23 +92,8 @@ class ParameterNode(ManagedNode):
     """
     A managed node with all parameters of the table, whose live ones can be set as it runs.
 
-    Parameters
-    ----------
-    values : mapping
-        Parameters by dotted key; ``-p`` overrides win.
-    autostart : bool
-        True: start whatever the parameter says.
-
-    Attributes
-    ----------
-    changes : dict
-        What live keys have been set to since the beginning; they last as long as the node.
-
-    Raises
-    ------
-    ValueError
-        If it starts by itself and something is wrong with a parameter.
-
+    ``-p`` overrides win over ``values``. With ``autostart`` it starts whatever the parameter says.
+    Raises ValueError if it starts by itself and something is wrong with a parameter.
     """
 
     def __init__(self, name: str, values: Mapping[str, Any], *, autostart: bool) -> None:

@@ -35,16 +35,8 @@ class Recorder:
     was flushed outlasts the process at once and a loss of power a moment later: a thread of its
     own brings it to the disk, for on a slow card that takes longer than a message may wait.
 
-    Parameters
-    ----------
-    path : Path
-        Where to; an existing file is kept, and the next free ``name-1.mcap`` taken.
-
-    Raises
-    ------
-    SettingsError
-        If the file could not be written.
-
+    An existing file is kept, and the next free ``name-1.mcap`` taken. Raises SettingsError if the
+    file could not be written.
     """
 
     def __init__(self, path: Path, definition: Callable[[str], str],

@@ -146,17 +146,8 @@ class FullGainIdentifier(AdaptiveIdentifier):
     regressors R' phi it has a Gamma of 1, so eq. 9 to 12 hold, with
     W = (dv^2 + dtheta' Gamma^-1 dtheta) / 2.
 
-    Parameters
-    ----------
-    feedback : float
-        |a| of eq. 7 [1/s].
-    gamma : ndarray, shape (4, 4)
-        Gamma of eq. 11, symmetric; 0 for terms that are left out.
-    integrator : str
-        As in ``AdaptiveIdentifier``.
-    min_pieces : int
-        Every step is divided into at least so many pieces.
-
+    ``feedback`` is |a| of eq. 7 [1/s]; ``gamma`` is Gamma of eq. 11, shape (4, 4), symmetric, 0
+    for terms that are left out. Every step is divided into at least ``min_pieces``.
     """
 
     def __init__(self, scales: Scales, feedback: float, gamma: Array, integrator: str,
@@ -209,17 +200,10 @@ class FullGainIdentifier(AdaptiveIdentifier):
 def inverse_gram(mean: Array, scales: Scales, min_squares: Sequence[float],
                  min_share: float) -> Array:
     """
-    Return the inverse of the mean of phi phi', 0 for terms that are left out.
+    Return the inverse of the mean of phi phi', 0 for terms that are left out, shape (4, 4).
 
-    Parameters
-    ----------
-    mean : ndarray, shape (4, 4)
-        In SI units.
-    min_squares : sequence of 4 floats
-        Least mean squares, in typical ones.
-    min_share : float
-        Least share of a mean square that the other regressors are taken to leave unexplained.
-
+    The mean is in SI units. ``min_squares`` are least mean squares, in typical ones. ``min_share``
+    is the least share of a mean square that the other regressors are taken to leave unexplained.
     """
     active = np.array(scales.active)
     least = np.array(min_squares) / np.array(scales.regressor)**2

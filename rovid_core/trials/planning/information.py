@@ -165,17 +165,9 @@ def bounds(vehicles: Vehicles, sensor: Sensor, force: Array, dt: float) -> tuple
 
 def disturbance(vehicles: Vehicles, force: Array, dt: float, density: float) -> Array:
     """
-    Return the covariance of the physical parameters that unknown forces cause.
+    Return the covariance of the physical parameters that unknown forces cause, (p, v, 4, 4).
 
-    Parameters
-    ----------
-    density : float
-        Of the unknown forces, white noise [N^2 s or N^2 m^2 s].
-
-    Returns
-    -------
-    covariance : ndarray, shape (p, v, 4, 4)
-
+    ``density`` is that of the forces, which are white noise [N^2 s or N^2 m^2 s].
     """
     raw = regression(vehicles.parameters, force, dt)
     return density * _inverse(raw, vehicles)
@@ -201,18 +193,8 @@ def information(parameters: Array, force: Array, dt: float, of_velocity: bool) -
     """
     Return the Fisher information for measurements after each step with unit white noise.
 
-    Parameters
-    ----------
-    parameters, force, dt
-        As in ``reach``.
-    of_velocity : bool
-        Whether the velocity is measured, not the position.
-
-    Returns
-    -------
-    information : ndarray, shape (p, v, 6, 6) or (p, v, 5, 5)
-        Of alpha, beta, gamma, delta, the velocity and, if measured, the position at the start.
-
+    Parameters are as in ``reach``. With ``of_velocity`` it is of alpha, beta, gamma, delta and the
+    velocity at the start, shape (p, v, 5, 5); else of the position at the start too, (p, v, 6, 6).
     """
     return _sum_of_squares(_slopes(parameters, force, dt, of_velocity))
 
@@ -221,17 +203,9 @@ def regression(parameters: Array, force: Array, dt: float) -> Array:
     """
     Return the information of exact measurements where white noise is on the force.
 
-    Parameters
-    ----------
-    parameters, force, dt
-        As in ``reach``.
-
-    Returns
-    -------
-    information : ndarray, shape (p, v, 4, 4)
-        Of the physical parameters, for noise with a density of 1 [N^2 s or N^2 m^2 s]: the
-        integral of the squared regressors of m v' + d_Q v|v| + d_L v + b = tau.
-
+    Parameters are as in ``reach``. It is of the physical parameters, shape (p, v, 4, 4), for noise
+    with a density of 1 [N^2 s or N^2 m^2 s]: the integral of the squared regressors of
+    m v' + d_Q v|v| + d_L v + b = tau.
     """
     before = np.zeros((force.shape[1], parameters.shape[1]))
 

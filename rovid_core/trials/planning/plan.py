@@ -97,11 +97,8 @@ def plan(vehicles: Vehicles, sensor: Sensor, limits: Limits) -> Plan:
     """
     Plan the profile of one DOF; it keeps the limits with all the vehicles, each from rest.
 
-    Raises
-    ------
-    PlanError
-        If the bias needs all the thrust, or nothing can be identified within the limits.
-
+    Raises PlanError if the bias needs all the thrust, or nothing can be identified within the
+    limits.
     """
     offset = rounded(vehicles.bias, 5)
     if not abs(offset) < 0.9 * limits.force:

@@ -79,20 +79,9 @@ def fold_bounds(segments: Sequence[Segment]) -> Array:
 
 def blocks(segments: Sequence[Segment], bounds: Array) -> Blocks | None:
     """
-    Divide a trial into blocks.
+    Divide a trial of one DOF into blocks; None if some fold has no piece.
 
-    Parameters
-    ----------
-    segments : sequence of Segment
-        The trial of one DOF.
-    bounds : ndarray, shape (FOLDS + 1,)
-        Of the folds [ns].
-
-    Returns
-    -------
-    Blocks or None
-        None if some fold has no piece.
-
+    ``bounds`` are those of the folds [ns], shape (FOLDS + 1,).
     """
     pieces: list[tuple[int, NDArray[np.int64], Array]] = []
     for segment in segments:
@@ -165,15 +154,9 @@ class Choice:
 
 def choose(scores: Array, current: int) -> Choice:
     """
-    Choose the candidate with the lowest mean score.
+    Choose the candidate with the lowest mean score; ``current`` is the one that is in use.
 
-    Parameters
-    ----------
-    scores : ndarray, shape (candidates, folds)
-        Errors; infinite for a candidate that does not work, but the current one.
-    current : int
-        The one that is in use.
-
+    ``scores`` are errors, shape (candidates, folds), infinite for a candidate that does not work.
     """
     total = scores.sum(axis=1)
     best = int(total.argmin())

@@ -60,17 +60,7 @@ class NormalEquations:
 
 
 class OutputError:
-    """
-    The fit of one DOF's model.
-
-    Parameters
-    ----------
-    blocks : Blocks
-        The trial; its measured velocities may be replaced in ``fit``.
-    cutoff : float
-        Of the low-pass through which velocities are compared [Hz].
-
-    """
+    """The fit of one DOF's model, which compares velocities through a low-pass [Hz]."""
 
     def __init__(self, blocks: Blocks, scales: Scales, cutoff: float) -> None:
         self.blocks, self.scales = blocks, scales
@@ -127,13 +117,8 @@ class OutputError:
         """
         Return the mean absolute error on each fold, shape (candidates, FOLDS) [m/s or rad/s].
 
-        Parameters
-        ----------
-        theta : ndarray, shape (4, candidates, pieces or 1)
-        start : ndarray, shape (candidates or 1, pieces)
-        force, target : ndarray, shape (steps, candidates or 1, pieces)
-            All in typical sizes.
-
+        All is in typical sizes: ``theta`` of shape (4, candidates, pieces or 1), ``start`` of
+        (candidates or 1, pieces), ``force`` and ``target`` of (steps, candidates or 1, pieces).
         """
         errors, error = np.empty(target.shape), np.zeros(target.shape[1:])
         steps = midpoint_steps(theta, start, self._dt, force)

@@ -24,17 +24,9 @@ class CommandedForce:
     """
     The force that was commanded on each DOF, before delay and lag.
 
-    ``impulse`` is that of ``Thrust``, for all times of a log at once.
-
-    Parameters
-    ----------
-    times : ndarray of int64, shape (n,)
-        Of the commands [ns], increasing.
-    forces : ndarray, shape (dofs, n)
-        [N or N m]
-    linear : bool
-        Whether the force goes in a straight line from one command to the next.
-
+    ``impulse`` is that of ``Thrust``, for all times of a log at once. The times of the commands
+    [ns] increase; ``forces`` has shape (dofs, n) [N or N m]. ``linear`` lets the force go in a
+    straight line from one command to the next.
     """
 
     def __init__(self, times: NDArray[np.int64], forces: Array, linear: bool) -> None:

@@ -154,20 +154,9 @@ DEADBAND_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
 def tune_deadband(log: TuningLog, dofs: Sequence[Dof], settings: Settings,
                   pair: tuple[float, float]) -> tuple[Stage, CommandedForce]:
     """
-    Find the dead-band, which all thrusters share.
+    Find the dead-band, which all thrusters share; return also the force with it.
 
-    Parameters
-    ----------
-    pair : tuple of 2 floats
-        Delay and lag of the thrust [s].
-
-    Returns
-    -------
-    stage : Stage
-        What was found.
-    commanded : CommandedForce
-        The force with the dead-band that was found.
-
+    ``pair`` is delay and lag of the thrust [s].
     """
     present = settings.thrusters.deadband
     candidates = _Candidates(log, dofs, settings, pair)

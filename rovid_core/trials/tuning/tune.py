@@ -79,20 +79,9 @@ def one_by_one(work: Callable[[int], Result], given: Sequence[int]) -> list[Resu
 def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lambda share: None,
          each: ParallelMap = one_by_one) -> Tuned:
     """
-    Tune with a log.
+    Tune with a log that was read with ``reading_settings``; TuningError if it tells nothing.
 
-    Parameters
-    ----------
-    log : TuningLog
-        Read with ``reading_settings`` settings.
-    done : callable
-        Told now and then which share of the work is done.
-
-    Raises
-    ------
-    TuningError
-        If the log tells nothing.
-
+    ``done`` is told now and then which share of the work is done.
     """
     if log.jumped:
         raise TuningError('time jumps back in it: take a part of it with --start and --duration')

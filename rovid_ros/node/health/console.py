@@ -30,13 +30,8 @@ class HealthMonitor:
     """
     Observes a stream and reports how it does.
 
-    Parameters
-    ----------
-    live : bool
-        False: the messages come from a log, so the publishers in the graph do not matter.
-    steady : callable
-        Returns the time [s] of a clock that is never set.
-
+    Unless ``live``, messages come from a log, so the publishers in the graph do not matter.
+    ``steady`` returns the time [s] of a clock that is never set.
     """
 
     def __init__(self, node: Node, stream: Stream, recorder: Recorder | None = None, *,

@@ -70,12 +70,7 @@ def graph_states(settings: Settings, node: Graph) -> dict[str, TopicState]:
     """
     Compare the graph with the configuration; return the state of each configured topic.
 
-    Parameters
-    ----------
-    node : Graph
-        Asked for publishers, types and QoS. Where it has subscribed itself, its profile
-        counts, else the one that hears most.
-
+    Where the node has subscribed itself, its profile counts, else the one that hears most.
     """
     converter = Converter(settings, lambda name, reason: None)
     return {topic: _state(topic, type_name, tuple(inputs_of(settings, topic)), node)

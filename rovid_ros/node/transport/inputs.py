@@ -83,12 +83,6 @@ class LoadShedding:
     batches before it took longer to process than their messages took to come. The decimation
     is halved again once nothing is late. What comes late because the process was paused is all
     used, also when the pause fell into the processing.
-
-    Attributes
-    ----------
-    decimation : int
-        One message in so many is used, and one whenever the last used one is long ago.
-
     """
 
     def __init__(self) -> None:
@@ -287,11 +281,7 @@ class InputDecoder:
     """
     Turns messages into events for the stream, or counts why they give none.
 
-    Parameters
-    ----------
-    keep : bool
-        Whether events carry the bytes that they came from, for a record.
-
+    With ``keep``, events carry the bytes that they came from, for a record.
     """
 
     def __init__(self, stream: Stream, converter: Converter, classes: dict[str, type[Any]],

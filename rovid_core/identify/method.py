@@ -28,9 +28,11 @@ class Identifier(Protocol):
        this state by ``restore`` continues with the same bits.
     7. Reading an attribute changes nothing.
 
-    ``uncertainty`` is an immutable value that says how well the parameters are known.
-    ``delay`` is the delay of the thrust [s], NaN if the method does not estimate it. ``note``
-    says what the method has noticed about vehicle and model, '' if nothing.
+    ``converged_share`` is the relative uncertainty of acceleration and alpha below which a
+    model of the method has converged. ``uncertainty`` is an immutable value that says how well
+    the parameters are known. ``delay`` is the delay of the thrust [s], NaN if the method does
+    not estimate it. ``note`` says what the method has noticed about vehicle and model, '' if
+    nothing.
     """
 
     parameters: Four
@@ -38,6 +40,7 @@ class Identifier(Protocol):
     delay: float = math.nan
     v_hat: float
     excitation: float
+    converged_share: float = 0.05
 
     @property
     def std(self) -> Four:
@@ -57,6 +60,11 @@ class Identifier(Protocol):
     @property
     def note(self) -> str:
         """Return what the method has noticed."""
+        return ''
+
+    @property
+    def doubt(self) -> str:
+        """Return why the model must not be used yet, however small its uncertainty is, or ''."""
         return ''
 
     def step(self, step: Step, adapt: bool = True) -> str:

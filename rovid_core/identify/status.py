@@ -13,10 +13,8 @@ from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
 STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invalid')
-# Relative uncertainty of acceleration and alpha below which a model has converged.
-CONVERGED = 0.05
-# Relative uncertainty above which a converged model is converging again (hysteresis).
-NO_LONGER_CONVERGED = 2.0 * CONVERGED
+# A converged model is converging again above this times the limit to become converged.
+HYSTERESIS = 2.0
 PERIOD = 1.0  # event time [s] from one judgement to the next
 
 
@@ -47,7 +45,8 @@ class DofStatus:
     The status is ``invalid`` when the last step was refused, ``frozen`` while nothing is
     adapted, and ``unexcited`` while there is no thrust. It is ``converged`` when the standard
     deviation of alpha, and that of the model's acceleration over the latest data, are below
-    ``CONVERGED`` times alpha and that acceleration. A method without a covariance has converged
+    the method's ``converged_share`` of alpha and that acceleration, and the method has no doubt
+    of its own. A method without a covariance has converged
     when the mean of its parameters changes the acceleration by less than this from one window of
     three adaptation times to the next, and the data show the mass. Otherwise the status is
     ``converging``.
@@ -108,10 +107,12 @@ class DofStatus:
         self._drift.window = max(3.0 * adaptation_time, 3.0 * PERIOD)
 
     def _judge(self, gram: Gram, identifier: Identifier) -> Judgement:
-        limit = NO_LONGER_CONVERGED if self._judgement.status == 'converged' else CONVERGED
+        limit = identifier.converged_share
+        if self._judgement.status == 'converged':
+            limit *= HYSTERESIS
         parameters, covariance = identifier.parameters, identifier.covariance
         if covariance:
-            reason = _uncertain(gram, parameters, covariance, limit)
+            reason = _uncertain(gram, parameters, covariance, limit) or identifier.doubt
         else:
             reason = self._drift.update(gram, parameters, self._time, limit)
         # a covariance that says that all is known outweighs the shape of the regressors

@@ -1,27 +1,38 @@
-"""The first seconds of the extended Kalman filter again, from a better linearisation."""
+"""The first seconds of the extended Kalman filter again, in steps of Gauss-Newton."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import fsum, sqrt
+from contextlib import suppress
+from math import fsum, inf, log, sqrt
 from statistics import median
 from typing import Any
 
-from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, CORRELATED, HUBER, Innovations
-from rovid_core.identify.ekf.linearised_filter import ALPHA, Bounds, DivergenceError
-from rovid_core.identify.ekf.step_filter import StepFilter
+from rovid_core.identify.ekf.filter_bank import Member
+from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, HUBER
+from rovid_core.identify.ekf.linearised_filter import Bounds, DivergenceError
+from rovid_core.identify.ekf.measurements import MeasurementClock
 from rovid_core.model.samples import Step
 
-DURATION = 20.0
-"""[s] of motion that are gone through again."""
+PERIOD = 20.0
+"""[s] of motion after which all of it is gone through again."""
 
-LONGEST = 3.0 * DURATION
-"""[s] after which they are given up, and later ones taken."""
+LONGEST, LONGEST_UNKNOWN = 2.9 * PERIOD, 5.9 * PERIOD
+"""[s] after which the filter goes on by itself, if it knows alpha and if it does not."""
 
 KNOWN = 0.2
-"""Relative std of alpha that they have to reach; before, there was too little thrust."""
+"""Relative std of alpha that is knowing it."""
 
-PASSES = 3
+USED, OUTLIER, UNLEARNED = range(3)
+"""What a step is: a measurement, one that does not count, one that tells the motion alone."""
+
+PASSES = 5
+
+SETTLED = 0.3
+"""Standard deviations that the parameters still move by when no pass is needed any more."""
+
+BUDGET = 6_000
+"""Steps that are gone through at once; where fixes come fast there are fewer passes."""
 
 LARGEST_NUMBER = 1e18
 """Far more than any force, velocity or time of a step."""
@@ -29,36 +40,56 @@ LARGEST_NUMBER = 1e18
 
 class BatchStart:
     """
-    What was measured since the filter began.
+    What was measured since the filter began; nothing of it is thrown away.
 
-    Each pass over it is linearised where the last one ended: a step of Gauss-Newton.
+    Each pass over it is linearised at fixed parameters, and ends with those that fit it all.
+
+    Parameters
+    ----------
+    new : callable
+        Makes a member at some parameters, for a size of the unknown acceleration.
+    force, velocity : float
+        The units.
+    bounds : Bounds
+        Of the parameters.
+
     """
 
-    def __init__(self) -> None:
-        self.duration = 0.0  # [s]
-        self._pieces: list[tuple[Step | float, bool]] = []
+    def __init__(self, new: Callable[[float, Sequence[float]], Member], force: float,
+                 velocity: float, bounds: Bounds) -> None:
+        self._new, self._force, self._velocity = new, force, velocity
+        self._bounds = bounds
+        self.clear()
 
-    def add(self, piece: Step | float, outlier: bool = False) -> None:
-        """Take a step, or the velocity at which the filter takes up."""
-        self._pieces.append((piece, outlier))
-        if isinstance(piece, Step):
+    def clear(self) -> None:
+        """Forget all."""
+        self.duration, self.next = 0.0, PERIOD  # [s]
+        self._pieces: list[tuple[Step | float, int]] = []
+
+    def add(self, piece: Step | float, use: int = USED) -> None:
+        """Add a step, or the velocity at which the filter takes up."""
+        self._pieces.append((piece, use))
+        if isinstance(piece, Step) and use != UNLEARNED:
             self.duration += piece.dt
 
-    def solve(self, new: Callable[[Sequence[float]], StepFilter], bounds: Bounds,
-              estimate: Sequence[float], noise: float) -> tuple[StepFilter, Innovations]:
+    def accept_last_outliers(self, count: int) -> None:
+        """Let the last outliers count: they were the vehicle."""
+        for k in range(max(len(self._pieces) - count, 0), len(self._pieces)):
+            self._pieces[k] = (self._pieces[k][0], USED)
+
+    def solve(self, member: Member, guesses: Sequence[Sequence[float]],
+              most: int = PASSES) -> Member:
         """
-        Return a filter that went through all this, and what its innovations say.
+        Return a member that went through all this at the parameters that fit it best.
 
         Parameters
         ----------
-        new : callable
-            Makes a filter at the initial values, linearised at the parameters it is given.
-        bounds : Bounds
-            Of the state.
-        estimate : sequence of 5 floats
-            Parameters and delay to begin with.
-        noise : float
-            Of a measurement, so far.
+        member : Member
+            As it went through it so far.
+        guesses : sequence of sequences of p floats
+            Parameters to begin with; the best end counts.
+        most : int
+            Passes at most.
 
         Raises
         ------
@@ -66,64 +97,85 @@ class BatchStart:
             If that leads nowhere.
 
         """
-        try:
-            found = self._passes(new, bounds, estimate, noise, False)
-            if found[1].correlation <= CORRELATED:
-                return found
-        except DivergenceError:
-            pass
-        return self._passes(new, bounds, estimate, noise, True)
+        count = len(guesses) * max(len(self._pieces), 1)
+        passes = min(max(BUDGET // count, 1), most)
+        best, least = None, inf
+        for theta in guesses:
+            with suppress(ArithmeticError):
+                found, value = self._iterate(member, theta, passes)
+                if value < least:
+                    best, least = found, value
+        if best is None:
+            raise DivergenceError('no pass came to an end')
+        return best
 
-    def _passes(self, new: Callable[[Sequence[float]], StepFilter], bounds: Bounds,
-                estimate: Sequence[float], noise: float, model_error: bool
-                ) -> tuple[StepFilter, Innovations]:
-        for _ in range(PASSES):
-            step_filter, innovations = new(estimate), Innovations(noise, model_error)
-            sizes = self._pass(step_filter, innovations)
-            step_filter.filter.relinearise(bounds)
-            estimate = step_filter.filter.nominal[ALPHA:]
-            noise = innovations.noise = max(noise * _level(sizes), 1e-9)
-        return step_filter, innovations
+    def _iterate(self, member: Member, theta: Sequence[float],
+                 passes: int) -> tuple[Member, float]:
+        noise, force_std = member.innovations.noise, member.filter.force_std
+        for _ in range(passes):
+            found = self._new(force_std, theta)
+            found.innovations.noise = noise
+            sizes = self._pass(found)
+            level = _level(sizes)
+            # what it would have been at the level of noise that is right
+            found.innovations.likelihood += 2.0 * len(sizes) * log(level) + fsum([
+                min(size / level, HUBER)**2 - min(size, HUBER)**2 for size in sizes])
+            value = found.innovations.likelihood + found.blocks.misfit(theta)
+            noise = max(noise * level, 1e-9)
+            filter = found.filter
+            solution, filter.theta_covariance = found.blocks.solution()
+            filter.set_theta(solution)
+            filter.keep_inside(self._bounds)
+            last, theta = theta, filter.theta
+            moved = [abs(a - b) - SETTLED * sqrt(row[i]) for i, (a, b, row) in enumerate(
+                zip(last, theta, filter.theta_covariance))]
+            if abs(level - 1.0) < SETTLED and max(moved) <= 0.0:
+                break
+        found.innovations.noise = noise
+        return found, value
 
-    def _pass(self, step_filter: StepFilter, innovations: Innovations) -> list[float]:
-        noise, began = innovations.noise, -1
+    def _pass(self, member: Member) -> list[float]:
+        clock = MeasurementClock(self._force, self._velocity)
+        filter, innovations, variance = member.filter, member.innovations, 0.0
         sizes: list[float] = []
-        for k, (piece, outlier) in enumerate(self._pieces):
+        for piece, use in self._pieces:
             if not isinstance(piece, Step):
-                self._note_beginning(began, step_filter)
-                step_filter.restart(piece, noise)
-                step_filter.filter.estimate_initial_velocity()
-                began = k
+                clock.restart()
+                member.restart(piece / self._velocity)
                 continue
-            measured = step_filter.move(piece, innovations.model_noise(piece), noise)
-            if measured is None or outlier:
+            span = clock.add_step(piece)
+            member.move(clock.impulse, span, ())
+            if span.value is None or use == OUTLIER:
                 continue
-            i, value = measured
-            error, variance = step_filter.filter.innovation(i, value, noise * noise)
-            normalised = error / sqrt(variance)
-            innovations.add_to_correlation(normalised, piece.dt)
-            step_filter.filter.update(i, error, variance * max(1.0, abs(normalised) / HUBER))
-            sizes.append(abs(normalised))
-        self._note_beginning(began, step_filter)
+            variance = innovations.noise**2
+            found = filter.innovation(span.i, span.value, variance)
+            normalised = found.error / sqrt(found.given)
+            if innovations.is_outlier(normalised) and innovations.is_lost(False):
+                filter.widen_motion(found.error**2, found.error**2)
+                continue
+            size = abs(normalised)
+            sizes.append(size)
+            innovations.add(normalised, found.given)
+            added = found.given * (size / HUBER - 1.0) if size > HUBER else 0.0
+            filter.update_motion(found, added)
+            if use == USED:
+                member.blocks.add(found, added, filter.theta, span.dt)
         return sizes
 
-    def _note_beginning(self, k: int, step_filter: StepFilter) -> None:
-        """Let the next pass begin at the velocity that this one found."""
-        if k >= 0:
-            self._pieces[k] = (step_filter.initial_velocity, False)
-
-    def state(self) -> list[list[Any]]:
+    def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return [[list(piece) if isinstance(piece, Step) else piece, outlier]
-                for piece, outlier in self._pieces]
+        return {'next': self.next, 'pieces': [
+            [list(piece) if isinstance(piece, Step) else piece, use]
+            for piece, use in self._pieces]}
 
-    def restore(self, state: Sequence[Sequence[Any]]) -> None:
+    def restore(self, state: Any) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        pieces = [(_step(piece) if isinstance(piece, list) else _finite(piece), bool(outlier))
-                  for piece, outlier in state]
-        self.duration, self._pieces = 0.0, []
-        for piece, outlier in pieces:
-            self.add(piece, outlier)
+        pieces = [(_step(piece) if isinstance(piece, list) else _finite(piece), int(use))
+                  for piece, use in state['pieces']]
+        self.clear()
+        self.next = _finite(state['next'])
+        for piece, use in pieces:
+            self.add(piece, use)
 
 
 def _level(sizes: Sequence[float]) -> float:

@@ -1,9 +1,10 @@
 """
-The extended Kalman filter on position, velocity, parameters and delay of one DOF.
+The extended Kalman filter on path, velocity, parameters and delay of one DOF.
 
 It takes the fixes themselves, or a velocity sensor's values, and the force before any
 low-pass. Its first seconds are gone through again in steps of Gauss-Newton, for a filter
-that was linearised far from the truth keeps the mistake for ever.
+that was linearised far from the truth keeps the mistake for ever. What its parameters are
+worth is taken from the scores of blocks of data, and from what it predicts without corrections.
 """
 
 from __future__ import annotations
@@ -13,24 +14,24 @@ from contextlib import suppress
 import math
 from typing import Any, cast, NamedTuple
 
-from rovid_core.identify.ekf.batch_start import BatchStart, DURATION, KNOWN, LONGEST
-from rovid_core.identify.ekf.innovations import (
-    ChangeDetection,
-    HUBER,
-    Innovations,
-    LARGEST_MEAN,
-    SOON,
+import numpy as np
+from rovid_core.identify.ekf.batch_start import (
+    BatchStart,
+    KNOWN,
+    LONGEST,
+    LONGEST_UNKNOWN,
+    PASSES,
+    PERIOD,
+    UNLEARNED,
+    USED,
 )
-from rovid_core.identify.ekf.linearised_filter import (
-    ALPHA,
-    DELAY,
-    DIAGONAL,
-    INDICES,
-    Packed,
-    VELOCITY,
-)
-from rovid_core.identify.ekf.step_filter import StepFilter
-from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
+from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, Member, OUTLIER
+from rovid_core.identify.ekf.free_prediction import FreePrediction
+from rovid_core.identify.ekf.innovations import SOON
+from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
+from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
+from rovid_core.identify.ekf.score_blocks import SCATTERED
+from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four, PARAMETERS
@@ -46,11 +47,20 @@ CHANGE = 0.5
 LARGEST = 1e4
 """In typical forces and velocities; what is larger is a mistake."""
 
-WALK = 5e-6
-"""What the parameters may change by anyway, relative, in an hour."""
-
 FORGET = 5.0
 """[s] over which the thrust's mean square is taken."""
+
+IDLE = 10.0
+"""[s] without thrust after which the start does not keep what goes on."""
+
+SAID = 60.0
+"""[s] after a change in which it is said."""
+
+LOSSES, LOST_WITHIN, RIGHT = 3, 30.0, 2.0
+"""Losses of the vehicle within so many seconds that mean a change of one that was understood."""
+
+UNEXPLAINED, MANY_BLOCKS = 3.0, 12
+"""Scatter of the blocks, and their number, from which it is worth a word."""
 
 DELAYS = (-0.05, 0.6)
 """Range of the delay [s]; far below 0 the force would have to be known ahead."""
@@ -58,10 +68,16 @@ DELAYS = (-0.05, 0.6)
 DELAY_STD = 0.05
 """[s] of the guess that there is none."""
 
+CORRELATION = (0.6, 0.75)
+"""Of innovations, up to which a model may be used: to begin with, and while it is."""
+
+HELD_FIT = (0.5, 0.35)
+"""Fit of the prediction without corrections from which it may, likewise."""
+
 
 class NormalisedModel:
     """
-    What :class:`LinearisedFilter` begins with, and its state in SI units.
+    What a filter begins with, and its parameters in SI units.
 
     alpha to delta become accelerations in typical velocities per second.
 
@@ -74,10 +90,10 @@ class NormalisedModel:
     ----------
     initial : list of 5 floats
         Parameters and delay [s].
-    prior : tuple of 7 floats
-        Variances of the state before any measurement; 0 for the motion.
+    prior : tuple of 5 floats
+        Their variances before any measurement.
     box : list
-        Bounds of the state: index, lowest, highest value.
+        Their bounds: index, lowest, highest value.
     bounds : tuple
         The lowest and the highest lumped parameters.
 
@@ -85,27 +101,26 @@ class NormalisedModel:
 
     def __init__(self, scales: Scales) -> None:
         v, f = scales.velocity, scales.force
-        self._unit = (v / f, 1.0 / v, 1.0, v)
-        self._active = scales.active
+        self.unit = (v / f, 1.0 / v, 1.0, v)
+        self.active = scales.active
         self.initial = [*self.of(scales.initial), 0.0]
         self.bounds = low, high = scales.bounds()
         self.box = [
-            (ALPHA + k, low[k] / self._unit[k], high[k] / self._unit[k])
-            for k in range(4) if scales.active[k]] + [(DELAY, *DELAYS)]
+            (ALPHA + k, low[k] / self.unit[k], high[k] / self.unit[k])
+            for k in range(4) if scales.active[k]] + [(4, *DELAYS)]
         # a drag of 2 alpha balances twice the typical force at the typical speed
         alpha, beta, gamma, delta = map(abs, self.initial[:4])
         std = (2.0 * alpha, 2.0 * max(alpha, beta), 2.0 * max(alpha, gamma), max(alpha, delta))
-        self.prior = (0.0, 0.0, *[s * s if on else 0.0 for s, on in zip(std, self._active)],
-                      DELAY_STD**2)
+        self.prior = (*[s * s if on else 0.0 for s, on in zip(std, self.active)], DELAY_STD**2)
 
     def of(self, parameters: Sequence[float]) -> list[float]:
         """Return lumped parameters in these units."""
-        return [p / u for p, u in zip(parameters, self._unit)]
+        return [p / u for p, u in zip(parameters, self.unit)]
 
-    def parameters(self, state: Sequence[float]) -> Four:
-        """Return the lumped parameters of a state."""
-        _, _, p, q, r, s, _ = state
-        i, j, k, m = self._unit
+    def parameters(self, theta: Sequence[float]) -> Four:
+        """Return the lumped parameters."""
+        p, q, r, s = theta[:4]
+        i, j, k, m = self.unit
         (a, b, c, d), (e, f, g, h) = self.bounds
         p, q, r, s = p * i, q * j, r * k, s * m
         if a <= p <= e and b <= q <= f and c <= r <= g and d <= s <= h:
@@ -113,15 +128,11 @@ class NormalisedModel:
         # unscaling may lead out of the bounds by a last bit
         return (min(max(p, a), e), min(max(q, b), f), min(max(r, c), g), min(max(s, d), h))
 
-    def uncertainty(self, covariance: Packed, inflation: float) -> Uncertainty:
-        """Return that of the lumped parameters; variances are ``inflation`` times as large."""
-        return FilterUncertainty(covariance, inflation, self._unit, self._active)
-
 
 class FilterUncertainty(NamedTuple):
-    """What a filter's covariance says of the lumped parameters."""
+    """What a covariance in normalised units says of the lumped parameters."""
 
-    of_state: Packed
+    of_theta: Sequence[Sequence[float]]
     inflation: float
     unit: Four
     active: tuple[bool, bool, bool, bool]
@@ -129,9 +140,9 @@ class FilterUncertainty(NamedTuple):
     @property
     def covariance(self) -> tuple[float, ...]:
         """Return that of the lumped parameters, 16 floats by rows."""
-        return tuple([self.of_state[k] * (u * v * self.inflation)
-                      for of, u in zip(INDICES[ALPHA:DELAY], self.unit)
-                      for k, v in zip(of[ALPHA:DELAY], self.unit)])
+        return tuple([float(x) * (u * v * self.inflation)
+                      for row, u in zip(self.of_theta, self.unit)
+                      for x, v in zip(row, self.unit)])
 
     @property
     def std(self) -> Four:
@@ -143,17 +154,17 @@ class FilterUncertainty(NamedTuple):
     @property
     def delay_std(self) -> float:
         """Return the standard deviation of the delay [s]."""
-        return math.sqrt(self.of_state[DIAGONAL[DELAY]])
+        return math.sqrt(self.of_theta[-1][-1] * self.inflation)
 
 
 class ExtendedKalman(Identifier):
     """
     The extended Kalman filter on one DOF.
 
-    The noise of the measurements is learned from the innovations. While these hang together
-    the model is in error; the filter then forgets quickly how it came where it is
-    (``Innovations``). Measurements beyond ``HUBER`` standard deviations count less, beyond
-    ``OUTLIER`` not at all.
+    Filters that believe in unknown accelerations of different sizes run side by side; the
+    noise of the measurements is learned from the innovations of each. Its status does not
+    become ``converged`` before the intervals from blocks are narrow, the innovations white
+    enough and the model predicts the last minute without corrections.
 
     Parameters
     ----------
@@ -162,27 +173,47 @@ class ExtendedKalman(Identifier):
 
     """
 
+    converged_share = 0.1
+
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
-        self._normalised = NormalisedModel(scales)
-        self.bounds = self._normalised.bounds
+        self._model = NormalisedModel(scales)
+        self.bounds = self._model.bounds
         self._largest = (LARGEST * scales.force, LARGEST * scales.velocity)
-        self.reset()
+        self._begin(self._model.initial)
 
     def reset(self) -> None:
         """Go back to the initial values."""
-        self._filter = self._new(self._normalised.initial)
-        self._innovations = Innovations(FIRST_NOISE)
-        self._start: BatchStart | None = BatchStart()
-        self._changes = ChangeDetection()
+        self._begin(self._model.initial)
+
+    def _begin(self, theta: Sequence[float]) -> None:
+        self._theta = list(theta)
+        self._bank = FilterBank(lambda force_std: self._new(force_std, theta))
+        self._clock = MeasurementClock(self._scales.force, self._scales.velocity)
+        self._start: BatchStart | None = BatchStart(
+            self._new, self._scales.force, self._scales.velocity, self._model.box)
+        self._free = FreePrediction()
+        self._time, self._changed_at = 0.0, -SAID
+        self._losses: list[float] = []
+        self._moving = self._usable = False
+        self._idle = 0.0  # [s] without anything to learn, during the start
         self.v_hat = math.nan
         self.excitation = 0.0
         self._publish()
 
+    def _new(self, force_std: float, theta: Sequence[float]) -> Member:
+        """Return a filter at some parameters that knows the initial ones."""
+        member = Member(self._theta, self._model.prior, self._model.box, force_std, FIRST_NOISE)
+        member.filter.theta = list(theta)
+        return member
+
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
-        self._filter.restart(velocity, self._innovations.noise)
-        self._changes.restart()
+        self._clock.restart()
+        for member in self._bank.members:
+            member.restart(velocity / self._scales.velocity)
+        self._free.interrupt()
+        self._moving = True
         self.v_hat = velocity
         if self._start is not None:
             self._start.add(velocity)
@@ -200,44 +231,215 @@ class ExtendedKalman(Identifier):
 
         """
         if not self._in_range(step):
-            self._filter.moving = False  # the path goes on from the next step
+            self._moving = False  # the path goes on from the next step
             return 'out_of_range'
-        if not self._filter.moving:
+        if not self._moving:
             self.restart(step.velocity[0])
-        start = self._start
-        adapt = adapt and not self._at_rest(step)
+        # what moves without thrust is moved by something that the model does not know
+        adapt = self._has_thrust(step) and adapt
+        if adapt and self._idle >= IDLE:
+            self.restart(step.velocity[0])  # the start has left out what was before
+            self._idle = 0.0
         try:
-            measured = self._filter.move(
-                step, self._innovations.model_noise(step), self._innovations.noise)
-            outlier = measured is not None and self._update(step, *measured, adapt)
-        except ArithmeticError:  # a number out of range on the way is no better than a divergence
-            self._begin_again()
+            self._add_step(step, adapt)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            # a number out of range on the way is no better than a divergence
+            self._begin([*self._model.of(self.parameters), 0.0])
             return 'diverged'
-        self._changes.time += step.dt
-        self.v_hat = self._filter.velocity(step)
-        if self._start is start is not None:  # or it begins after this step
-            self._go_on_with_start(step, outlier, adapt)
+        return ''
+
+    def _add_step(self, step: Step, adapt: bool) -> None:
+        start, clock = self._start, self._clock
+        beginning = start is not None and start.duration < SOON
+        self._time += step.dt
+        span = clock.add_step(step)
+        self._free.move(clock.impulse, span)
+        found = [self._update(member, span, adapt, beginning) for member in self._bank.members]
+        came = found[self._bank.number]
+        if adapt:
+            self._bank.choose()
+        if came == LOST and beginning:
+            # it began with an outlier
+            excitation = self.excitation
+            self._begin(self._theta)
+            self.restart(step.velocity[0])
+            self.excitation = excitation
+            return
+        if start is not None:
+            self._go_on_with_start(start, step, came, adapt)
+        elif adapt and LOST in found:
+            self._note_loss(found)
+        if self._start is None and BLOCK in found:
+            self._end_blocks(found)
+        self.v_hat = self._velocity(step)
         if adapt:
             self._publish()
-        return ''
+
+    def _update(self, member: Member, span: Measurement, adapt: bool, beginning: bool) -> int:
+        member.move(self._clock.impulse, span, ())
+        if span.value is None:
+            return 0
+        return member.update(span.i, span.value, span.dt, adapt, beginning)
 
     @property
     def note(self) -> str:
         """Return what the filter has to say of the vehicle and its model, '' if nothing."""
-        since = self._changes.since_change
-        if math.isfinite(since):
-            return f'the vehicle changed {since:.0f} s ago: its parameters are found anew'
-        if self._innovations.model_error and self._start is None:
-            return 'the model does not explain all of the motion: the intervals are wider'
-        return ''
+        said = []
+        since = self._time - self._changed_at
+        if since < SAID:
+            said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
+        verdict = self._bank.best.verdict
+        missing = verdict.missing if verdict is not None else None
+        if missing is not None:
+            said.append(f'{100.0 * missing.share:.0f} % of the error follows '
+                        f'{missing.name.replace("_", " ")}, which the model does not have')
+        elif verdict is not None and verdict.scatter > UNEXPLAINED and (
+                verdict.count >= MANY_BLOCKS):
+            said.append('the model does not explain all of the motion: the intervals are wider')
+        return '; '.join(said)
+
+    @property
+    def doubt(self) -> str:
+        """Return why the model may not be used yet whatever its intervals are, '' if it may."""
+        if self._usable:
+            return ''
+        if self._bank.best.verdict is None:
+            return 'there are no independent pieces of data yet to judge the intervals by'
+        correlation = self._bank.best.innovations.correlation
+        if not correlation < CORRELATION[0]:
+            return 'the errors of the prediction hang together: the model lacks something'
+        return f'without corrections it predicts {100.0 * self._free.fit:.0f} % of the motion'
+
+    def _judge(self) -> None:
+        """Find whether the model may be used."""
+        k = 1 if self._usable else 0
+        self._usable = (
+            self._bank.best.verdict is not None
+            and self._bank.best.innovations.correlation < CORRELATION[k]
+            and self._free.fit > HELD_FIT[k])
+
+    def _in_range(self, step: Step) -> bool:
+        f, v = self._largest
+        one, other = step.forces
+        return (abs(step.force[1]) <= f and abs(one) <= f and abs(other) <= f
+                and abs(step.mean) <= v and abs(step.velocity[0]) <= v)
+
+    def _has_thrust(self, step: Step) -> bool:
+        square = (step.force[1] / self._scales.force)**2
+        self.excitation -= math.expm1(-step.dt / FORGET) * (square - self.excitation)
+        return square > MIN_EXCITATION or self.excitation > MIN_EXCITATION
+
+    def _go_on_with_start(self, start: BatchStart, step: Step, found: int, adapt: bool) -> None:
+        """Keep the first seconds, and go through them again once they say something."""
+        if adapt:
+            self._idle = 0.0
+            start.add(step, OUTLIER if found == OUTLIER else USED)
+        else:
+            self._idle += step.dt
+            if self._idle < IDLE:
+                start.add(step, OUTLIER if found == OUTLIER else UNLEARNED)
+            return
+        if found == LOST:
+            start.accept_last_outliers(4)
+        if start.duration < start.next:
+            return
+        self._solve_start(start)
+        filter = self._bank.best.filter
+        known = filter.theta_covariance[ALPHA][ALPHA] < (KNOWN * filter.theta[ALPHA])**2
+        if start.duration > (LONGEST if known else LONGEST_UNKNOWN):
+            self._start = None
+        else:
+            start.next = start.duration + (2.0 * PERIOD if known else PERIOD)
+
+    def _solve_start(self, start: BatchStart) -> None:
+        """Replace the filters by those that went through all data so far."""
+        bank = self._bank
+        best, members = bank.best, bank.members
+        early = start.next <= PERIOD
+        with suppress(ArithmeticError, np.linalg.LinAlgError):
+            first = start.solve(best, [best.filter.theta, *([self._theta] if early else [])],
+                                PASSES if early else 2)
+            noise = first.innovations.noise
+            for k, member in enumerate(members):
+                if member is not best:
+                    # one that went astray has taken that for noise
+                    member.innovations.noise = min(member.innovations.noise, noise)
+                    members[k] = start.solve(
+                        member, [member.filter.theta, *([first.filter.theta] if early else [])],
+                        PASSES if early else 2)
+            members[bank.number] = first
+            bank.choose()
+
+    def _note_loss(self, found: Sequence[int]) -> None:
+        """Note if a filter that understood the vehicle has lost it: often is a change."""
+        understood = [
+            member.verdict for member, came in zip(self._bank.members, found) if came == LOST
+            and member.verdict is not None and member.verdict.scatter < RIGHT]
+        if not understood:
+            return
+        self._losses = [t for t in self._losses if t > self._time - LOST_WITHIN] + [self._time]
+        if len(self._losses) >= LOSSES:
+            self._note_change()
+
+    def _end_blocks(self, found: Sequence[int]) -> None:
+        """Look at the blocks that are complete."""
+        best = self._bank.best
+        ended = [member for member, came in zip(self._bank.members, found) if came == BLOCK]
+        # a filter that is not the best one tells only while it understands the vehicle
+        changed = [member.blocks.has_changed(math.inf if member is best else SCATTERED)
+                   for member in ended]
+        if True in changed:
+            self._note_change()
+            return
+        for member in ended:
+            member.judge()
+        if best in ended:
+            self._free.end_block(best.filter)
+            self._judge()
+
+    def _note_change(self) -> None:
+        for member in self._bank.members:
+            filter = member.filter
+            filter.widen_parameters([(CHANGE * p)**2 if v else 0.0 for p, v in zip(
+                filter.theta[:4], self._model.prior)])
+            member.blocks.clear(filter.theta, [
+                filter.theta_covariance[k][k] for k in range(len(filter.theta))])
+            member.verdict = None
+        self._changed_at, self._losses = self._time, []
+        self._usable = False
+
+    def _velocity(self, step: Step) -> float:
+        """Return the velocity at the end of the step [m/s or rad/s]."""
+        filter = self._bank.best.filter
+        _, v, f = filter.motion
+        alpha, beta, gamma, delta = filter.theta[:4]
+        ahead = self._clock.ahead
+        force = step.forces[1] if ahead else 0.0
+        rate = alpha * force / self._scales.force + (beta * abs(v) + gamma) * v + delta + f
+        return self._scales.velocity * (v + ahead * rate)
+
+    def _publish(self) -> None:
+        best, model = self._bank.best, self._model
+        self.parameters = model.parameters(best.filter.theta)
+        self.delay = best.filter.theta[-1]
+        verdict = best.verdict
+        if verdict is not None:
+            self.uncertainty: Uncertainty = FilterUncertainty(
+                verdict.covariance, 1.0, model.unit, model.active)
+        else:
+            self.uncertainty = FilterUncertainty(
+                best.filter.theta_covariance, best.innovations.inflation, model.unit,
+                model.active)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {
-            'parameters': list(self.parameters), 'follower': self._filter.state(),
-            'innovations': self._innovations.state(),
+            'parameters': list(self.parameters), 'theta': list(self._theta),
+            'bank': self._bank.state(), 'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
-            'upsets': self._changes.state(),
+            'free': self._free.state(), 'time': self._time, 'changed_at': self._changed_at,
+            'losses': list(self._losses), 'moving': self._moving, 'usable': self._usable,
+            'idle': self._idle,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
             'excitation': self.excitation}
 
@@ -251,118 +453,18 @@ class ExtendedKalman(Identifier):
             if not bottom <= p <= top:
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
         new = ExtendedKalman(self._scales)
-        new._filter.restore(state['follower'])
-        new._innovations.restore(state['innovations'])
+        new._begin(floats(state['theta'], len(new._theta)))
+        new._bank.restore(state['bank'])
+        new._clock.restore(state['clock'])
         if state['start'] is None:
             new._start = None
         elif new._start is not None:
             new._start.restore(state['start'])
-        new._changes.restore(state['upsets'])
+        new._free.restore(state['free'])
+        new._time, new._changed_at, new._idle, new.excitation = floats(
+            [state[name] for name in ('time', 'changed_at', 'idle', 'excitation')], 4)
+        new._losses = floats(state['losses'], len(state['losses']))
+        new._moving, new._usable = bool(state['moving']), bool(state['usable'])
         new.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
-        new.excitation = float(state['excitation'])
-        if not math.isfinite(new.excitation):
-            raise ValueError('excitation is not finite')
         new._publish()
         self.__dict__ = new.__dict__
-
-    def _new(self, nominal: Sequence[float]) -> StepFilter:
-        """Return a filter at the initial values that is linearised at others."""
-        step_filter = StepFilter(
-            nominal, self._normalised.prior, self._scales.force, self._scales.velocity)
-        step_filter.filter.deviate(self._normalised.initial)
-        return step_filter
-
-    def _in_range(self, step: Step) -> bool:
-        f, v = self._largest
-        one, other = step.forces
-        return (abs(step.force[1]) <= f and abs(one) <= f and abs(other) <= f
-                and abs(step.mean) <= v and abs(step.velocity[0]) <= v)
-
-    def _at_rest(self, step: Step) -> bool:
-        """Tell whether there is neither thrust nor sure motion: noise would be taken for drag."""
-        square = (step.force[1] / self._scales.force)**2
-        self.excitation -= math.expm1(-step.dt / FORGET) * (square - self.excitation)
-        if square > MIN_EXCITATION or self.excitation > MIN_EXCITATION:
-            return False
-        filter = self._filter.filter
-        speed = filter.nominal[VELOCITY]
-        return speed * speed < MIN_MOTION + 9.0 * filter.variance(VELOCITY)
-
-    def _update(self, step: Step, i: int, value: float, adapt: bool) -> bool:
-        """Update with a measurement; return whether it is an outlier."""
-        filter, innovations, changes = self._filter.filter, self._innovations, self._changes
-        error, variance = filter.innovation(i, value, innovations.noise**2)
-        normalised = error / math.sqrt(variance)
-        changes.was_right = changes.was_right or not innovations.model_error
-        if adapt:
-            innovations.add_innovation(normalised, step.dt)
-        if changes.outlier(normalised):
-            beginning = self._start is not None and self._start.duration < SOON
-            if changes.lost(beginning):
-                self._find_again(error, adapt)
-            return True
-        if adapt:
-            share = step.dt * (0.5 * WALK) ** 2 / 3600.0
-            filter.widen([share * x for x in self._normalised.prior])
-        size = abs(normalised) / HUBER
-        filter.update(i, error, variance * size if size > 1.0 else variance, adapt)
-        filter.relinearise(self._normalised.box)
-        if adapt and (changes.still_wrong or changes.was_right and innovations.model_error
-                      and innovations.mean_deviation > LARGEST_MEAN):
-            self._note_change()
-        return False
-
-    def _find_again(self, error: float, adapt: bool) -> None:
-        """Take position and velocity anew; twice in a short time, the vehicle has changed."""
-        if self._start is not None:
-            # it began with an outlier
-            self._filter, self._start = self._new(self._normalised.initial), BatchStart()
-            self._filter.filter.relinearise(self._normalised.box)
-            self.restart(0.0)
-            return
-        self._filter.filter.widen((error * error, error * error))
-        if self._changes.lost_again() and adapt:
-            self._note_change()
-
-    def _note_change(self) -> None:
-        self._filter.filter.loosen_parameters(CHANGE)
-        self._innovations.model_error = True
-        self._changes.changed()
-
-    def _go_on_with_start(self, step: Step, outlier: bool, adapt: bool) -> None:
-        """Keep the first seconds, and go through them again once they say something."""
-        assert self._start is not None
-        if not adapt:
-            if self._start.duration:
-                self._start = BatchStart()
-                self._start.add(self.v_hat)
-            return
-        self._start.add(step, outlier)
-        if self._start.duration < DURATION:
-            return
-        filter = self._filter.filter
-        alpha = filter.nominal[ALPHA]
-        if filter.variance(ALPHA) < (KNOWN * alpha) ** 2:
-            with suppress(ArithmeticError):
-                self._filter, self._innovations = self._start.solve(
-                    self._new, self._normalised.box, filter.nominal[ALPHA:],
-                    self._innovations.noise)
-            self._start = None
-        elif self._start.duration > LONGEST:
-            self._start = BatchStart()
-            self._start.add(self.v_hat)
-
-    def _begin_again(self) -> None:
-        """Keep the last good parameters, and nothing else."""
-        good = [*self._normalised.of(self.parameters), 0.0]
-        self._filter = StepFilter(
-            good, self._normalised.prior, self._scales.force, self._scales.velocity)
-        self._innovations = Innovations(FIRST_NOISE)
-        self._start, self._changes, self.v_hat = BatchStart(), ChangeDetection(), math.nan
-
-    def _publish(self) -> None:
-        filter, normalised = self._filter.filter, self._normalised
-        self.parameters = normalised.parameters(filter.nominal)
-        self.delay = filter.nominal[DELAY]
-        self.uncertainty = normalised.uncertainty(
-            filter.covariance, self._innovations.inflation)

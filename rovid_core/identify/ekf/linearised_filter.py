@@ -1,170 +1,63 @@
 """
-A linearised Kalman filter for position, velocity, parameters and delay of one DOF.
+A linearised Kalman filter for one degree of freedom, in the form with sensitivities.
 
-    x' = v        v' = alpha tau(t - d) + beta v|v| + gamma v + delta
+    x' = v        v' = alpha tau(t - d) + beta v|v| + gamma v + delta + sum kappa_j x_j + f
+                  f' = -f / T + white noise
 
 All in units in which the typical force and velocity are 1: alpha to delta are accelerations
-in typical velocities per second. The state is predicted by Runge-Kutta. A covariance is its
-upper triangle by rows, 28 plain floats, and so symmetric to the last bit; written out it takes
-a tenth of the time that numpy needs for matrices this small.
+in typical velocities per second; f is an acceleration that the model does not know. The motion
+[path, v, f] has a covariance for given parameters; how it would move with each parameter are
+its sensitivities. Together with the covariance of the parameters that is an extended Kalman
+filter for all of them, with any number of parameters, and a regressor that is only watched
+costs three numbers. Plain floats take a tenth of the time that numpy needs for sizes this
+small.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import math
+from operator import add, mul
+from typing import Any, NamedTuple
 
-from rovid_core.model.dofs import Four
+ALPHA, BETA, GAMMA, DELTA = range(4)
+"""Where the parameters stand; the last one is the delay, before it come those of couplings."""
 
-SIZE = 7
-Packed = tuple[float, ...]
-Seven = tuple[float, float, float, float, float, float, float]
-Five = tuple[float, float, float, float, float]
+POSITION, VELOCITY = range(2)
+"""What can be measured."""
 
-INDICES = tuple([tuple([SIZE * min(i, j) - min(i, j) * (min(i, j) + 1) // 2 + max(i, j)
-                        for j in range(SIZE)]) for i in range(SIZE)])
-"""Where row i has its columns."""
+CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', 'lag')
+"""Regressors that are watched: what a vehicle often has and the model has not."""
 
-DIAGONAL = tuple([INDICES[i][i] for i in range(SIZE)])
+DEAD_BAND = 0.2
+"""Thrust up to which a dead-band is looked for, in typical forces."""
 
+LAG = 0.15
+"""[s] of the thruster lag that is looked for."""
 
-def diagonal(variances: Sequence[float]) -> Packed:
-    """Return a covariance of 7 variances alone."""
-    return widened((0.0,) * (SIZE * (SIZE + 1) // 2), variances)
+FORCE_TIME = 3.0
+"""[s] over which the unknown acceleration f goes on."""
 
+LONGEST = 0.3
+"""[s] Longest step of the prediction."""
 
-def packed(rows: Sequence[Sequence[float]]) -> Packed:
-    """Return a covariance from its rows; raises ValueError unless it is symmetric."""
-    if [len(row) for row in rows] != [SIZE] * SIZE or any(
-            rows[i][j] != rows[j][i] for i in range(SIZE) for j in range(i)):
-        raise ValueError('not a covariance')
-    return tuple([float(x) for i, row in enumerate(rows) for x in row[i:]])
+LARGEST_SUBSTEPS = 50
 
+LEAST_SHIFT = 1e-6
+"""[s] Least shift that a slope of the force is told from."""
 
-def row(p: Packed, i: int) -> Seven:
-    """Return row ``i``."""
-    return p[:SIZE] if i == 0 else tuple([p[k] for k in INDICES[i]])  # type: ignore[return-value]
+LARGEST_SPEED = 1e4
+"""Typical velocities beyond which the state means nothing."""
 
+Bounds = Sequence[tuple[int, float, float]]
+"""Index, lowest and highest value of the parameters that are bounded."""
 
-def widened(p: Packed, added: Sequence[float]) -> Packed:
-    """Return it with variances added, from the first state on."""
-    entries = list(p)
-    for k, variance in zip(DIAGONAL, added):
-        entries[k] += variance
-    return tuple(entries)
+Matrix = list[list[float]]
 
 
-def with_motion(p: Packed, variance: tuple[float, float]) -> Packed:
-    """Return it with new variances of position and velocity, which hang together with nothing."""
-    none = (0.0,) * 5
-    return (variance[0], 0.0, *none, variance[1], *none, *p[13:])
-
-
-def updated(p: Packed, r: Seven, adapt: bool) -> Packed:
-    """
-    Return it less r r', which is what a measurement tells.
-
-    Parameters
-    ----------
-    p : Packed
-        The covariance.
-    r : tuple of 7 floats
-        Row of what was measured, over the standard deviation of the innovation.
-    adapt : bool
-        False leaves the constants as uncertain as they are.
-
-    """
-    (p00, p01, p02, p03, p04, p05, p06,
-     p11, p12, p13, p14, p15, p16,
-     p22, p23, p24, p25, p26,
-     p33, p34, p35, p36,
-     p44, p45, p46,
-     p55, p56,
-     p66) = p
-    a, b, c, d, e, f, g = r
-    motion = (
-        p00 - a * a, p01 - a * b, p02 - a * c, p03 - a * d, p04 - a * e, p05 - a * f, p06 - a * g,
-        p11 - b * b, p12 - b * c, p13 - b * d, p14 - b * e, p15 - b * f, p16 - b * g)
-    if not adapt:
-        return (*motion, *p[13:])
-    return (
-        *motion,
-        p22 - c * c, p23 - c * d, p24 - c * e, p25 - c * f, p26 - c * g,
-        p33 - d * d, p34 - d * e, p35 - d * f, p36 - d * g,
-        p44 - e * e, p45 - e * f, p46 - e * g,
-        p55 - f * f, p56 - f * g,
-        p66 - g * g)
-
-
-class Transition:
-    """
-    How position and velocity after a step follow the state before it.
-
-    x + share v + bend phi . c   and   keep v + share phi . c   for constants c.
-
-    Parameters
-    ----------
-    share, bend : float
-        [s], [s^2]
-    keep : float
-        What is left of a velocity.
-    phi : tuple of 4 floats
-        Derivatives of the acceleration by the constants: the third but last is 1 and not
-        given.
-
-    """
-
-    def __init__(self, share: float, bend: float, keep: float, phi: Four) -> None:
-        self._share, self._bend, self._keep, self._phi = share, bend, keep, phi
-
-    def of(self, x: Seven) -> Seven:
-        """Return a state, or a row of a covariance, after the step."""
-        a, b, c, d, e, f, g = x
-        s, t, u, w = self._phi
-        moved = s * c + t * d + u * e + f + w * g
-        return (a + self._share * b + self._bend * moved, self._keep * b + self._share * moved,
-                c, d, e, f, g)
-
-    def covariance(self, p: Packed, noise: tuple[float, float, float]) -> Packed:
-        """Return a covariance after the step; ``noise`` comes to that of the motion."""
-        (p00, p01, p02, p03, p04, p05, p06,
-         p11, p12, p13, p14, p15, p16,
-         p22, p23, p24, p25, p26,
-         p33, p34, p35, p36,
-         p44, p45, p46,
-         p55, p56,
-         p66) = p
-        share, bend, keep, (s, t, u, w) = self._share, self._bend, self._keep, self._phi
-        # phi . c with every state
-        a0 = s * p02 + t * p03 + u * p04 + p05 + w * p06
-        a1 = s * p12 + t * p13 + u * p14 + p15 + w * p16
-        a2 = s * p22 + t * p23 + u * p24 + p25 + w * p26
-        a3 = s * p23 + t * p33 + u * p34 + p35 + w * p36
-        a4 = s * p24 + t * p34 + u * p44 + p45 + w * p46
-        a5 = s * p25 + t * p35 + u * p45 + p55 + w * p56
-        a6 = s * p26 + t * p36 + u * p46 + p56 + w * p66
-        # the new position and velocity with every state of before, or the constants
-        x0 = p00 + share * p01 + bend * a0
-        x1 = p01 + share * p11 + bend * a1
-        x2 = p02 + share * p12 + bend * a2
-        x3 = p03 + share * p13 + bend * a3
-        x4 = p04 + share * p14 + bend * a4
-        x5 = p05 + share * p15 + bend * a5
-        x6 = p06 + share * p16 + bend * a6
-        v1 = keep * p11 + share * a1
-        v2 = keep * p12 + share * a2
-        v3 = keep * p13 + share * a3
-        v4 = keep * p14 + share * a4
-        v5 = keep * p15 + share * a5
-        v6 = keep * p16 + share * a6
-        x = s * x2 + t * x3 + u * x4 + x5 + w * x6
-        v = s * v2 + t * v3 + u * v4 + v5 + w * v6
-        return (
-            x0 + share * x1 + bend * x + noise[0], keep * x1 + share * x + noise[1],
-            x2, x3, x4, x5, x6,
-            keep * v1 + share * v + noise[2], v2, v3, v4, v5, v6,
-            *p[13:])
+class DivergenceError(ArithmeticError):
+    """The state of a filter means nothing any more."""
 
 
 KEPT = 4.0
@@ -225,21 +118,29 @@ class ForceImpulse:
         for time, value in zip(times[1:], values[1:]):
             self._append(time, value)
 
-    def at(self, time: float) -> float:
-        """Return the impulse up to ``time`` [s]."""
-        times = self._times
-        last = len(times) - 1
+    def at(self, times: Sequence[float]) -> list[float]:
+        """Return the impulse up to each of some times [s]."""
+        nodes, values, slopes, bends = self._times, self._values, self._slopes, self._bends
+        last = len(nodes) - 1
         if last == 0:
-            return 0.0
-        i = bisect_right(times, time) - 1
-        if i < 0:
-            i = 0
-        elif i >= last:
-            i = last - 1
-        a, b = times[i], times[i + 1]
-        past = time - a
-        line = self._values[i] + self._slopes[i] * past
-        return line + self._bends[i] * past * (time - b) if a <= time <= b else line
+            return [0.0] * len(times)
+        found = []
+        i = bisect_right(nodes, times[0]) - 1
+        for time in times:
+            # the times are close together
+            while i < last - 1 and nodes[i + 1] <= time:
+                i += 1
+            while i > 0 and nodes[i] > time:
+                i -= 1
+            if i < 0:
+                i = 0
+            elif i >= last:
+                i = last - 1
+            a, b = nodes[i], nodes[i + 1]
+            past = time - a
+            line = values[i] + slopes[i] * past
+            found.append(line + bends[i] * past * (time - b) if a <= time <= b else line)
+        return found
 
     def state(self) -> list[list[float]]:
         """Return all that is needed to go on from here."""
@@ -254,77 +155,55 @@ class ForceImpulse:
         self._restart(times, values)
 
 
-POSITION, VELOCITY, ALPHA, BETA, GAMMA, DELTA, DELAY = range(7)
-
-LEAST_SHIFT = 1e-6
-"""[s] Least shift that a slope of the force is told from."""
-
-NO_DEVIATION: Seven = (0.0,) * 7
-"""No deviation."""
-
-LARGEST_SPEED = 1e4
-"""Typical velocities beyond which the state means nothing."""
-
-Bounds = Sequence[tuple[int, float, float]]
-"""Index, lowest and highest value of what is bounded."""
-
-
-class DivergenceError(ArithmeticError):
-    """The state of a filter means nothing any more."""
-
-
 class LinearisedFilter:
     """
-    A Kalman filter around a nominal motion.
-
-    The estimate is the nominal state plus a deviation. ``relinearise`` moves the nominal
-    state there: after each measurement that makes an extended Kalman filter, once at the
-    end of a trial a step of Gauss-Newton.
+    Motion, parameters and their uncertainty, moved from measurement to measurement.
 
     Parameters
     ----------
-    nominal : sequence of 7 floats
-        Position, velocity, the four parameters, delay [s].
-    covariance : Packed
-        Of the estimate.
+    theta : sequence of p floats
+        alpha to delta, those of the couplings, delay [s].
+    variances : sequence of p floats
+        Of the parameters; 0 for those that stay as they are.
+    force_std : float
+        Stationary standard deviation of the unknown acceleration f; 0 for none.
 
     Attributes
     ----------
-    initial_velocity : float
-        Velocity at ``estimate_initial_velocity``.
+    motion : list of 3 floats
+        Path, velocity and f.
+    covariance : tuple of 6 floats
+        Of the motion for given parameters, the upper triangle by rows.
+    sensitivities : three lists of p + c floats
+        Derivatives of path, velocity and f by the parameters and the c watched regressors.
+    theta_covariance : list of p lists of p floats
+        Of the parameters.
 
     """
 
-    def __init__(self, nominal: Sequence[float], covariance: Packed) -> None:
-        self.nominal = list(nominal)
-        self.deviation = NO_DEVIATION
-        self.covariance = covariance
-        self._cross: Seven | None = None
-        self.initial_velocity = 0.0
+    def __init__(self, theta: Sequence[float], variances: Sequence[float],
+                 force_std: float) -> None:
+        self.theta = list(theta)
+        p = len(self.theta)
+        self.theta_covariance: Matrix = [
+            [variances[i] if i == j else 0.0 for j in range(p)] for i in range(p)]
+        self.force_std = force_std
+        self.motion = [0.0, 0.0, 0.0]
+        self.set_motion(0.0, (0.0, 0.0))
 
-    def variance(self, i: int) -> float:
-        """Return the variance of state ``i``."""
-        return self.covariance[DIAGONAL[i]]
+    def set_motion(self, velocity: float, variances: tuple[float, float]) -> None:
+        """Begin at path 0 with a velocity and their variances; the parameters stay."""
+        f = self.force_std
+        self.motion = [0.0, velocity, 0.0]
+        self.covariance = (variances[0], 0.0, 0.0, variances[1], 0.0, f * f)
+        q = len(self.theta) + len(CANDIDATES)
+        self.sensitivities: Matrix = [[0.0] * q, [0.0] * q, [0.0] * q]
+        self._lagged = 0.0
 
-    def deviate(self, initial: Sequence[float]) -> None:
-        """Let the estimate of parameters and delay be ``initial``, wherever it is linearised."""
-        a, b, c, d, e = (p - n for p, n in zip(initial, self.nominal[ALPHA:]))
-        self.deviation = (*self.deviation[:2], a, b, c, d, e)
-
-    def set_motion(self, velocity: float, variance: tuple[float, float]) -> None:
-        """Take position 0 and a velocity with their variances; the parameters stay."""
-        self.covariance = with_motion(self.covariance, variance)
-        self.nominal[:2] = 0.0, velocity
-        self.deviation = (0.0, 0.0, *self.deviation[2:])
-
-    def estimate_initial_velocity(self) -> None:
-        """Estimate the present velocity from all that follows, as ``initial_velocity``."""
-        self.initial_velocity = self.nominal[VELOCITY]
-        self._cross = row(self.covariance, VELOCITY)
-
-    def predict(self, impulse: ForceImpulse, start: float, end: float, noise: float) -> None:
+    def move(self, impulse: ForceImpulse, start: float, end: float,
+             couplings: Sequence[float] = ()) -> None:
         """
-        Move from ``start`` to ``end`` [s].
+        Predict from ``start`` to ``end`` [s], in steps that resolve the drag.
 
         Parameters
         ----------
@@ -332,18 +211,37 @@ class LinearisedFilter:
             Of the force.
         start, end : float
             [s]
-        noise : float
-            Spectral density of the acceleration that the model does not know.
+        couplings : sequence of floats
+            The measured regressors over that time, one per parameter of a coupling.
 
         """
+        turn = (end - start) * max(
+            2.0 * abs(self.theta[BETA] * self.motion[1]) + abs(self.theta[GAMMA]), 1.0 / LONGEST)
+        if turn < 1.000001:
+            self._predict(impulse, start, end, couplings)
+            return
+        pieces = min(int(turn), LARGEST_SUBSTEPS - 1) + 1
+        for k in range(pieces):
+            self._predict(impulse, start + (end - start) * k / pieces,
+                          start + (end - start) * (k + 1) / pieces, couplings)
+
+    def _predict(self, impulse: ForceImpulse, start: float, end: float,
+                 couplings: Sequence[float]) -> None:
         h = end - start
-        x, v, alpha, beta, gamma, delta, delay = self.nominal
-        at = impulse.at
-        begin, half, last = at(start - delay), at(start + 0.5 * h - delay), at(end - delay)
+        theta = self.theta
+        x, v, f = self.motion
+        alpha, beta, gamma, delta, delay = (
+            theta[0], theta[1], theta[2], theta[3], theta[-1])
+        top = min(end + h, impulse.end + delay)
+        earlier, begin, half, last, late, latest = impulse.at((
+            start - h - delay, start - delay, start + 0.5 * h - delay, end - delay,
+            top - h - delay, top - delay))
         force = (last - begin) / h
         # the force is taken as a straight line over the step; this is half its rise
-        rise = 2.0 * (begin + last - 2.0 * half) / h
-        u, du = alpha * force + delta, alpha * rise
+        du = alpha * (2.0 * (begin + last - 2.0 * half) / h)
+        u = alpha * force + delta + f
+        for kappa, regressor in zip(theta[4:], couplings):
+            u += kappa * regressor
         k1 = u - du + (beta * abs(v) + gamma) * v
         w = v + 0.5 * h * k1
         k2 = u + (beta * abs(w) + gamma) * w
@@ -352,76 +250,224 @@ class LinearisedFilter:
         k3 = u + (beta * size + gamma) * w
         z = v + h * k3
         k4 = u + du + (beta * abs(z) + gamma) * z
-        self.nominal[0] = x + h * v + h * h / 6.0 * (k1 + k2 + k3)
-        self.nominal[1] = v = v + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        v += h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         if not abs(v) < LARGEST_SPEED:
             raise DivergenceError(f'a speed of {v}')
+        decay = h * (2.0 * beta * size + gamma)
+        s, b, keep = h * (1.0 + 0.5 * decay), 0.5 * h * h, 1.0 + decay * (1.0 + 0.5 * decay)
         # held commands are a staircase: its slope inside a step says nothing of the delay
-        top = min(end + h, impulse.end + delay)
-        later = (at(top - delay) - at(top - h - delay)) - (begin - at(start - h - delay))
+        later = (latest - late) - (begin - earlier)
         shift = top - start
         # where the newest command came that late there is nothing to tell a slope from
         slope = later / (h * shift) if abs(shift) > LEAST_SHIFT else 0.0
-        decay = h * (2.0 * beta * size + gamma)
-        transition = Transition(
-            h * (1.0 + 0.5 * decay), 0.5 * h * h, 1.0 + decay * (1.0 + 0.5 * decay),
-            (force, w * size, w, -alpha * slope))
-        if self.deviation is not NO_DEVIATION:
-            self.deviation = transition.of(self.deviation)
-        if self._cross is not None:
-            self._cross = transition.of(self._cross)
-        self.covariance = transition.covariance(
-            self.covariance, (noise * h * h * h / 3.0, noise * h * h / 2.0, noise * h))
+        drag = w * size
+        gone = -math.expm1(-h / LAG)
+        lag = (force - self._lagged) * gone * LAG / h
+        self._lagged += gone * (force - self._lagged)
+        phi = [force, drag, w, 1.0, *couplings, -alpha * slope,
+               force if force < 0.0 else 0.0, drag if w < 0.0 else 0.0,
+               max(-DEAD_BAND, min(DEAD_BAND, force)), lag]
+        xs, vs, fs = self.sensitivities
+        if self.force_std:
+            e = math.exp(-h / FORCE_TIME)
+            self.motion = [x + h * (self.motion[1] + h / 6.0 * (k1 + k2 + k3)), v, e * f]
+            both = [c + d for c, d in zip(phi, fs)]
+            self.sensitivities = [
+                [m + s * n + b * o for m, n, o in zip(xs, vs, both)],
+                [keep * n + s * o for n, o in zip(vs, both)], [e * o for o in fs]]
+            p00, p01, p02, p11, p12, p22 = self.covariance
+            t1, t2 = p01 + s * p11 + b * p12, p02 + s * p12 + b * p22
+            r1, r2 = keep * p11 + s * p12, keep * p12 + s * p22
+            self.covariance = (
+                p00 + s * (p01 + t1) + b * (p02 + t2), keep * t1 + s * t2, e * t2,
+                keep * r1 + s * r2, e * r2,
+                e * e * p22 + (1.0 - e * e) * self.force_std * self.force_std)
+        else:
+            self.motion = [x + h * (self.motion[1] + h / 6.0 * (k1 + k2 + k3)), v, 0.0]
+            self.sensitivities = [
+                [m + s * n + b * o for m, n, o in zip(xs, vs, phi)],
+                [keep * n + s * o for n, o in zip(vs, phi)], fs]
+            p00, p01, _, p11, _, _ = self.covariance
+            t1 = p01 + s * p11
+            self.covariance = (
+                p00 + s * (p01 + t1), keep * t1, 0.0, keep * keep * p11, 0.0, 0.0)
 
-    def innovation(self, i: int, value: float, variance: float) -> tuple[float, float]:
-        """Return by how much a measurement of state ``i`` is off, and the variance of that."""
-        return (value - self.nominal[i] - self.deviation[i],
-                self.covariance[DIAGONAL[i]] + variance)
+    def innovation(self, i: int, value: float, variance: float) -> Innovation:
+        """Compare a measurement of path or velocity, of this variance, with the state."""
+        psi = self.sensitivities[i]
+        # a product ends with the parameters: those behind are only watched
+        gain = [sum(map(mul, row, psi)) for row in self.theta_covariance]
+        given = self.covariance[3 if i else 0] + variance
+        total = given + sum(map(mul, gain, psi))
+        if not (given > 0.0 and 0.0 < total < math.inf):
+            raise DivergenceError('the covariance is not positive')
+        return Innovation(i, value - self.motion[i], given, total, psi, gain)
 
-    def update(self, i: int, error: float, variance: float, adapt: bool = True) -> None:
-        """Take an innovation of state ``i``; the parameters stay if not ``adapt``."""
-        root = math.sqrt(variance)
-        a, b, c, d, e, f, g = row(self.covariance, i)
-        r = (a / root, b / root, c / root, d / root, e / root, f / root, g / root)
-        self.covariance = updated(self.covariance, r, adapt)
-        normalised = error / root
-        if self._cross is not None:
-            share = self._cross[i] / root
-            self.initial_velocity += share * normalised
-            self._cross = _moved(self._cross, r, -share)
-        self.deviation = _moved(
-            self.deviation, r if adapt else (r[0], r[1], 0.0, 0.0, 0.0, 0.0, 0.0), normalised)
+    def update(self, found: Innovation, added: float, adapt: bool) -> None:
+        """
+        Take a measurement.
 
-    def widen(self, variances: Sequence[float]) -> None:
-        """Let the states change by these variances, from the first one on."""
-        self.covariance = widened(self.covariance, variances)
+        Parameters
+        ----------
+        found : Innovation
+            What it says.
+        added : float
+            Variance that comes to the innovation's because it is large.
+        adapt : bool
+            False leaves the parameters as they are; the motion goes on with what their
+            uncertainty makes of it.
 
-    def loosen_parameters(self, share: float) -> None:
-        """Forget the parameters by this share of each."""
-        self.widen((0.0, 0.0, *[(share * p) ** 2 for p in self.nominal[ALPHA:DELAY]]))
+        """
+        i, error, given, total, psi, gain = found
+        given += added
+        total += added
+        p00, p01, p02, p11, p12, p22 = self.covariance
+        a, b, c = (p01, p11, p12) if i else (p00, p01, p02)
+        xs, vs, fs = self.sensitivities
+        if not adapt:
+            # the parameters are only taken into account, after S. F. Schmidt
+            k, m, n = [(p + sum(map(mul, gain, us))) / total
+                       for p, us in ((a, xs), (b, vs), (c, fs))]
+            x, v, f = self.motion
+            self.motion = [x + k * error, v + m * error, f + n * error]
+            self.covariance = (
+                p00 - 2.0 * k * a + k * k * given, p01 - k * b - m * a + k * m * given,
+                p02 - k * c - n * a + k * n * given, p11 - 2.0 * m * b + m * m * given,
+                p12 - m * c - n * b + m * n * given, p22 - 2.0 * n * c + n * n * given)
+        else:
+            share, root = error / total, 1.0 / math.sqrt(total)
+            change = [share * g for g in gain]
+            self.theta = list(map(add, self.theta, change))
+            scaled = [root * g for g in gain]
+            # symmetric to the last bit
+            self.theta_covariance = [
+                [p - h * g for p, g in zip(row, scaled)]
+                for row, h in zip(self.theta_covariance, scaled)]
+            x, v, f = self.motion
+            k, m, n = a / given, b / given, c / given
+            along = sum(map(mul, change, psi))
+            rest = error - along
+            self.motion = [
+                x + (sum(map(mul, change, xs)) if i else along) + k * rest,
+                v + (along if i else sum(map(mul, change, vs))) + m * rest,
+                f + (sum(map(mul, change, fs)) + n * rest if n else 0.0)]
+            self.covariance = (max(p00 - k * a, 0.0), p01 - k * b, p02 - k * c,
+                               max(p11 - m * b, 0.0), p12 - m * c, max(p22 - n * c, 0.0))
+        self.sensitivities = [
+            [u - k * w for u, w in zip(xs, psi)], [u - m * w for u, w in zip(vs, psi)],
+            [u - n * w for u, w in zip(fs, psi)] if n else fs]
 
-    def relinearise(self, bounds: Bounds) -> None:
-        """Move the nominal state to the estimate, inside the bounds."""
-        nominal = [x + d for x, d in zip(self.nominal, self.deviation)]
-        self.deviation = NO_DEVIATION
+    def update_motion(self, found: Innovation, added: float) -> None:
+        """Take a measurement for the motion alone, as if the parameters were exact."""
+        i, error, given, _, psi, _ = found
+        p00, p01, p02, p11, p12, p22 = self.covariance
+        a, b, c = (p01, p11, p12) if i else (p00, p01, p02)
+        given += added
+        k, m, n = a / given, b / given, c / given
+        x, v, f = self.motion
+        self.motion = [x + k * error, v + m * error, f + n * error]
+        self.covariance = (max(p00 - k * a, 0.0), p01 - k * b, p02 - k * c,
+                           max(p11 - m * b, 0.0), p12 - m * c, max(p22 - n * c, 0.0))
+        xs, vs, fs = self.sensitivities
+        self.sensitivities = [
+            [u - k * w for u, w in zip(xs, psi)], [u - m * w for u, w in zip(vs, psi)],
+            [u - n * w for u, w in zip(fs, psi)] if n else fs]
+
+    def set_theta(self, theta: Sequence[float]) -> None:
+        """Go to other parameters; the motion goes along."""
+        change = [new - old for new, old in zip(theta, self.theta)]
+        self.theta = list(theta)
+        self.motion = [x + sum(map(mul, change, us))
+                       for x, us in zip(self.motion, self.sensitivities)]
+
+    def keep_inside(self, bounds: Bounds) -> None:
+        """Move the parameters into their bounds, the others as theirs go with them."""
+        theta = self.theta
         for i, low, high in bounds:
-            if low <= nominal[i] <= high:
+            if low <= theta[i] <= high:
                 continue
-            bound = low if nominal[i] < low else high
-            variance = self.variance(i)
-            if variance > 0.0:
-                # the others move with it, or they would contradict it
-                share = (bound - nominal[i]) / variance
-                nominal = [x + share * p for x, p in zip(nominal, row(self.covariance, i))]
-            nominal[i] = bound
-        self.nominal = nominal
-        for k in DIAGONAL:
-            if not 0.0 <= self.covariance[k] < math.inf:
-                raise DivergenceError('the covariance is not positive')
+            bound = low if theta[i] < low else high
+            row = self.theta_covariance[i]
+            # the others move with it, or they would contradict it
+            share = (bound - theta[i]) / row[i] if row[i] > 0.0 else 0.0
+            theta = [t + share * p for t, p in zip(theta, row)]
+            theta[i] = bound
+        if theta is not self.theta:
+            self.set_theta(theta)
+            # moving for one bound may lead out of another
+            self.theta = [*self.theta]
+            for i, low, high in bounds:
+                self.theta[i] = min(max(self.theta[i], low), high)
+        least = min(self.covariance[0], self.covariance[3], *[
+            row[k] for k, row in enumerate(self.theta_covariance)])
+        if not 0.0 <= least < math.inf:
+            raise DivergenceError('the covariance is not positive')
+
+    def widen_motion(self, path: float, velocity: float = 0.0) -> None:
+        """Add variances to those of path and velocity."""
+        a, b, c, d, e, f = self.covariance
+        self.covariance = (a + path, b, c, d + velocity, e, f)
+
+    def widen_parameters(self, variances: Sequence[float]) -> None:
+        """Add variances to those of the parameters, from the first on."""
+        for k, variance in enumerate(variances):
+            self.theta_covariance[k][k] += variance
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'theta': list(self.theta), 'motion': list(self.motion),
+                'covariance': list(self.covariance), 'lagged': self._lagged,
+                'sensitivities': [list(x) for x in self.sensitivities],
+                'theta_covariance': [list(x) for x in self.theta_covariance]}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        p = len(self.theta)
+        q = p + len(CANDIDATES)
+        self.theta = floats(state['theta'], p)
+        self.motion = floats(state['motion'], 3)
+        a, b, c, d, e, f = floats(state['covariance'], 6)
+        self.covariance = (a, b, c, d, e, f)
+        self._lagged, = floats([state['lagged']], 1)
+        xs, vs, fs = state['sensitivities']
+        self.sensitivities = [floats(x, q) for x in (xs, vs, fs)]
+        rows = [floats(row, p) for row in state['theta_covariance']]
+        if len(rows) != p or any(
+                rows[i][j] != rows[j][i] for i in range(p) for j in range(i)):
+            raise ValueError('not a covariance')
+        self.theta_covariance = rows
 
 
-def _moved(x: Seven, direction: Seven, share: float) -> Seven:
-    a, b, c, d, e, f, g = x
-    h, i, j, k, m, n, o = direction
-    return (a + share * h, b + share * i, c + share * j, d + share * k, e + share * m,
-            f + share * n, g + share * o)
+class Innovation(NamedTuple):
+    """
+    A measurement against what was predicted.
+
+    Attributes
+    ----------
+    i : int
+        ``POSITION`` or ``VELOCITY``.
+    error : float
+        By how much it is off.
+    given, total : float
+        The variance of that, for given parameters and altogether.
+    psi : list of p + c floats
+        Its derivatives by the parameters and the watched regressors.
+    gain : list of p floats
+        Covariance of the parameters with it.
+
+    """
+
+    i: int
+    error: float
+    given: float
+    total: float
+    psi: list[float]
+    gain: list[float]
+
+
+def floats(values: Any, count: int) -> list[float]:
+    """Return a list of finite floats; raises ValueError unless there are that many."""
+    found = [float(x) for x in values]
+    if len(found) != count or not all(map(math.isfinite, found)):
+        raise ValueError(f'{len(found)} numbers that do not fit')
+    return found

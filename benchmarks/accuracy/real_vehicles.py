@@ -1,0 +1,106 @@
+"""
+Tell how a method does on vehicles that are not exactly the model.
+
+The plants are those of ``test.support.real_vehicles``. A table says, per kind of vehicle, how
+far the mass is off, how often its 95 % interval holds the true one, how often the status says
+``converged``, how often it says so with the true mass outside of the interval, whether and when
+the vehicle is said to have changed, and what the notes say most often.
+
+Usage: python -m benchmarks.accuracy.real_vehicles [--seeds N] [--duration S] [--method M]
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from math import inf
+
+import numpy as np
+from rovid_core.identify import make_identifier
+from rovid_core.identify.intervals import intervals
+from rovid_core.identify.method import Identifier
+from rovid_core.identify.status import DofStatus
+from rovid_core.model.samples import Step
+from rovid_core.settings.run import IdentifierSettings, Scales
+
+from test.support.real_vehicles import GUESS, MASS, pieces, Vehicle, VEHICLES
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a method says of one drive."""
+
+    errors: tuple[float, float]  # of mass and alpha: relative, and in standard deviations
+    held: bool
+    converged: bool
+    by_120: bool
+    notes: tuple[str, ...]
+    changed_at: float
+
+
+def identify(identifier: Identifier, vehicle: Vehicle, seed: int, duration: float) -> Result:
+    """Let a method identify a vehicle, and look at what it says."""
+    status, time, changed_at, by_120 = DofStatus(Scales.of(GUESS), 3.0), 0.0, inf, False
+    notes: set[str] = set()
+    for piece in pieces(vehicle, seed, duration):
+        if not isinstance(piece, Step):
+            identifier.restart(piece)
+            continue
+        judged = status.update(identifier, piece, identifier.step(piece), True)
+        time += piece.dt
+        if 'changed' in identifier.note and changed_at == inf:
+            changed_at = time
+        if time > 0.5 * duration and identifier.note:
+            notes.add(identifier.note)
+        by_120 = by_120 or (time <= 120.0 and judged.status == 'converged')
+    mass = MASS * (vehicle.change[1] if vehicle.change[0] < duration else 1.0)
+    low, high = intervals(identifier.parameters, identifier.covariance).get('mass', (-inf, inf))
+    alpha = identifier.parameters[0]
+    return Result(((1.0 / alpha / mass - 1.0), (alpha - 1.0 / mass) / identifier.std[0]),
+                  low <= mass <= high, judged.status == 'converged', by_120,
+                  (identifier.note,), changed_at)
+
+
+def case(method: str, duration: float, name: str, seed: int) -> Result:
+    """Return the result of one seed."""
+    identifier = make_identifier(IdentifierSettings(method), GUESS)
+    return identify(identifier, VEHICLES[name], seed, duration)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[1])
+    parser.add_argument('--seeds', type=int, default=8)
+    parser.add_argument('--duration', type=float, default=300.0)
+    parser.add_argument('--method', default='ekf')
+    parser.add_argument('--only', default='')
+    given = parser.parse_args(arguments)
+    print(f'{given.seeds} seeds of {given.duration:g} s, {given.method}\n'
+          f'{"":<26}{"mass off":>9}{"rms z":>7}{"held":>6}{"conv.":>6}{"120 s":>6}{"false":>6}'
+          f'{"chg.":>6}  changed after [s]; note')
+    with ProcessPoolExecutor(2) as pool:
+        for name in VEHICLES:
+            if given.only not in name:
+                continue
+            found = list(pool.map(partial(case, given.method, given.duration, name),
+                                  range(given.seeds)))
+            errors = np.array([one.errors for one in found])
+            at = sorted(one.changed_at for one in found if one.changed_at < inf)
+            notes = [note for one in found for note in one.notes if note]
+            most = max(set(notes), key=notes.count) if notes else ''
+            print(f'{name:<26}{100 * np.median(errors[:, 0]):>8.1f}%'
+                  f'{np.sqrt(np.mean(errors[:, 1]**2)):>7.2f}'
+                  + ''.join(f'{100 * np.mean(x):>6.0f}' for x in (
+                      [one.held for one in found], [one.converged for one in found],
+                      [one.by_120 for one in found],
+                      [one.converged and not one.held for one in found],
+                      [one.changed_at < inf for one in found]))
+                  + f'  {" ".join(f"{t:.0f}" for t in at[:4])}; {notes.count(most)} {most[:60]}',
+                  flush=True)
+
+
+if __name__ == '__main__':
+    main()

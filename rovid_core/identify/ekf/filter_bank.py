@@ -1,0 +1,164 @@
+"""Filters side by side that believe in unknown accelerations of different sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+import math
+from typing import Any
+
+from rovid_core.identify.ekf.innovations import HUBER, Innovations
+from rovid_core.identify.ekf.linearised_filter import Bounds, ForceImpulse, LinearisedFilter
+from rovid_core.identify.ekf.measurements import Measurement
+from rovid_core.identify.ekf.score_blocks import ScoreBlocks, Verdict
+
+FORCES = (0.0, 0.05)
+"""
+Standard deviations of the unknown acceleration, in typical accelerations.
+
+Larger ones explain everything and leave the model only what is fast.
+"""
+
+MARGIN = 10.0
+"""By which -2 log of the likelihood has to be lower before an unknown acceleration counts."""
+
+OUTLIER, LOST, BLOCK = range(1, 4)
+"""What comes of a measurement: it does not count, the vehicle is lost, a block is complete."""
+
+
+class Member:
+    """
+    A filter with its innovations and blocks.
+
+    Parameters
+    ----------
+    theta, variances : sequence of p floats
+        Of the parameters at the beginning.
+    bounds : Bounds
+        Of the parameters.
+    force_std : float
+        Of the unknown acceleration.
+    noise : float
+        Of a measurement.
+
+    Attributes
+    ----------
+    verdict : Verdict or None
+        What the blocks say, None while there are too few.
+
+    """
+
+    def __init__(self, theta: Sequence[float], variances: Sequence[float], bounds: Bounds,
+                 force_std: float, noise: float) -> None:
+        self.filter = LinearisedFilter(theta, variances, force_std)
+        self.innovations = Innovations(noise)
+        self.blocks = ScoreBlocks(theta, variances)
+        self.verdict: Verdict | None = None
+        self._bounds = bounds
+
+    def restart(self, velocity: float) -> None:
+        """Take up from a measured velocity, in typical ones."""
+        # it may be an outlier
+        self.filter.set_motion(
+            max(-1.0, min(1.0, velocity)), (self.innovations.noise**2, 1.0))
+        self.innovations.forget_outliers()
+
+    def move(self, impulse: ForceImpulse, span: Measurement, couplings: Sequence[float]) -> None:
+        """Predict to the time of a measurement."""
+        filter = self.filter
+        if span.end > span.start:
+            filter.move(impulse, span.start, span.end, couplings)
+        if span.turn or span.slip:
+            # the noise of the fix between two intervals does not cancel when they are turned
+            filter.widen_motion((span.turn * self.innovations.noise)**2 + span.slip**2)
+
+    def update(self, i: int, value: float, dt: float, adapt: bool, beginning: bool) -> int:
+        """Take a measurement; return 0 or what comes of it."""
+        filter, innovations = self.filter, self.innovations
+        found = filter.innovation(i, value, innovations.noise**2)
+        normalised = found.error / math.sqrt(found.total)
+        outlier = innovations.is_outlier(normalised)
+        if adapt:
+            innovations.learn_noise(normalised)
+            innovations.add(normalised, found.total)
+        if outlier:
+            if not innovations.is_lost(beginning):
+                return OUTLIER
+            filter.widen_motion(found.error**2, found.error**2)
+            return LOST
+        size = abs(normalised) / HUBER
+        added = found.total * (size - 1.0) if size > 1.0 else 0.0
+        theta = filter.theta
+        filter.update(found, added, adapt)
+        filter.keep_inside(self._bounds)
+        return BLOCK if adapt and self.blocks.add(found, added, theta, dt) else 0
+
+    def judge(self) -> None:
+        """Find what the blocks say; one that believes in unknown forces has a wrong model."""
+        self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'filter': self.filter.state(), 'innovations': self.innovations.state(),
+                'blocks': self.blocks.state(), 'judged': self.verdict is not None}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        self.filter.restore(state['filter'])
+        self.innovations.restore(state['innovations'])
+        self.blocks.restore(state['blocks'])
+        self.verdict = None
+        if state['judged']:
+            self.judge()
+
+
+class FilterBank:
+    """
+    Members with unknown accelerations of different sizes.
+
+    Parameters
+    ----------
+    new : callable
+        Makes a member from the size.
+
+    Attributes
+    ----------
+    number : int
+        Of the best member.
+
+    """
+
+    def __init__(self, new: Callable[[float], Member]) -> None:
+        self.members = [new(force) for force in FORCES]
+        self.number = 0
+
+    @property
+    def best(self) -> Member:
+        """Return the member that explains the innovations best."""
+        return self.members[self.number]
+
+    def choose(self) -> None:
+        """Choose the best member: one with an unknown acceleration only where it is needed."""
+        best = self.number
+        least = first = self.members[0].innovations.likelihood
+        now = self.members[best].innovations.likelihood
+        # who is chosen needs to be beaten clearly, by a filter without unknown forces less so
+        for k, member in enumerate(self.members):
+            value = member.innovations.likelihood
+            if value < now - MARGIN and value <= least:
+                self.number, least = k, value
+        if self.number and first < self.members[self.number].innovations.likelihood + (
+                0.5 * MARGIN):
+            self.number = 0
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'members': [member.state() for member in self.members], 'best': self.number}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        best = int(state['best'])
+        if len(state['members']) != len(self.members) or not 0 <= best < len(self.members):
+            raise ValueError('another bank of filters')
+        for member, one in zip(self.members, state['members']):
+            member.restore(one)
+        self.number = best

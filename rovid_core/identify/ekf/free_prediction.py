@@ -1,0 +1,116 @@
+"""What a model predicts without corrections, from the beginning of each block of data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import Any
+
+from rovid_core.identify.ekf.linearised_filter import floats, ForceImpulse, LinearisedFilter
+from rovid_core.identify.ekf.measurements import Measurement
+
+SPAN = 1.0
+"""[s] over which velocities are taken from the path."""
+
+LEAST_STEP = 0.15
+"""[s] The model does not need smaller ones."""
+
+KEPT = 6
+"""Blocks that the fit is taken over."""
+
+
+class FreePrediction:
+    """
+    A model that runs beside the filter and is set to its state at the end of each block.
+
+    Attributes
+    ----------
+    fit : float
+        1 - rms(error) / std(measured) of the velocity over the last blocks.
+
+    """
+
+    def __init__(self) -> None:
+        self.fit = -math.inf
+        self._theta: list[float] = []
+        self._time = -1.0  # [s] of the last comparison
+        self._motion = [0.0, 0.0]
+        self._mark: list[float] = []  # time, path of the model, measured path
+        self._sums = [0.0] * 4
+        self._blocks: list[list[float]] = []
+
+    def interrupt(self) -> None:
+        """Wait for the end of the block: the path begins anew."""
+        self._theta, self._mark, self._time = [], [], -1.0
+
+    def move(self, impulse: ForceImpulse, span: Measurement) -> None:
+        """Go on to the next measurement and compare."""
+        if not self._theta:
+            return
+        if self._time < 0.0:
+            self._time = span.start
+        h = span.end - self._time
+        if h < LEAST_STEP:
+            return
+        start, self._time = self._time, span.end
+        alpha, beta, gamma, delta, delay = (*self._theta[:4], self._theta[-1])
+        x, v = self._motion
+        pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
+        h /= pieces
+        before, *impulses = impulse.at(
+            [start + k * h - delay for k in range(pieces + 1)])
+        for after in impulses:
+            u = alpha * (after - before) / h + delta
+            before = after
+            w = v + 0.5 * h * (u + (beta * abs(v) + gamma) * v)
+            x += h * w
+            v += h * (u + (beta * abs(w) + gamma) * w)
+        if not abs(v) < 1e6:
+            self.interrupt()
+            return
+        self._motion = [x, v]
+        if span.value is None:
+            return
+        if span.i:
+            self._add(v, span.value)
+        elif not self._mark:
+            self._mark = [span.end, x, span.value]
+        elif span.end - self._mark[0] >= SPAN:
+            time, model, measured = self._mark
+            dt = span.end - time
+            self._add((x - model) / dt, (span.value - measured) / dt)
+            self._mark = [span.end, x, span.value]
+
+    def _add(self, model: float, measured: float) -> None:
+        n, error, total, square = self._sums
+        self._sums = [n + 1.0, error + (model - measured)**2, total + measured,
+                      square + measured * measured]
+
+    def end_block(self, filter: LinearisedFilter) -> None:
+        """Take the fit of the block and begin the next one at the state of a filter."""
+        self._blocks = [*self._blocks, self._sums][-KEPT:]
+        self._sums = [0.0] * 4
+        n, error, total, square = (math.fsum(column) for column in zip(*self._blocks))
+        variance = square - total * total / n if n else 0.0
+        self.fit = 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf
+        self._theta, self._motion = list(filter.theta), list(filter.motion[:2])
+        self._mark, self._time = [], -1.0
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'theta': self._theta, 'motion': self._motion, 'mark': self._mark, 'at': self._time,
+                'sums': self._sums, 'blocks': self._blocks}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        self._theta = floats(state['theta'], len(state['theta']))
+        self._motion, self._sums = floats(state['motion'], 2), floats(state['sums'], 4)
+        self._mark = floats(state['mark'], len(state['mark']))
+        self._time, = floats([state['at']], 1)
+        self._blocks = [floats(row, 4) for row in state['blocks']]
+        if len(self._theta) not in (0, 5) or len(self._mark) not in (0, 3):
+            raise ValueError('a prediction that does not fit')
+        if self._blocks:
+            n, error, total, square = (math.fsum(column) for column in zip(*self._blocks))
+            variance = square - total * total / n if n else 0.0
+            self.fit = 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf

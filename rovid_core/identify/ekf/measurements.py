@@ -1,0 +1,102 @@
+"""What is measured when along the steps of the pipe, and with which force."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from rovid_core.identify.ekf.linearised_filter import floats, ForceImpulse, POSITION, VELOCITY
+from rovid_core.model.samples import Step
+
+
+class Measurement(NamedTuple):
+    """
+    The span that a filter moves over, and what is measured at its end.
+
+    Attributes
+    ----------
+    start, end : float
+        [s] on the clock of the force.
+    i : int
+        ``POSITION`` or ``VELOCITY``.
+    value : float or None
+        In typical velocities (times 1 s); None for the first fix, where the path begins.
+    turn : float
+        By which the body turned [rad]: the noise of a fix times this goes into the path.
+    slip : float
+        Standard deviation of what the attitude puts the path wrong by.
+    dt : float
+        [s] since the last measurement.
+
+    """
+
+    start: float
+    end: float
+    i: int
+    value: float | None
+    turn: float
+    slip: float
+    dt: float
+
+
+class MeasurementClock:
+    """
+    Turn steps into measurements of the path or the velocity.
+
+    With fixes the measurement is the path along the body axis, which is summed up from the
+    mean velocities, from 0 at the first fix; with a velocity sensor it is the velocity. The
+    force of the half interval after a fix is known when the next mean velocity is; so a
+    filter stands at the fix before the end of a step.
+
+    Parameters
+    ----------
+    force, velocity : float
+        The units.
+
+    Attributes
+    ----------
+    impulse : ForceImpulse
+        Of the force.
+    ahead : float
+        [s] from the last measurement to the end of the last step.
+
+    """
+
+    def __init__(self, force: float, velocity: float) -> None:
+        self._force, self._velocity = force, velocity
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a new path."""
+        self.impulse = ForceImpulse()
+        self._path = 0.0
+        self._fix = -1.0  # [s] time of the last measurement, by the impulse's clock
+        self.ahead = 0.0
+
+    def add_step(self, step: Step) -> Measurement:
+        """Return what a step measures."""
+        impulse, first = self.impulse, self._fix < 0.0
+        spans = step.parts if step.interval else (step.dt,)
+        at = impulse.end + spans[0]
+        one, other = step.forces
+        impulse.add(spans, (one / self._force, other / self._force))
+        end = impulse.end
+        start = end - step.dt if first else self._fix
+        self._fix, self.ahead = at, end - at
+        if not step.interval:
+            return Measurement(start, at, VELOCITY, step.mean / self._velocity, 0.0, 0.0, step.dt)
+        path = self._path
+        self._path += step.mean * step.interval / self._velocity
+        return Measurement(start, at, POSITION, None if first else path, step.turn,
+                           step.path_noise / self._velocity, step.dt)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'impulse': self.impulse.state(), 'path': self._path, 'fix': self._fix,
+                'ahead': self.ahead}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        path, fix, ahead = floats([state[name] for name in ('path', 'fix', 'ahead')], 3)
+        self.impulse.restore(state['impulse'])
+        self._path, self._fix, self.ahead = path, fix, ahead

@@ -1,0 +1,398 @@
+"""
+What the scores of blocks of data say: honest intervals, missing regressors, changes.
+
+The score of a block is the derivative of its log likelihood by the parameters. Where the model
+is right the scores of blocks scatter as their information says; where it is not they scatter
+more, and the covariance of the parameters follows from that scatter (the sandwich of H. White,
+Econometrica 50(1), 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import math
+from operator import mul
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats, Innovation
+
+Array = NDArray[np.float64]
+
+BLOCK = 10.0
+"""[s] of a block."""
+
+LARGEST_COUNT, SINGLE = 48, 8
+"""Blocks that are kept, and how many of the newest are never joined."""
+
+LEAST_COUNT = 6
+"""Blocks below which they say nothing."""
+
+WEIGHT = 4.0
+"""Blocks that the model's own covariance counts as."""
+
+REPEATED = 2.0
+"""Excess scatter above which an error repeats from block to block and does not average out."""
+
+PENDING = 64
+"""Measurements that are added up at once."""
+
+NAMED_T, NAMED_GAIN = 4.0, 0.02
+"""Significance, and share of the squared innovations, from which a regressor is named."""
+
+FALSE_ALARM = 1e-6
+"""Probability that one test takes an unchanged vehicle for changed."""
+
+MATTERS = 0.05
+"""Least change of the force that is one, in what the model says."""
+
+SCATTERED = 1.5
+"""Excess scatter above which the newest blocks are taken to scatter as the old ones."""
+
+
+@dataclass(frozen=True)
+class Missing:
+    """
+    A regressor that the model lacks.
+
+    Attributes
+    ----------
+    name : str
+        One of the watched ones.
+    coefficient : float
+        What it would have, in typical accelerations.
+    share : float
+        Of the squared innovations that it would explain.
+
+    """
+
+    name: str
+    coefficient: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """
+    What the blocks say.
+
+    Attributes
+    ----------
+    covariance : p lists of p floats
+        Of the parameters.
+    scatter : float
+        Of the scores, relative to what the model says; 1 where it is right.
+    missing : Missing or None
+        The regressor that explains most of what the model does not.
+    count : int
+        Of the blocks.
+
+    """
+
+    covariance: list[list[float]]
+    scatter: float
+    missing: Missing | None
+    count: int
+
+
+class ScoreBlocks:
+    """
+    Information and score of each block of some seconds.
+
+    Parameters
+    ----------
+    theta, variances : sequence of p floats
+        Parameters and their variances before the first block.
+
+    """
+
+    def __init__(self, theta: Sequence[float], variances: Sequence[float]) -> None:
+        self._q = len(theta) + len(CANDIDATES)
+        self.clear(theta, variances)
+
+    def clear(self, theta: Sequence[float], variances: Sequence[float]) -> None:
+        """Forget all blocks and begin with other parameters and variances."""
+        self._theta, self._variances = list(theta), list(variances)
+        self._active = [i for i, variance in enumerate(variances) if variance > 0.0]
+        q = self._q
+        self._information = np.zeros((0, q, q))
+        self._score = np.zeros((0, q))
+        self._counts = np.zeros(0)
+        self._time = 0.0
+        self._begin()
+
+    def _begin(self) -> None:
+        q = self._q
+        self._open = np.zeros((q, q)), np.zeros(q)
+        self._count = 0
+        self._pending: list[list[float]] = []
+
+    @property
+    def count(self) -> int:
+        """Return how many blocks there are."""
+        return len(self._counts)
+
+    def add(self, found: Innovation, added: float, theta: Sequence[float], dt: float) -> bool:
+        """
+        Add a measurement; return whether it completes a block.
+
+        Parameters
+        ----------
+        found : Innovation
+            What it said.
+        added : float
+            To its variance, because it was large.
+        theta : sequence of p floats
+            The parameters then.
+        dt : float
+            [s] since the last one.
+
+        """
+        psi = found.psi
+        value = found.error + sum(map(mul, theta, psi))
+        self._pending.append([1.0 / (found.given + added), value, *psi])
+        if len(self._pending) >= PENDING:
+            self._sum_up()
+        self._time += dt
+        if self._time < BLOCK:
+            return False
+        self._time = 0.0
+        self._sum_up()
+        information, score = self._open
+        self._information = np.concatenate([self._information, information[None]])
+        self._score = np.concatenate([self._score, score[None]])
+        self._counts = np.append(self._counts, self._count)
+        self._begin()
+        if self.count > LARGEST_COUNT:
+            self._join()
+        return True
+
+    def _sum_up(self) -> None:
+        if not self._pending:
+            return
+        rows = np.array(self._pending)
+        weighted = rows[:, 2:] * rows[:, :1]
+        information, score = self._open
+        # not a product of matrices: its last bits depend on the library
+        self._open = (information + np.einsum('ki,kj->ij', weighted, rows[:, 2:]),
+                      score + np.einsum('ki,k->i', weighted, rows[:, 1]))
+        self._count += len(rows)
+        self._pending = []
+
+    def _join(self) -> None:
+        """Join pairs of the older blocks."""
+        old = (self.count - SINGLE) // 2 * 2
+
+        def joined(x: Array) -> Array:
+            return np.concatenate([x[:old:2] + x[1:old:2], x[old:]])
+
+        self._information, self._score, self._counts = (
+            joined(self._information), joined(self._score), joined(self._counts))
+
+    def verdict(self, wrong_model: bool = False) -> Verdict | None:
+        """Return what the blocks say; None while there are too few."""
+        if self.count < LEAST_COUNT:
+            return None
+        return self._fit(self.count).verdict(self._counts, wrong_model)
+
+    def _fit(self, count: int) -> _Fit:
+        """Return what the oldest blocks give."""
+        return _Fit(self._active, self._theta, self._variances, self._information[:count],
+                    self._score[:count])
+
+    def solution(self) -> tuple[list[float], list[list[float]]]:
+        """Return the parameters that fit all data best, and their covariance."""
+        self._sum_up()
+        active = self._active
+        information, score = self._open
+        h = self._information.sum(axis=0) + information
+        y = self._score.sum(axis=0) + score
+        prior, theta = 1.0 / np.array(self._variances)[active], np.array(self._theta)
+        covariance = np.linalg.inv(h[np.ix_(active, active)] + np.diag(prior))
+        found = theta.copy()
+        found[active] = covariance @ (y[active] + prior * theta[active])
+        full = np.zeros((len(theta), len(theta)))
+        full[np.ix_(active, active)] = 0.5 * (covariance + covariance.T)
+        return found.tolist(), full.tolist()
+
+    def misfit(self, theta: Sequence[float]) -> float:
+        """Return what the prior adds to -2 log of the likelihood at some parameters."""
+        return math.fsum([(theta[i] - self._theta[i])**2 / self._variances[i]
+                          for i in self._active])
+
+    def has_changed(self, largest_scatter: float) -> bool:
+        """
+        Tell whether the newest blocks contradict the older ones.
+
+        Parameters
+        ----------
+        largest_scatter : float
+            Of the older blocks, from which they do not tell.
+
+        """
+        for newest in (1, 3, 6):
+            older = self.count - newest
+            if older < max(LEAST_COUNT, len(self._active) + 1):
+                break
+            if self._fit(older).contradicts(
+                    self._information[older:], self._score[older:], largest_scatter):
+                return True
+        return False
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        information, score = self._open
+        return {'theta': self._theta, 'variances': self._variances, 'time': self._time,
+                'information': self._information.tolist(), 'score': self._score.tolist(),
+                'counts': self._counts.tolist(), 'count': self._count,
+                'open': [information.tolist(), score.tolist()],
+                'pending': [list(row) for row in self._pending]}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        p = len(self._theta)
+        q = self._q
+        self.clear(floats(state['theta'], p), floats(state['variances'], p))
+        counts = _finite(state['counts'], (-1,))
+        n = len(counts)
+        information, score = state['open']
+        self._information = _finite(state['information'], (n, q, q))
+        self._score, self._counts = _finite(state['score'], (n, q)), counts
+        self._open = _finite(information, (q, q)), _finite(score, (q,))
+        self._time, self._count = float(state['time']), int(state['count'])
+        if not 0.0 <= self._time < math.inf:
+            raise ValueError('the time of a block is out of range')
+        self._pending = [floats(row, q + 2) for row in state['pending']]
+
+
+class _Fit:
+    """The parameters that some blocks give, and how their scores scatter."""
+
+    def __init__(self, active: Sequence[int], theta: Sequence[float],
+                 variances: Sequence[float], information: Array, score: Array) -> None:
+        self.active, self._p = list(active), len(theta)
+        a = np.array(self.active)
+        self.n, self.information, self.score = len(information), information, score
+        prior, start = 1.0 / np.array(variances)[a], np.array(theta)[a]
+        self.total = information.sum(axis=0)
+        self.prior = np.diag(prior)
+        self.h = self.total[a[:, None], a] + self.prior
+        self.c = np.linalg.inv(self.h)
+        self.theta = self.c @ (score[:, a].sum(axis=0) + prior * start)
+
+    def scatter(self) -> float:
+        """Find how much more the scores scatter than the model says, 1 where it is right."""
+        a = np.array(self.active)
+        self.own = self.information[:, a[:, None], a]
+        self.u = self.score[:, a] - self.own @ self.theta
+        self.v = self.u.T @ self.u
+        freedom = self.n / max(self.n - len(a), 0.5)
+        return max(1.0, float(np.trace(self.c @ self.v)) / len(a) * freedom)
+
+    def verdict(self, counts: Array, wrong_model: bool) -> Verdict:
+        n, a, scatter = self.n, self.active, self.scatter()
+        mixed = (WEIGHT * scatter * self.total[np.ix_(a, a)] + n * n / (n - 1) * self.v) / (
+            WEIGHT + n)
+        covariance = self.c @ (mixed + self.prior) @ self.c
+        if wrong_model or scatter > REPEATED:
+            covariance = covariance * max(1.0, n / LEAST_COUNT)
+        missing = None
+        best = NAMED_GAIN
+        for k in range(self._p, self._p + len(CANDIDATES)):
+            to = self.total[a, k]
+            w = self.c @ to
+            rest = self.total[k, k] - w @ to
+            if not rest > 1e-6 * self.total[k, k]:
+                continue
+            s = (self.score[:, k] - self.information[:, k, a] @ self.theta) - self.u @ w
+            i = (self.information[:, k, k] - 2.0 * self.information[:, k, a] @ w
+                 + np.einsum('i,nij,j->n', w, self.own, w))
+            total = float(s.sum())
+            kappa = total / float(rest)
+            scale = max(math.sqrt(rest), math.sqrt(n / (n - 1) * float(
+                ((s - i * kappa)**2).sum())))
+            share = total * total / (float(rest) * float(counts.sum()))
+            if abs(total) > NAMED_T * scale and share > best:
+                best, moved = share, w * kappa
+                missing = Missing(CANDIDATES[k - self._p], kappa, share)
+        if missing is not None:
+            covariance = covariance + np.outer(moved, moved)
+        full = np.zeros((self._p, self._p))
+        full[np.ix_(a, a)] = 0.5 * (covariance + covariance.T)
+        return Verdict(full.tolist(), scatter, missing, n)
+
+    def contradicts(self, information: Array, score: Array, largest_scatter: float) -> bool:
+        """Tell whether newer blocks do, in a way that matters."""
+        a, n, w = self.active, self.n, len(information)
+        own = information[:, np.array(a)[:, None], a].sum(axis=0)
+        u = score[:, a].sum(axis=0) - own @ self.theta
+        step = np.linalg.solve(own + self.prior, u)
+        power = float(self.theta @ own @ self.theta)
+        if not float(step @ own @ step) >= MATTERS**2 * power:
+            return False
+        scatter = self.scatter()
+        if scatter > largest_scatter:
+            return False
+        mean = (WEIGHT + 2.0) * scatter * self.total[np.ix_(a, a)] / n
+        b = (mean + self.v) / (WEIGHT + 2.0 + n)
+        known = self.c @ (((WEIGHT + 2.0) * scatter * self.h + n * self.v)
+                          / (WEIGHT + 2.0 + n)) @ self.c
+        if scatter > SCATTERED:
+            spread = 0.5 * scatter * own + 0.5 * w * b
+        else:
+            spread = scatter * own
+        s = spread + own @ known @ own
+        freedom = n - len(a)
+        inverse = np.linalg.pinv(s, hermitian=True)
+        t = float(u @ inverse @ u) / len(a)
+        if f_tail(t, len(a), freedom) < FALSE_ALARM:
+            return True
+        for g in (self.theta, np.eye(len(a))[0]):
+            row = own @ g
+            bottom = float(row @ inverse @ row)
+            if bottom > 0.0:
+                t = float(row @ inverse @ u)**2 / bottom
+                if f_tail(t, 1, freedom) < FALSE_ALARM:
+                    return True
+        return False
+
+
+def f_tail(x: float, top: int, bottom: int) -> float:
+    """Return the probability that a variable of the F distribution is above ``x``."""
+    if not x > 0.0:
+        return 1.0
+    return _beta(0.5 * bottom, 0.5 * top, bottom / (bottom + top * x))
+
+
+def _beta(a: float, b: float, x: float) -> float:
+    """Return the regularised incomplete beta function by its continued fraction (Lentz)."""
+    if not 0.0 < x < 1.0:
+        return min(max(x, 0.0), 1.0)
+    if x > (a + 1.0) / (a + b + 2.0):
+        return 1.0 - _beta(b, a, 1.0 - x)
+    front = math.exp(math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b)
+                     + a * math.log(x) + b * math.log1p(-x)) / a
+    tiny = 1e-300
+    c, d = 1.0, 1.0 - (a + b) * x / (a + 1.0)
+    d = 1.0 / (d if abs(d) > tiny else tiny)
+    h = d
+    for m in range(1, 300):
+        for term in (m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m)),
+                     -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1))):
+            d = 1.0 + term * d
+            d = 1.0 / (d if abs(d) > tiny else tiny)
+            c = 1.0 + term / c
+            c = c if abs(c) > tiny else tiny
+            h *= d * c
+        if abs(d * c - 1.0) < 1e-12:
+            break
+    return front * h
+
+
+def _finite(values: Any, shape: tuple[int, ...]) -> Array:
+    found = np.array(values, dtype=float).reshape(shape)
+    if not np.isfinite(found).all():
+        raise ValueError('a block is not finite')
+    return found

@@ -19,14 +19,15 @@ unexport RMW_IMPLEMENTATION
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint figures browser clean
+.PHONY: help demo test lint figures picture browser clean
 
 help:
 	@echo 'make demo   simulate a vehicle and identify it; needs no ROS'
 	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
 	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest, WORKERS=2 at once'
 	@echo 'make lint   linters and types only'
-	@echo 'make figures  every table of docs/measurements/, in 50 minutes; ARGS="accuracy speed.step"'
+	@echo 'make figures  every table of docs/measurements/, in about 45 minutes; ARGS="accuracy speed.step"'
+	@echo 'make picture  docs/report.png, the report of two simulated trials; needs Chromium'
 	@echo 'make browser  Debian Chromium, for the tests that open the report (needs root)'
 	@echo 'make clean  remove what the other targets made'
 	@echo 'All take PYTHON=..., the interpreter to use (3.10 or newer; now: $(PYTHON))'
@@ -47,6 +48,9 @@ endif
 figures: $(TEST_READY)
 	$(TEST)/bin/python -m pip install --quiet --disable-pip-version-check -r benchmarks/requirements.txt
 	$(TEST)/bin/python -m benchmarks.figures $(ARGS)
+
+picture: $(TEST_READY)
+	$(TEST)/bin/python -m benchmarks.report_picture $(ARGS)
 
 browser:
 	@if command -v chromium || command -v chromium-browser || command -v google-chrome; then :; \

@@ -5,15 +5,17 @@ import os
 from pathlib import Path
 import socket
 
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 import pytest
 
 from test.support.processes import child_environment
 
-# New examples are for people to find; a build that others wait for repeats its own.
-settings.register_profile('repeatable', derandomize=True)
-if os.environ.get('CI'):
-    settings.load_profile('repeatable')
+# How long an example takes says more about what else the machine does. New examples are for people
+# to find; a build that others wait for repeats its own.
+settings.register_profile('suite', max_examples=50, deadline=None,
+                          suppress_health_check=[HealthCheck.too_slow],
+                          derandomize=bool(os.environ.get('CI')))
+settings.load_profile('suite')
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

@@ -1,12 +1,10 @@
 """
-Tell how a method does on vehicles that are not exactly the model: ``python -m`` this module.
+Tell how a method does on vehicles that are not exactly the model.
 
-The plants are simulated here, independent of ``rovid_core.simulation``: a small vehicle of
-17.6 kg whose thrust commands are held for 50 ms, with fixes of 5 mm at 10 Hz. Each kind of
-vehicle adds one thing that the model of a single degree of freedom does not know. A table says,
-per kind, how often the 95 % interval of the mass holds the true one, how often the status says
-``converged``, how often it says so with the true mass outside of the interval, and what the
-notes name.
+The plants are those of ``test.support.real_vehicles``. A table says, per kind of vehicle, how
+far the mass is off, how often its 95 % interval holds the true one, how often the status says
+``converged``, how often it says so with the true mass outside of the interval, whether and when
+the vehicle is said to have changed, and what the notes say most often.
 
 Usage: python -m benchmarks.accuracy.real_vehicles [--seeds N] [--duration S] [--method M]
 """
@@ -14,157 +12,21 @@ Usage: python -m benchmarks.accuracy.real_vehicles [--seeds N] [--duration S] [-
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from math import inf, pi, tanh
+from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
-from rovid_core.identify import make
+from rovid_core.identify import make_identifier
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.method import Identifier
 from rovid_core.identify.status import DofStatus
-from rovid_core.model.dofs import Four
-from rovid_core.model.lowpass import filtered
-from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Step
-from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales
+from rovid_core.settings.run import IdentifierSettings, Scales
 
-Array = NDArray[np.float64]
-
-MASS, QUADRATIC, LINEAR, BIAS = 17.6, 34.0, 11.0, 0.4
-TRUTH: Four = lumped(MASS, QUADRATIC, LINEAR, BIAS)
-GUESS = DofSettings(MASS * 1.5, QUADRATIC / 1.6, LINEAR / 1.5, typical_force=37.0,
-                    typical_velocity=0.6)
-FORCE = 37.0  # [N] of a full command
-STEP, HELD, FIX, NOISE, CUTOFF = 0.01, 5, 10, 0.005, 0.6  # [s], [steps], [steps], [m], [Hz]
-
-
-@dataclass(frozen=True)
-class Vehicle:
-    """
-    A plant and how it is driven.
-
-    Attributes
-    ----------
-    thrust : callable
-        The real thrust of a command [N].
-    disturbance : str
-        What else accelerates it: '', ``unknown`` (a force of 1 N rms), ``coupled`` (v r of
-        sway and yaw that follow commands of their own), ``zigzag`` (v r that follows this
-        command), or ``tether``.
-    reverse_drag, lag, closed_loop, turned
-        Factor of the drag in reverse, time constant of the thruster [s], whether a controller
-        follows a lawn-mower track, and the time [s] and factor of a change of the mass.
-
-    """
-
-    thrust: Callable[[float], float] = float
-    disturbance: str = ''
-    reverse_drag: float = 1.0
-    lag: float = 0.0
-    closed_loop: bool = False
-    change: tuple[float, float] = (inf, 1.0)
-
-
-def _dead(force: float) -> float:
-    return force if abs(force) > 3.0 else 0.0
-
-
-def _offset_dead(force: float) -> float:
-    return max(abs(force) - 3.0, 0.0) * (1.0 if force > 0.0 else -1.0)
-
-
-def _reverse(force: float) -> float:
-    return force if force > 0.0 else 0.8 * force
-
-
-VEHICLES = {
-    'exact': Vehicle(),
-    'dead-band 3 N': Vehicle(_offset_dead),
-    'reverse thrust x 0.8': Vehicle(_reverse),
-    'reverse drag x 1.3': Vehicle(reverse_drag=1.3),
-    'unknown force 1 N': Vehicle(disturbance='unknown'),
-    'lag 0.15 s': Vehicle(lag=0.15),
-    'coupled': Vehicle(disturbance='coupled'),
-    'zig-zag': Vehicle(disturbance='zigzag'),
-    'tether 1 N': Vehicle(disturbance='tether'),
-    'closed loop': Vehicle(closed_loop=True),
-    'mass +20 % at 200 s': Vehicle(change=(200.0, 1.2)),
-    'the same, unknown force': Vehicle(disturbance='unknown', change=(200.0, 1.2)),
-}
-
-
-def _sines(random: np.random.Generator, time: Array, low: float, high: float) -> Array:
-    """Return a mean square of 1 in five sinusoids between two frequencies [Hz]."""
-    hz = np.exp(random.uniform(np.log(low), np.log(high), 5))
-    return np.asarray(np.sqrt(0.4) * np.sin(
-        2 * pi * hz * time[:, None] + random.uniform(0.0, 2 * pi, 5)).sum(axis=1))
-
-
-def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array]:
-    """Return the fixes [m] and the logged force per ``STEP`` [N]."""
-    random = np.random.default_rng(seed)
-    n = round(duration / STEP)
-    time = np.arange(n) * STEP
-    command = np.clip(17.0 * _sines(random, time, 0.02, 0.2), -FORCE, FORCE)
-    side = 0.25 * _sines(random, time, 0.02, 0.1) * 0.35 * _sines(random, time, 0.02, 0.1)
-    white, noise = random.normal(size=n), random.normal(0.0, NOISE, n // FIX + 1)
-    logged, path = np.empty(n), np.empty(n + 1)
-    x = v = force = drift = 0.0
-    mass, measured, last = MASS, float(noise[0]), float(noise[0])
-    keep = np.exp(-STEP / 2.0)
-    for k in range(n):
-        path[k] = x
-        if k % FIX == 0:
-            last, measured = measured, x + noise[k // FIX]
-        if k % HELD == 0:
-            u = command[k]
-            if vehicle.closed_loop:
-                # there and back at 0.5 m/s, every 20 s, with a proportional-derivative law
-                leg = time[k] % 40.0
-                wanted, speed = (0.5 * leg, 0.5) if leg < 20.0 else (0.5 * (40.0 - leg), -0.5)
-                u = 40.0 * (wanted - measured) + 25.0 * (speed - (measured - last) / 0.1)
-                u = min(max(u, -FORCE), FORCE)
-            held = float(u)
-        logged[k] = held
-        real = vehicle.thrust(held)
-        force = real if not vehicle.lag else force + (real - force) * STEP / vehicle.lag
-        if time[k] >= vehicle.change[0]:
-            mass = MASS * vehicle.change[1]
-        drift = keep * drift + (1.0 - keep**2)**0.5 * white[k]
-        extra = {'': 0.0, 'unknown': drift / MASS, 'coupled': 1.4 * side[k],
-                 'zigzag': 1.4 * 0.2 * held / FORCE * abs(side[k])**0.5,
-                 'tether': -tanh(x) / MASS}[vehicle.disturbance]
-
-        first = _rate(vehicle, v, force, mass) + extra
-        second = _rate(vehicle, v + STEP * first, force, mass) + extra
-        x += STEP * v + STEP * STEP * first / 2.0
-        v += STEP * (first + second) / 2.0
-    path[n] = x
-    return path[::FIX] + noise[:n // FIX + 1], logged
-
-
-def _rate(vehicle: Vehicle, v: float, force: float, mass: float) -> float:
-    drag = QUADRATIC * (vehicle.reverse_drag if v < 0.0 else 1.0)
-    return (force - drag * v * abs(v) - LINEAR * v - BIAS) / mass
-
-
-def pieces(vehicle: Vehicle, seed: int, duration: float) -> list[Step | float]:
-    """Return what the pipe makes of a drive: the first velocity, then the steps."""
-    fixes, logged = drive(vehicle, seed, duration)
-    dt = FIX * STEP
-    mean = np.diff(fixes) / dt
-    halves = logged.reshape(-1, FIX // 2).mean(axis=1)  # between fix, middle, fix
-    forces = halves[1:-1].reshape(-1, 2)
-    velocity = filtered(CUTOFF, np.full(len(mean), dt), mean)
-    force = filtered(CUTOFF, np.full(len(forces), dt), forces.mean(axis=1))
-    return [float(mean[0]), *(
-        Step(dt, (a, 0.5 * (a + b), b), (f, f, f), m, dt, (dt / 2, dt / 2), (p, q), 0.0)
-        for a, b, f, m, (p, q) in zip(velocity.tolist(), velocity[1:].tolist(), force.tolist(),
-                                      mean[1:].tolist(), forces.tolist()))]
+from test.support.real_vehicles import GUESS, MASS, pieces, Vehicle, VEHICLES
 
 
 @dataclass(frozen=True)
@@ -204,7 +66,8 @@ def identify(identifier: Identifier, vehicle: Vehicle, seed: int, duration: floa
 
 def case(method: str, duration: float, name: str, seed: int) -> Result:
     """Return the result of one seed."""
-    return identify(make(IdentifierSettings(method), GUESS), VEHICLES[name], seed, duration)
+    identifier = make_identifier(IdentifierSettings(method), GUESS)
+    return identify(identifier, VEHICLES[name], seed, duration)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -14,8 +14,11 @@ then the route of the most common kind.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from contextlib import redirect_stdout
 from io import StringIO
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 import sys
 from tempfile import TemporaryDirectory
@@ -23,6 +26,8 @@ from types import FrameType
 from typing import Any
 
 from rovid_ros.commands.main import main as rovid
+
+from benchmarks.markdown import table
 
 ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / 'config' / 'jhurov.yaml'
@@ -97,14 +102,19 @@ def figures(route: list[Call]) -> tuple[int, int, int]:
     return len(route), len(set(files)), sum(a != b for a, b in zip(files, files[1:]))
 
 
-def show(routes: list[list[Call]], ending: str) -> list[Call]:
-    """Print the most common figures, and return a route that has them."""
+def typical(routes: list[list[Call]]) -> list[Call]:
+    """Return a route with the most common figures in the second half of the log."""
     steady = routes[len(routes) // 2:]
-    (common, count), *_ = Counter(map(figures, steady)).most_common()
-    calls, files, changes = common
-    print(f'{calls} calls in {files} files with {changes} changes of file {ending} '
-          f'({count} of {len(steady)} messages)')
+    (common, _), *_ = Counter(map(figures, steady)).most_common()
     return next(route for route in steady if figures(route) == common)
+
+
+def lines(route: list[Call]) -> Iterator[str]:
+    """Yield a line for every change of file: the file, and the functions that are called."""
+    for file, calls in groupby(route, key=itemgetter(0)):
+        counts = Counter(function.partition('.<locals>')[0] for _, function in calls)
+        yield f'{file}: ' + ', '.join(
+            name if count == 1 else f'{name} ({count} times)' for name, count in counts.items())
 
 
 def main() -> None:
@@ -114,15 +124,15 @@ def main() -> None:
         with redirect_stdout(StringIO()):
             rovid(['simulate', '--params-file', str(CONFIG), '--output', str(log),
                    '--duration', '60'])
-        for method in ('ekf', 'aid', 'rls'):
-            show(trace(log, CONFIG, method), f'to the estimate of {method}')
-        route = show(trace(log, CONFIG, 'ekf', '--output', str(output)),
-                     'to the topics of an estimate of ekf in the output log')
-    before = ''
-    for file, function in route:
-        print(f', {function}' if file == before else f'\n{file}: {function}', end='')
-        before = file
-    print()
+        routes = {f'the estimate of {method}': typical(trace(log, CONFIG, method))
+                  for method in ('ekf', 'aid', 'rls')}
+        written = typical(trace(log, CONFIG, 'ekf', '--output', str(output)))
+    print(table(('one position message, from the log to', 'calls', 'files', 'changes of file'), [
+        (name, *figures(route)) for name, route in
+        (*routes.items(), ('the output topics of an estimate of ekf', written))]))
+    print('\nThe route to the estimate of ekf:\n\n```')
+    print(*lines(routes['the estimate of ekf']), sep='\n')
+    print('```')
 
 
 if __name__ == '__main__':

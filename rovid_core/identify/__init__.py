@@ -20,41 +20,20 @@ def _aid(scales: Scales, settings: IdentifierSettings, raw_gains: Four | None) -
         scales, Gains(settings.feedback_gain, raw_gains), settings.integrator)
 
 
-def _rls(scales: Scales, settings: IdentifierSettings, _: Four | None) -> Identifier:
-    return RecursiveLeastSquares(scales, settings.adaptation_time)
-
-
-def _ekf(scales: Scales, settings: IdentifierSettings, _: Four | None) -> Identifier:
-    return ExtendedKalman(scales)
-
-
+# The function that makes the identifier of a DOF, in the order in which they are offered.
 METHODS: dict[str, Callable[[Scales, IdentifierSettings, Four | None], Identifier]] = {
     'aid': _aid,
-    'rls': _rls,
-    'ekf': _ekf,
+    'rls': lambda scales, settings, _: RecursiveLeastSquares(scales, settings.adaptation_time),
+    'ekf': lambda scales, settings, _: ExtendedKalman(scales),
 }
-"""The function that makes the identifier of a DOF, in the order in which they are offered."""
 
 
 def make_identifier(settings: IdentifierSettings, dof: DofSettings,
                     raw_gains: Four | None = None) -> Identifier:
     """
-    Return the configured identifier for one DOF.
+    Return the configured identifier for one DOF; raises SettingsError if there is no such method.
 
-    Parameters
-    ----------
-    settings : IdentifierSettings
-        Method, integrator and gains.
-    dof : DofSettings
-        Initial values, scales and terms.
-    raw_gains : tuple of 4 floats, optional
-        The diagonal of Gamma for this DOF where the settings give raw gains (``aid``).
-
-    Raises
-    ------
-    SettingsError
-        If there is no such method.
-
+    ``raw_gains`` is the diagonal of Gamma where the settings give raw gains (``aid``).
     """
     if settings.method not in METHODS:
         raise SettingsError(
@@ -67,13 +46,7 @@ def retuned_identifier(identifier: Identifier, settings: IdentifierSettings, dof
     """
     Return an identifier with other gains that continues with the state of a given one.
 
-    Parameters
-    ----------
-    identifier : Identifier
-        Made with the same method, DOF and integrator. It must not be used afterwards.
-    settings, dof, raw_gains
-        As in :func:`make_identifier`.
-
+    That was made with the same method, DOF and integrator, and must not be used afterwards.
     """
     keeps_gains = isinstance(identifier, SelfTuningIdentifier) and raw_gains is None
     if keeps_gains or not isinstance(identifier, AdaptiveIdentifier):

@@ -75,21 +75,10 @@ class DofEstimate(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """
-    All DOFs after a step of one or more of them.
+    """All DOFs after a step of one or more of them."""
 
-    Attributes
-    ----------
-    time : int
-        Time [ns] of the newest velocity: the middle of the interval between two position
-        fixes, or the stamp of a measured velocity.
-    dofs : tuple of DofEstimate
-        In the order of ``Settings.dofs``.
-    stepped : tuple of int
-        Indices into ``dofs`` of those that this step moved.
-
-    """
-
+    # time [ns] of the newest velocity: the middle of the interval between two position fixes, or
+    # the stamp of a measured velocity
     time: int
-    dofs: tuple[DofEstimate, ...]
-    stepped: tuple[int, ...]
+    dofs: tuple[DofEstimate, ...]  # in the order of ``Settings.dofs``
+    stepped: tuple[int, ...]  # indices into ``dofs`` of those that this step moved

@@ -11,53 +11,28 @@ from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
+# Mean square of the thrust, in typical forces, below which nothing can be learned.
 MIN_EXCITATION = 1e-3
-"""Mean square of the thrust, in typical forces, below which nothing can be learned."""
-
-MIN_MOTION = 1e-2
-"""Mean square of the velocity, in typical ones, below which it is mostly noise."""
-
+MIN_MOTION = 1e-2  # mean square of the velocity, in typical ones, below which it is mostly noise
+# Least part of a regressor's mean square, in typical ones, that the others must not explain. With
+# 5 mm of noise on fixes at 10 Hz, thrust of 0.02 to 0.1 Hz reaches it for both drags of a 300 kg
+# vehicle; a sinusoid of 0.25 Hz, a square wave of one amplitude, or a fifth of the thrust do not.
 MIN_INFORMATION = 1e-2
-"""
-Least part of a regressor's mean square, in typical ones, that the others must not explain.
-
-With 5 mm of noise on fixes at 10 Hz, thrust of 0.02 to 0.1 Hz reaches it for both drags of a
-300 kg vehicle; a sinusoid of 0.25 Hz, a square wave of one amplitude, or a fifth of the thrust
-do not.
-"""
-
-FLOOR = 1e-12
-"""Share of a mean square below which the unexplained part is rounding error."""
-
+FLOOR = 1e-12  # share of a mean square below which the unexplained part is rounding error
+# Upper triangle of the sum of phi phi' dt, row by row; its last entry is the time [s].
 Sums = tuple[float, ...]
-"""Upper triangle of the sum of phi phi' dt, row by row; its last entry is the time [s]."""
-
 NO_SUMS: Sums = (0.0,) * 10
-
-BATCH = 64
-"""Steps that are collected before their products are added, which halves the cost."""
-
+BATCH = 64  # steps that are collected before their products are added, which halves the cost
 ALPHA, BETA, GAMMA, DELTA = range(4)
 
 
 @dataclass(frozen=True)
 class Gram:
-    """
-    Mean products of the normalised regressors phi = [tau/F, v|v|/V^2, v/V, 1].
+    """Mean products of the normalised regressors phi = [tau/F, v|v|/V^2, v/V, 1]."""
 
-    Attributes
-    ----------
-    sums : tuple of 10 floats
-        Upper triangle, row by row, times the time [s], which is its last entry.
-    active : tuple of int
-        The terms that are identified.
-    scale : tuple of 4 floats
-        What the regressors were multiplied by (``Scales.regressor``).
-
-    """
-
-    sums: Sums
-    active: tuple[int, ...]
+    sums: Sums  # upper triangle, row by row, times the time [s], which is its last entry
+    active: tuple[int, ...]  # the terms that are identified
+    # what the regressors were multiplied by (``Scales.regressor``)
     scale: Four = (1.0, 1.0, 1.0, 1.0)
 
     @cached_property
@@ -151,17 +126,9 @@ class Gram:
 def add_products(sums: Sums, steps: Sequence[Step], force_scale: float = 1.0,
                  velocity_scale: float = 1.0) -> Sums:
     """
-    Return the sums of phi phi' dt with those of some steps added, in their order.
+    Return the 10 sums of phi phi' dt with those of some steps added, in their order.
 
-    Parameters
-    ----------
-    sums : tuple of 10 floats
-        Sums so far.
-    steps : sequence of Step
-        Many at once cost half as much as one by one.
-    force_scale, velocity_scale : float
-        Factors of force and velocity.
-
+    Many steps at once cost half as much as one by one.
     """
     a, ab, ac, ad, b, bc, bd, c, cd, d = sums
     for step in steps:
@@ -187,13 +154,7 @@ class Excitation:
     """
     The Gram matrix of one DOF: with a fading memory, and of everything since the start.
 
-    Parameters
-    ----------
-    scales : Scales
-        Typical sizes and terms.
-    memory : float
-        Time [s] after which data count 1/e in the fading one.
-
+    ``memory`` is the time [s] after which data count 1/e in the fading one.
     """
 
     def __init__(self, scales: Scales, memory: float) -> None:

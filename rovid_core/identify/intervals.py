@@ -53,35 +53,19 @@ class KnownUncertainty(NamedTuple):
 NO_UNCERTAINTY = KnownUncertainty()
 
 Interval = tuple[float, float]
-
-Z95 = 1.959963984540054
-"""Half the width of a Gaussian's 95 % interval, in standard deviations."""
-
+Z95 = 1.959963984540054  # half the width of a Gaussian's 95 % interval, in standard deviations
 UNBOUNDED: Interval = (-math.inf, math.inf)
 POSITIVE: Interval = (0.0, math.inf)
 
 
-def intervals(parameters: Sequence[float], covariance: Sequence[float],
-              z: float = Z95) -> dict[str, Interval]:
+def intervals(parameters: Sequence[float], covariance: Sequence[float]) -> dict[str, Interval]:
     """
-    Return the interval of each lumped and physical parameter by name.
+    Return the 95 % interval of each lumped and physical parameter by name.
 
-    Parameters
-    ----------
-    parameters : sequence of 4 floats
-        alpha, beta, gamma, delta.
-    covariance : sequence of 16 floats
-        Covariance of the parameters, row-major, 0 for left-out terms; empty if there is none.
-    z : float
-        Half width in standard deviations.
-
-    Returns
-    -------
-    dict of str to (low, high)
-        An end that the data leave open is infinite. A left-out term has no interval. Intervals
-        of masses and drags are cut to physical values (at least 0), unless the whole interval
-        is negative: such data contradict the model, and the user should see it.
-
+    ``covariance`` has 16 floats, row-major, 0 for left-out terms; it is empty if there is none. An
+    end that the data leave open is infinite. A left-out term has no interval. Intervals of masses
+    and drags are cut to physical values (at least 0), unless the whole interval is negative: such
+    data contradict the model, and the user should see it.
     """
     if len(covariance) != 16 or not all(map(math.isfinite, (*parameters, *covariance))):
         return {}
@@ -90,26 +74,22 @@ def intervals(parameters: Sequence[float], covariance: Sequence[float],
     for i, name in enumerate(PARAMETERS):
         variance = covariance[5 * i]
         if variance > 0.0:
-            half = z * math.sqrt(variance)
+            half = Z95 * math.sqrt(variance)
             found[name] = (parameters[i] - half, parameters[i] + half)
             # the mass is 1 / alpha, that is -(-1) / alpha
             top = (parameters[i], variance, covariance[i]) if i else (-1.0, 0.0, 0.0)
-            pieces = _fieller(*top, alpha, alpha_variance, z)
+            pieces = _fieller(*top, alpha, alpha_variance)
             found[PHYSICAL[i]] = _cut(pieces, UNBOUNDED if i == 3 else POSITIVE)
     return {name: found[name] for name in (*PARAMETERS, *PHYSICAL) if name in found}
 
 
 def _fieller(theta: float, theta_variance: float, covariance: float, alpha: float,
-             alpha_variance: float, z: float) -> list[Interval]:
-    """
-    Return the one or two intervals in which r = -theta / alpha can lie.
-
-    They hold every r with (theta + r alpha)^2 <= z^2 var(theta + r alpha), which is
-    a r^2 + 2 b r + c <= 0.
-    """
-    a = alpha * alpha - z * z * alpha_variance
-    b = theta * alpha - z * z * covariance
-    c = theta * theta - z * z * theta_variance
+             alpha_variance: float) -> list[Interval]:
+    """Return the interval(s) of r = -theta / alpha, by (theta + r alpha)^2 <= z^2 its variance."""
+    square = Z95 * Z95
+    a = alpha * alpha - square * alpha_variance
+    b = theta * alpha - square * covariance
+    c = theta * theta - square * theta_variance
     # with a > 0 the estimate is inside, so a discriminant below 0 is rounding
     discriminant = b * b - a * c
     if a <= 0.0 and (discriminant <= 0.0 or b == 0.0 == a):

@@ -20,53 +20,26 @@ from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
+# c [rad/s]: faster than the vehicle, yet slow enough that noise of fixes at 10 Hz stays white
 CORNER = 3.0
-"""c [rad/s]: faster than the vehicle, yet slow enough that noise of fixes at 10 Hz stays white."""
-
-FEEDBACK = 2.0
-"""Gain by which v_hat is pulled to the measured velocity [1/s]."""
-
+FEEDBACK = 2.0  # gain by which v_hat is pulled to the measured velocity [1/s]
+# Steps shorter than this [s] may pull more: the difference of their fixes is noisier.
 PULL_STEP = 0.1
-"""Steps shorter than this [s] may pull more: the difference of their fixes is noisier."""
-
-SETTLING = 5.0
-"""Filter time constants after which the noise of the first velocity has decayed."""
-
-MEMORY = 100.0
-"""Longest memory, in adaptation times; at first it is half of the time so far."""
-
-PRIOR = 5.0
-"""Standard deviation of the initial guess, in typical accelerations."""
-
-STEADY = 3.0
-"""Time [s] after which constant thrust and velocity add no information."""
-
-MAX_STATE = 1e100
-"""Limit of the numbers in a saved state; its square is finite."""
-
+SETTLING = 5.0  # filter time constants after which the noise of the first velocity has decayed
+MEMORY = 100.0  # longest memory, in adaptation times; at first it is half of the time so far
+PRIOR = 5.0  # standard deviation of the initial guess, in typical accelerations
+STEADY = 3.0  # time [s] after which constant thrust and velocity add no information
+MAX_STATE = 1e100  # limit of the numbers in a saved state; its square is finite
 ZERO4: Four = (0.0,) * 4
-
-MAX_TYPICAL = 1e6
-"""A larger velocity or force, in typical ones, is refused."""
-
-NOISE_MEMORY = 20.0
-"""Memory of the noise's variance [s]."""
-
+MAX_TYPICAL = 1e6  # a larger velocity or force, in typical ones, is refused
+NOISE_MEMORY = 20.0  # memory of the noise's variance [s]
+# Only the innovations' spectrum below it counts [rad/s], where a vehicle moves.
 NOISE_FREQUENCY = 0.5
-"""Only the innovations' spectrum below it counts [rad/s], where a vehicle moves."""
-
-HUBER = 3.0
-"""Standard deviations of an innovation beyond which it counts linearly (Huber)."""
-
-MIN_VARIANCE = 1e-10
-"""Least variance of the noise, in squares of typical velocity x 1 s."""
-
-MIN_WHITE = 0.02
-"""Least share of the variance that counts, however little lies at low frequencies."""
-
+HUBER = 3.0  # standard deviations of an innovation beyond which it counts linearly (Huber)
+MIN_VARIANCE = 1e-10  # least variance of the noise, in squares of typical velocity x 1 s
+MIN_WHITE = 0.02  # least share of the variance that counts, however little lies at low frequencies
+# Least value of D, relative to its first: far below any data, far above underflow.
 MIN_DIAGONAL = 1e-30
-"""Least value of D, relative to its first: far below any data, far above underflow."""
-
 Six = tuple[float, float, float, float, float, float]
 
 
@@ -76,8 +49,6 @@ class RecursiveLeastSquares(Identifier):
 
     Parameters
     ----------
-    scales : Scales
-        Initial parameters, terms and typical sizes.
     adaptation_time : float
         A hundredth of the longest memory [s].
 
@@ -148,20 +119,10 @@ class RecursiveLeastSquares(Identifier):
 
     def step(self, step: Step, adapt: bool = True) -> str:
         """
-        Process one step; return '' or why it was refused.
+        Process one step; return '', or ``out_of_range`` for values not finite or far too large.
 
-        Parameters
-        ----------
-        step : Step
-            The measurement; its unfiltered velocity and forces are used.
-        adapt : bool
-            False leaves the parameters as they are.
-
-        Returns
-        -------
-        str
-            '', or ``out_of_range`` for values that are not finite or far too large.
-
+        The unfiltered velocity and forces are used. With ``adapt`` False the parameters stay
+        as they are.
         """
         dt, mean, size = step.dt, step.mean, self._scales.velocity
         (one, other), (first, second) = step.parts, step.forces
@@ -285,7 +246,7 @@ class RecursiveLeastSquares(Identifier):
         theta, (i, j, k, m) = self._theta, self._unit
         (a, b, c, d), (e, f, g, h), (p, q, r, s) = self._low, self._high, theta
         if not (a <= p <= e and b <= q <= f and c <= r <= g and d <= s <= h):
-            p, q, r, s = projected(theta, self._p.matrix(), self._low, self._high)
+            p, q, r, s = projected(theta, product(self._p.u, self._p.d), self._low, self._high)
         p, q, r, s = p / i, q / j, r / k, s / m
         (a, b, c, d), (e, f, g, h) = self.bounds
         if not (a <= p <= e and b <= q <= f and c <= r <= g and d <= s <= h):
@@ -300,12 +261,6 @@ class RegressionNoise:
 
     The estimate is disturbed by the noise's spectrum at the frequencies of the regressors. A
     low-pass measures it: y += h (e - y) of white noise has h / (2 - h) of its variance.
-
-    Parameters
-    ----------
-    variance : float
-        Initial value.
-
     """
 
     def __init__(self, variance: float) -> None:
@@ -351,23 +306,10 @@ class FactoredCovariance:
     Factorization Methods for Discrete Sequential Estimation, 1977), so that P is symmetric
     and positive definite after any number of updates. A parameter whose regressor is always 0
     keeps its value and its variance.
-
-    Parameters
-    ----------
-    variance : float
-        Initial variance of each parameter.
-
-    Attributes
-    ----------
-    u : tuple of 6 floats
-        U above the diagonal, column by column.
-    d : tuple of 4 floats
-        The diagonal D.
-
     """
 
     def __init__(self, variance: float) -> None:
-        self.u: Six = (0.0,) * 6
+        self.u: Six = (0.0,) * 6  # U above the diagonal, column by column
         self.d: Four = (variance,) * 4
         self._smallest = MIN_DIAGONAL * variance
 
@@ -443,10 +385,6 @@ class FactoredCovariance:
         self.d = (d0 if d0 > smallest else smallest, d1 if d1 > smallest else smallest,
                   d2 if d2 > smallest else smallest, d3 if d3 > smallest else smallest)
         return ((g0 + a * v3) / t3, (g1 + b * v3) / t3, (v2 + c * v3) / t3, v3 / t3)
-
-    def matrix(self) -> list[list[float]]:
-        """Return P, exactly symmetric."""
-        return product(self.u, self.d)
 
 
 def product(u: Six, d: Four) -> list[list[float]]:

@@ -13,33 +13,18 @@ from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
 STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invalid')
-
+# A converged model is converging again above this times the limit to become converged.
 HYSTERESIS = 2.0
-"""A converged model is converging again above this times the limit to become converged."""
-
-PERIOD = 1.0
-"""Event time [s] from one judgement to the next."""
+PERIOD = 1.0  # event time [s] from one judgement to the next
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """
-    A status and its reasons.
+    """A status and its reasons."""
 
-    Attributes
-    ----------
-    status : str
-        One of ``STATUSES``.
-    method_reasons : tuple of str
-        Reasons from the method and its convergence.
-    gram : Gram or None
-        Excitation of the data; what they do not show is a reason too.
-
-    """
-
-    status: str
-    method_reasons: tuple[str, ...] = ()
-    gram: Gram | None = None
+    status: str  # one of ``STATUSES``
+    method_reasons: tuple[str, ...] = ()  # reasons from the method and its convergence
+    gram: Gram | None = None  # excitation of the data; what they do not show is a reason too
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -65,14 +50,6 @@ class DofStatus:
     when the mean of its parameters changes the acceleration by less than this from one window of
     three adaptation times to the next, and the data show the mass. Otherwise the status is
     ``converging``.
-
-    Parameters
-    ----------
-    scales : Scales
-        Of the degree of freedom.
-    adaptation_time : float
-        Of the method [s].
-
     """
 
     def __init__(self, scales: Scales, adaptation_time: float) -> None:

@@ -1,4 +1,4 @@
-"""Tell the outliers of one input by what it measured before, on a scale that it learns."""
+"""Refuse outliers: measurements that do not follow from those before, on a learned scale."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import cast, Protocol
 from rovid_core.identify import make_identifier, retuned_identifier
 from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.identify.status import DofStatus, Judgement
-from rovid_core.inputs.stuck_values import InputCheck, RESTARTS
+from rovid_core.inputs.stuck_sensor import InputCheck, RESTARTS
 from rovid_core.inputs.units_and_signs import (
     SignCheck,
     TypicalSizeCheck,

@@ -24,49 +24,27 @@ from rovid_core.trials.output_error import output_error
 from rovid_core.trials.record import Fit, Record
 from scipy.signal import butter, sosfiltfilt
 
-LOWPASS_ORDER = 4
-"""Order of the zero-phase low-pass."""
-
+LOWPASS_ORDER = 4  # order of the zero-phase low-pass
+# Directions with less than this share of the largest singular value are undetermined.
 MIN_SINGULAR = 1e-3
-"""Directions with less than this share of the largest singular value are undetermined."""
-
-PASS_TIMES = (7.0, 7.0, 10.0)
-"""Settling time of each pass over the trial, in adaptation times."""
-
-FEEDBACK = 3.0
-"""|a| of eq. 7 times the adaptation time: so slow that v_hat is nearly a simulation."""
-
+PASS_TIMES = (7.0, 7.0, 10.0)  # settling time of each pass over the trial, in adaptation times
+FEEDBACK = 3.0  # |a| of eq. 7 times the adaptation time: so slow that v_hat is nearly a simulation
+# Least share of a mean square that the other regressors are taken to leave unexplained.
 MIN_SHARE = 1e-3
-"""Least share of a mean square that the other regressors are taken to leave unexplained."""
-
+# Least mean squares of the regressors, in typical ones, for trials without motion.
 MIN_SQUARES = (1e-4,) * 4
-"""Least mean squares of the regressors, in typical ones, for trials without motion."""
-
+# Pieces of each step, so that every integrator evaluates eq. 7 and 11 four times.
 PIECES = {'euler': 4, 'heun': 2, 'rk4': 1}
-"""Pieces of each step, so that every integrator evaluates eq. 7 and 11 four times."""
-
+# The first guess of the regressors uses means of so many steps, to reduce noise.
 AVERAGED_STEPS = 10
-"""The first guess of the regressors uses means of so many steps, to reduce noise."""
 
 
 def with_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) -> Fit:
     """
     Identify by eq. 5 and 6: position filtered without phase and differentiated twice.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        Of the trial.
-    scales : Scales
-        Typical sizes and terms.
-    cutoff : float
-        Cutoff of the zero-phase low-pass on position and thrust [Hz].
-
-    Returns
-    -------
-    Fit
-        Without covariance: the residuals are filtered noise, not white.
-
+    ``cutoff`` [Hz] is that of the zero-phase low-pass on position and thrust. There is no
+    covariance, as the residuals are filtered noise, not white.
     """
     parts: list[Array] = []
     targets: list[Array] = []
@@ -96,8 +74,8 @@ def without_acceleration(records: Sequence[Record], scales: Scales, cutoff: floa
     Identify by eq. 3 passed through a low-pass, whose derivative needs no acceleration.
 
     The filtered acceleration is the difference of the filtered velocity; thrust and drag go
-    through the same filter (the approach of the paper's references 2, 15 and 22).
-    Parameters and result as in ``with_acceleration``.
+    through the same filter (the approach of the paper's references 2, 15 and 22). There is no
+    covariance.
     """
     parts: list[Array] = []
     targets: list[Array] = []
@@ -119,8 +97,7 @@ def without_acceleration(records: Sequence[Record], scales: Scales, cutoff: floa
 
 def _regressors(force: Array, velocity: Array) -> Array:
     """Return phi = [tau, v|v|, v, 1] of many steps, shape (n, 4)."""
-    return np.stack(
-        [force, velocity * np.abs(velocity), velocity, np.ones_like(velocity)], axis=1)
+    return np.stack([force, velocity * np.abs(velocity), velocity, np.ones_like(velocity)], axis=1)
 
 
 def _solve(parts: Sequence[Array], targets: Sequence[Array], scales: Scales) -> Fit:
@@ -150,28 +127,12 @@ def adaptive_identifier(records: Sequence[Record], scales: Scales, adaptation_ti
     Identify by the paper's identifier in three passes over the trial, the last one slower.
 
     Gamma is the inverse of the trial's mean of phi phi', so that every combination of the
-    parameters settles in the same time, also those that a slow sinusoid hardly shows. The
-    result is the mean over the second half of the last pass, which averages the noise.
-    The velocity is not filtered, because a filter would bias the drag. With Runge-Kutta the
-    result is unbiased. Euler and Heun have the bias of their steps, and take the noise of the
-    velocity and its echo in v_hat for drag, less so with divided steps (``PIECES``).
-
-    Parameters
-    ----------
-    records : sequence of Record
-        Of the trial.
-    scales : Scales
-        Initial values, typical sizes and terms.
-    adaptation_time : float
-        Of the identifier [s]; it scales the times of all passes.
-    integrator : str
-        ``rk4`` as in the paper, ``heun`` or ``euler``.
-
-    Returns
-    -------
-    Fit
-        Without covariance.
-
+    parameters settles in the same time, also those that a slow sinusoid hardly shows. The result
+    is the mean over the second half of the last pass, which averages the noise; it has no
+    covariance. The velocity is not filtered, because a filter would bias the drag. With
+    Runge-Kutta (``rk4``, as in the paper) the result is unbiased. Euler and Heun have the bias of
+    their steps, and take the noise of the velocity and its echo in v_hat for drag, less so with
+    divided steps (``PIECES``). ``adaptation_time`` [s] scales the times of all passes.
     """
     steps = [record.steps() for record in records]
     half = 0.5 * sum(step.dt for sequence in steps for step in sequence)
@@ -219,6 +180,8 @@ def _output_error(records: Sequence[Record], scales: Scales, settings: Settings)
     return output_error(records, scales, start)
 
 
+# Least squares as in the paper and without acceleration, the paper's identifier in several passes
+# with Runge-Kutta, and output error, which is the reference.
 METHODS: dict[str, Method] = {
     'least_squares': lambda records, scales, settings: with_acceleration(
         records, scales, settings.cutoff),
@@ -228,8 +191,6 @@ METHODS: dict[str, Method] = {
         records, scales, settings.identifier.adaptation_time),
     'output_error': _output_error,
 }
-"""Least squares as in the paper and without acceleration, the paper's identifier in several
-passes with Runge-Kutta, and output error, which is the reference."""
 
 
 def subsets(settings: DofSettings) -> Iterator[DofSettings]:

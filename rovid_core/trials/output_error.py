@@ -20,35 +20,20 @@ from rovid_core.trials.record import Fit, Record
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-LARGEST_COUPLING = 100.0
-"""In the standard deviations that a coupling has before any data."""
-
+LARGEST_COUPLING = 100.0  # in the standard deviations that a coupling has before any data
+# Residuals so many times larger than the noise come from the model, and are not white.
 MODEL_ERROR = 3.0
-"""Residuals so many times larger than the noise come from the model, and are not white."""
 
 
 def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
     """
-    Fit the model to a trial.
+    Fit the model to a trial, and position and velocity at the start of each of its records.
 
-    Parameters
-    ----------
-    records : sequence of Record
-        Of the trial. Position and velocity at the start of each record are fitted too.
-    scales : Scales
-        Typical sizes, terms and bounds.
-    start : tuple of 4 floats
-        Initial parameters.
+    Couplings are fitted where the records have their regressors, which are a known input.
 
-    Returns
-    -------
-    Fit
-        With the covariance from curvature and residuals, and with couplings where the records
-        have their regressors, which are a known input. The integrated path of a vehicle that
-        turns drifts, because noise of the attitude enters it: a random walk in the residuals
-        is detected and whitened. Correlation that remains over up to ``MAX_LAG`` steps
-        enlarges the covariance.
-
+    The covariance is from curvature and residuals. The integrated path of a vehicle that turns
+    drifts, because noise of the attitude enters it: a random walk in the residuals is detected and
+    whitened. Correlation that remains over up to ``MAX_LAG`` steps enlarges the covariance.
     """
     problem = Residuals(records, scales, all(len(r.position) for r in records))
     if not problem.size:
@@ -68,11 +53,9 @@ def output_error(records: Sequence[Record], scales: Scales, start: Four) -> Fit:
 def information(records: Sequence[Record], scales: Scales,
                 parameters: Sequence[float]) -> Information | None:
     """
-    Return the Cramer-Rao bound of a trial at ``parameters``, for the noise that it shows.
+    Return the Cramer-Rao bound of a trial for the noise it shows, None if it is too short.
 
-    Of the couplings too, where the records have their regressors.
-
-    None if it is too short.
+    It is that of the couplings too, where the records have their regressors.
     """
     problem = Residuals(records, scales, all(len(r.position) for r in records))
     if not problem.size:
@@ -80,32 +63,21 @@ def information(records: Sequence[Record], scales: Scales,
     return problem.information(parameters, noise(records))
 
 
+# Kalman gains for a random walk in white noise that are tried, from none to strong
 DRIFTS = (0.0, 0.003, 0.006, 0.012, 0.025, 0.05, 0.1, 0.2, 0.4)
-"""Kalman gains for a random walk in white noise that are tried, from none to strong."""
-
+# A random walk is accepted if whitening shrinks the residuals at least to this share.
 MIN_SHRINKAGE = 0.975
-"""A random walk is accepted if whitening shrinks the residuals at least to this share."""
-
-MAX_LAG = 200
-"""Steps over which residuals may be correlated."""
+MAX_LAG = 200  # steps over which residuals may be correlated
 
 
 @dataclass(frozen=True)
 class Information:
-    """
-    The information of a trial about the parameters.
+    """The information of a trial about the parameters."""
 
-    Attributes
-    ----------
-    covariance : ndarray, shape (4 + k, 4 + k)
-        Cramer-Rao bound of the parameters and of k couplings; 0 for terms that are left out.
-    condition : float
-        Condition number of the information in normalised parameters.
-
-    """
-
+    # shape (4 + k, 4 + k); Cramer-Rao bound of the parameters and of k couplings; 0 for terms that
+    # are left out
     covariance: Array
-    condition: float
+    condition: float  # condition number of the information in normalised parameters
 
 
 def noise(records: Sequence[Record]) -> float:

@@ -16,30 +16,20 @@ Times = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Record:
-    """
-    The measurements of one DOF between two interruptions.
+    """The measurements of one DOF between two interruptions."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (m,)
-        Times of the fixes (or velocity samples) from the trial's start [s].
-    position : ndarray, shape (m,) or (0,)
-        Path along the body axis at the fixes [m or rad], from 0; empty for a velocity sensor.
-    velocity : ndarray, shape (m - 1,) or (m,)
-        Mean velocity between two fixes, or the velocity at each sample [m/s or rad/s].
-    dt, force : ndarray, shape (2 m - 2,) or (m - 1,)
-        Segments of known mean force [s], [N or N m]: two from fix to fix, or one from sample
-        to sample.
-    couplings : ndarray, shape (k, 2 m - 2) or (k, m - 1)
-        Mean of each regressor of the DOF's couplings over each segment.
-
-    """
-
-    time: Array
+    time: Array  # shape (m,); times of the fixes (or velocity samples) from the trial's start [s]
+    # shape (m,) or (0,); path along the body axis at the fixes [m or rad], from 0; empty for a
+    # velocity sensor
     position: Array
+    # shape (m - 1,) or (m,); mean velocity between two fixes, or the velocity at each sample [m/s
+    # or rad/s]
     velocity: Array
+    # shape (2 m - 2,) or (m - 1,); segments of known mean force [s], [N or N m]: two from fix to
+    # fix, or one from sample to sample
     dt: Array
     force: Array
+    # shape (k, 2 m - 2) or (k, m - 1); mean of each regressor of the couplings over each segment
     couplings: Array = field(default_factory=lambda: np.empty((0, 0)))
 
     @property
@@ -72,25 +62,13 @@ class Record:
 
 @dataclass(frozen=True)
 class Fit:
-    """
-    The result of an offline method.
+    """The result of an offline method."""
 
-    Attributes
-    ----------
-    parameters : tuple of 4 floats
-        Lumped parameters.
-    covariance : ndarray, shape (4, 4), or None
-        Covariance of the parameters, 0 for terms that are left out; None if unknown.
-    note : str
-        What is wrong with the result, '' if nothing.
-    couplings, couplings_std : tuple of float
-        Of a method that identifies them, with their standard deviations.
-
-    """
-
-    parameters: Four
+    parameters: Four  # lumped parameters
+    # shape (4, 4); covariance of the parameters, 0 for terms that are left out; None if unknown
     covariance: Array | None = None
-    note: str = ''
+    note: str = ''  # what is wrong with the result, '' if nothing
+    # of a method that identifies them, with their standard deviations
     couplings: tuple[float, ...] = ()
     couplings_std: tuple[float, ...] = ()
 

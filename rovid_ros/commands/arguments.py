@@ -12,11 +12,8 @@ from typing import Any, NoReturn
 from rovid_core.model.dofs import DOFS
 from rovid_ros.commands.running import wrong_usage
 
-MIN_DURATION = 1e-3
-"""[s] A shorter part of a log holds no message."""
-
-MAX_NUMBER = 1e9
-"""A longer time [s] does not fit the time stamps of ROS; nothing else is so large."""
+MIN_DURATION = 1e-3  # [s] a shorter part of a log holds no message
+MAX_NUMBER = 1e9  # a longer time [s] does not fit the time stamps of ROS; nothing else is so large
 
 
 class Parser(argparse.ArgumentParser):
@@ -44,9 +41,8 @@ class Version(argparse.Action):
 
 def add_params_file(command: argparse.ArgumentParser, required: bool = True) -> None:
     """Let a command take ``--params-file``."""
-    command.add_argument(
-        '--params-file', type=Path, required=required, metavar='FILE',
-        help="the vehicle's parameter file, the same as the node's")
+    command.add_argument('--params-file', type=Path, required=required, metavar='FILE',
+                         help="the vehicle's parameter file, the same as the node's")
 
 
 def add_logs(command: argparse.ArgumentParser, nargs: str = '+') -> None:
@@ -58,11 +54,9 @@ def add_logs(command: argparse.ArgumentParser, nargs: str = '+') -> None:
 
 def add_part(command: argparse.ArgumentParser) -> None:
     """Let a command take the same part of each of its logs."""
-    command.add_argument(
-        '--start', type=not_negative, default=0.0, metavar='S',
-        help="begin S seconds after the log's beginning")
-    command.add_argument(
-        '--duration', type=duration, metavar='S', help='use S seconds of the log')
+    command.add_argument('--start', type=not_negative, default=0.0, metavar='S',
+                         help="begin S seconds after the log's beginning")
+    command.add_argument('--duration', type=duration, metavar='S', help='use S seconds of the log')
 
 
 def add_json(command: argparse.ArgumentParser, what: str) -> None:

@@ -29,7 +29,8 @@ from rovid_ros.config.parameter_file import ParameterFileError, read
 from rovid_ros.config.parameters import check as check_values, settings_from
 from rovid_ros.files.state_file import is_record, load as load_checkpoint
 from rovid_ros.files.whole_files import write_json
-from rovid_ros.logs.log import Log, LogError
+from rovid_ros.logs.container import LogError
+from rovid_ros.logs.log import Log
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError, nearest
 from rovid_ros.messages.types import build, normalised, standard_types
@@ -41,23 +42,20 @@ DESCRIPTION = (
     'read, then a line for each finding: OK, WARNING or ERROR. Exits with 1 if there is an '
     'ERROR.')
 
+# A topic as ROS takes it.
 TOPIC = re.compile(r'(~/|/)?([A-Za-z_{}]\w*\}?/)*[A-Za-z_{}]\w*\}?', re.ASCII)
-"""A topic as ROS takes it."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add what ``rovid check`` takes."""
-    command.add_argument(
-        'params_file', type=Path, metavar='FILE',
-        help="the vehicle's parameter file, the same as the node's")
+    command.add_argument('params_file', type=Path, metavar='FILE',
+                         help="the vehicle's parameter file, the same as the node's")
     add_logs(command, '*')
     command.add_argument('--live', action='store_true', help='against the ROS graph')
-    command.add_argument(
-        '--timeout', type=positive, metavar='S',
-        help='with --live: listen for S seconds (default: 5)')
-    command.add_argument(
-        '--namespace', default='', metavar='NS',
-        help='with --live: of the node; relative topics are in it')
+    command.add_argument('--timeout', type=positive, metavar='S',
+                         help='with --live: listen for S seconds (default: 5)')
+    command.add_argument('--namespace', default='', metavar='NS',
+                         help='with --live: of the node; relative topics are in it')
     add_json(command, 'findings')
     add_part(command)
     command.set_defaults(start=None)  # to tell whether it was given
@@ -74,9 +72,8 @@ def run(args: argparse.Namespace) -> None:
         if getattr(args, name) is not None and not args.logs:
             raise UsageError(f'--{name} goes with a LOG')
     check_written([args.json], [*args.logs, args.params_file])
-    outcome = check(
-        args.params_file, args.logs, start=args.start or 0.0, duration=args.duration,
-        live=args.live, timeout=args.timeout or 5.0, namespace=args.namespace)
+    outcome = check(args.params_file, args.logs, start=args.start or 0.0, duration=args.duration,
+                    live=args.live, timeout=args.timeout or 5.0, namespace=args.namespace)
     print(outcome.text)
     if args.json:
         write_json(args.json, outcome.document)
@@ -104,8 +101,6 @@ def check(path: Path, logs: Sequence[Path] = (), *, start: float = 0.0,
 
     Parameters
     ----------
-    path : Path
-        The file.
     logs : sequence of Path
         Logs to check it against, joined in time order.
     start, duration : float
@@ -220,7 +215,7 @@ def _check_type(converter: Converter, topic: str, type_name: str, key: str,
     if type_name in standard_types().fielddefs:
         blank = build(standard_types(), type_name, {})
     if installed:
-        from rovid_ros.node.transport.encoding import import_type, MessageTypeError
+        from rovid_ros.node.transport.wire_encoding import import_type, MessageTypeError
         try:
             blank = import_type(type_name)()
         except MessageTypeError as error:

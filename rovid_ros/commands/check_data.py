@@ -22,26 +22,12 @@ OK, WARNING, ERROR = 'OK', 'WARNING', 'ERROR'
 
 @dataclass(frozen=True)
 class Finding:
-    """
-    One thing that was looked at.
+    """One thing that was looked at."""
 
-    Attributes
-    ----------
-    level : str
-        OK, WARNING or ERROR.
-    subject : str
-        The key, topic or file that it is about.
-    text : str
-        What was found.
-    advice : str
-        What to change; '' if nothing.
-
-    """
-
-    level: str
-    subject: str
-    text: str
-    advice: str = ''
+    level: str  # OK, WARNING or ERROR
+    subject: str  # the key, topic or file that it is about
+    text: str  # what was found
+    advice: str = ''  # what to change; '' if nothing
 
     def __str__(self) -> str:
         """Return the line."""
@@ -83,56 +69,28 @@ class Findings:
         return [asdict(one) for one in self.all]
 
 
+# Share of refused samples, or of steps that are too fast, above which something is wrong.
 ACCEPTABLE = 0.02
-"""Share of refused samples, or of steps that are too fast, above which something is wrong."""
-
-APART = 1.0
-"""[s] By more than this the clocks of two inputs must not differ."""
-
-SHARED = 0.5
-"""Share of their time that inputs should have in common."""
+APART = 1.0  # [s] by more than this the clocks of two inputs must not differ
+SHARED = 0.5  # share of their time that inputs should have in common
 
 
 class SampleStatistics:
-    """
-    Times, gaps, speeds and ranges of the samples of one topic of an input, in one pass.
-
-    Parameters
-    ----------
-    input : str
-        The input, which decides what a speed is.
-    max_speed : float
-        [m/s or rad/s] Faster steps are counted.
-
-    Attributes
-    ----------
-    count, backward, not_finite : int
-        Samples; those stamped no later than the one before; those with a NaN or infinity.
-    first, last : int
-        Event times [ns].
-    longest_gap : float
-        [s]
-    low_lag, high_lag : float
-        Least and largest time [s] from the stamp to the receipt.
-    low, high : list of float
-        Range of each value; of an attitude that of the heading [rad], unwrapped.
-    steps, fast : int
-        Steps from one sample to the next, and how many of them are too fast.
-    fastest : float
-        [m/s or rad/s]
-
-    """
+    """Times, gaps, speeds and ranges of the samples of one topic of an input, in one pass."""
 
     def __init__(self, input: str, max_speed: float) -> None:
         self.input = input
-        self.count = self.backward = self.not_finite = 0
-        self.first = self.last = 0
-        self.longest_gap = 0.0
-        self.low_lag, self.high_lag = math.inf, -math.inf
+        self.count = 0
+        self.backward = 0  # samples stamped no later than the one before
+        self.not_finite = 0  # samples with a NaN or infinity
+        self.first = self.last = 0  # event times [ns]
+        self.longest_gap = 0.0  # [s]
+        self.low_lag, self.high_lag = math.inf, -math.inf  # [s] from the stamp to the receipt
+        # range of each value; of an attitude that of the heading [rad], unwrapped
         self.low: list[float] = []
         self.high: list[float] = []
-        self.steps = self.fast = 0
-        self.fastest = 0.0
+        self.steps = self.fast = 0  # from one sample to the next, and those above max_speed
+        self.fastest = 0.0  # [m/s or rad/s]
         self._max_speed = max_speed
         self._lag_sum = 0.0
         self._previous: tuple[int, tuple[float, ...]] | None = None
@@ -205,32 +163,18 @@ class SampleStatistics:
 
 
 class Observation:
-    """
-    Run messages through the pipeline as the node would, and keep statistics of their samples.
-
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-
-    Attributes
-    ----------
-    samples : dict
-        (input, number of the topic) -> SampleStatistics.
-    steps : int
-        Estimates that the node would have published.
-
-    """
+    """Run messages through the pipeline as the node would, and keep statistics of samples."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
         self.stream = Stream(settings)
         self.converter = Converter(settings, self.stream.reject)
+        # by input and number of the topic
         self.samples: dict[tuple[str, int], SampleStatistics] = {
             (name, part): SampleStatistics(name, settings.max_speed)
             for name in settings.used_inputs()
             for part in range(len(topics_of(settings, name)))}
-        self.steps = 0
+        self.steps = 0  # estimates that the node would have published
 
     def add_message(self, topic: str, message: Any, receive_time: int) -> None:
         """Add a message; the topic is as configured, the receive time in ns."""

@@ -36,12 +36,10 @@ DESCRIPTION = (
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add what ``rovid compare`` takes."""
     add_params_file(command)
-    command.add_argument(
-        'logs', nargs='+', type=Path, metavar='LOG',
-        help='.mcap, .db3 or .bag file, or rosbag2 directory')
-    command.add_argument(
-        '--validate', nargs='+', type=Path, metavar='LOG',
-        help='logs to predict only, not to train on')
+    command.add_argument('logs', nargs='+', type=Path, metavar='LOG',
+                         help='.mcap, .db3 or .bag file, or rosbag2 directory')
+    command.add_argument('--validate', nargs='+', type=Path, metavar='LOG',
+                         help='logs to predict only, not to train on')
     command.add_argument(
         '--report', type=Path, metavar='OUT.html', help='write a report to look at and to send')
     add_json(command, 'models')
@@ -56,9 +54,8 @@ def run(args: argparse.Namespace) -> None:
         _check_plotly()
     settings = read_settings(args.params_file)
     with located_errors(args.params_file):
-        trials = read_trials(
-            args.logs, validate, settings, partial(warn, args.prog), start=args.start,
-            duration=args.duration)
+        trials = read_trials(args.logs, validate, settings, partial(warn, args.prog),
+                             start=args.start, duration=args.duration)
     models = compare(trials, settings, in_parallel_with_progress)
     print(comparison_text(models, trials, settings))
     if args.json:
@@ -72,15 +69,7 @@ def run(args: argparse.Namespace) -> None:
 def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Settings,
                 warn: Callable[[str], None], *, start: float = 0.0,
                 duration: float | None = None) -> list[Trial]:
-    """
-    Feed each log, from ``start`` for ``duration`` [s], through a pipeline of its own.
-
-    Raises
-    ------
-    LogError, FieldError, ReplayError, Interrupted
-        As in ``replay``.
-
-    """
+    """Feed each log, from ``start`` for ``duration`` [s], through ``replay`` by itself."""
     paths = [*train, *validate]
     names = [path.name for path in paths]
     trials = []
@@ -108,8 +97,7 @@ def document(models: Sequence[Model]) -> dict[str, Any]:
         for (method, log, selected), dofs in grouped.items()]}
 
 
-def comparison_text(models: Sequence[Model], trials: Sequence[Trial],
-                    settings: Settings) -> str:
+def comparison_text(models: Sequence[Model], trials: Sequence[Trial], settings: Settings) -> str:
     """Return per DOF the models with equal and with best terms, and the best in a sentence."""
     parts = [_tables(dof, [model for model in models if model.dof == dof], trials)
              for dof in settings.dofs]

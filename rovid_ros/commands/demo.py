@@ -31,9 +31,8 @@ NAMES = {'mass': 'effective mass'}
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the demonstration; returns the exit code."""
     parser = argparse.ArgumentParser(prog='python -m rovid_ros.commands.demo', description=__doc__)
-    parser.add_argument(
-        'folder', nargs='?', type=Path, default=Path('build/demo'),
-        help='where to write the log (default: build/demo)')
+    parser.add_argument('folder', nargs='?', type=Path, default=Path('build/demo'),
+                        help='where to write the log (default: build/demo)')
     return run_to_exit_code(
         'rovid_ros.commands.demo', lambda: demo(parser.parse_args(argv).folder))
 
@@ -64,15 +63,7 @@ def demo(folder: Path, duration: float = DURATION) -> None:
 
 
 def find_config() -> Path:
-    """
-    Return the example configuration, of the checkout or of the installation.
-
-    Raises
-    ------
-    CommandError
-        If it is nowhere around this file.
-
-    """
+    """Return the example configuration, of the checkout or the installation, or CommandError."""
     here = Path(__file__).resolve()
     places = [here.parents[2] / 'config' / CONFIG]
     places += [up / 'share' / 'rovid_ros' / 'config' / CONFIG

@@ -28,12 +28,10 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         '--method', default='', metavar='M', help="of a comparison: take this method's models "
         '(default for each degree of freedom: the lowest mean mae over all logs)')
-    command.add_argument(
-        '--trained-on', default='', metavar='LOG',
-        help='of a comparison: take models trained on this log')
-    command.add_argument(
-        '--link', type=_link, metavar='NAME',
-        help='with sdf: the link of the model to act on (default: base_link)')
+    command.add_argument('--trained-on', default='', metavar='LOG',
+                         help='of a comparison: take models trained on this log')
+    command.add_argument('--link', type=_link, metavar='NAME',
+                         help='with sdf: the link of the model to act on (default: base_link)')
 
 
 def run(args: argparse.Namespace) -> None:

@@ -11,17 +11,13 @@ import os
 import signal
 import sys
 import time
-from types import TracebackType
 from typing import Any, TextIO, TypeVar
 
 Given = TypeVar('Given')
 Made = TypeVar('Made')
 
-BAR_WIDTH = 30
-"""[characters]"""
-
-POLL_PERIOD = 0.1
-"""[s] Between two looks at what the workers have done."""
+BAR_WIDTH = 30  # [characters]
+POLL_PERIOD = 0.1  # [s] between two looks at what the workers have done
 
 
 class Progress:
@@ -81,8 +77,7 @@ class Progress:
     def __enter__(self) -> Progress:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 
@@ -108,22 +103,9 @@ def in_parallel(work: Callable[[Given], Made], given: Sequence[Given],
     """
     Return ``work`` of each, in order; with one core, or no fork, it is done one by one.
 
-    Parameters
-    ----------
-    work : callable
-        What it reaches is shared with the workers as it is now; what it changes is lost.
-    given : sequence
-        What to work on.
-    tick : callable
-        Told now and then how many are done.
-    workers : int, optional
-        Number of processes; one per core if it is not given.
-
-    Raises
-    ------
-    WorkerError
-        If the system ended a worker; what ``work`` raises comes out as it is.
-
+    What it reaches is shared with the workers as it is now; what it changes is lost. ``tick`` is
+    told now and then how many are done. There is a process per core, or ``workers``. Raises
+    WorkerError if the system ended one; what ``work`` raises comes out as it is.
     """
     workers = min(len(given), _cores() if workers is None else workers)
     if workers < 2:
@@ -152,8 +134,7 @@ def _cores() -> int:
 def _pool(workers: int, work: Callable[[int], Any]) -> Iterator[ProcessPoolExecutor]:
     """Provide processes, which are gone afterwards, whatever happens."""
     before = multiprocessing.active_children()
-    pool = ProcessPoolExecutor(
-        workers, multiprocessing.get_context('fork'), _begin, (work,))
+    pool = ProcessPoolExecutor(workers, multiprocessing.get_context('fork'), _begin, (work,))
     try:
         yield pool
         pool.shutdown()

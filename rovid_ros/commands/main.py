@@ -17,6 +17,7 @@ import sys
 from rovid_ros.commands.arguments import Parser, Version
 from rovid_ros.commands.running import run_to_exit_code, USAGE, wrong_usage
 
+# What each subcommand does, in the order of ``rovid --help``.
 COMMANDS = {
     'check': 'validate a parameter file',
     'replay': 'identify from recorded logs',
@@ -26,23 +27,13 @@ COMMANDS = {
     'plan': 'propose the thrust profile to drive next',
     'export': 'write identified parameters for other programs',
 }
-"""What each subcommand does, in the order of ``rovid --help``."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """
-    Run the command.
+    Run the command and return the exit code.
 
-    Parameters
-    ----------
-    argv : sequence of str, optional
-        The arguments; those of the process when left out.
-
-    Returns
-    -------
-    code : int
-        0 done, 1 the input is at fault, 2 wrong usage, 130 Ctrl-C, 143 SIGTERM.
-
+    It is 0 done, 1 the input is at fault, 2 wrong usage, 130 Ctrl-C, 143 SIGTERM.
     """
     if sys.stdout is not None and hasattr(sys.stdout, 'reconfigure'):
         sys.stdout.reconfigure(errors='replace')

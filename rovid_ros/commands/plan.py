@@ -17,13 +17,7 @@ from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.simulation.profiles import Profile, Steps, Waveform
 from rovid_core.simulation.vehicle import ThrusterCommands
-from rovid_core.trials.planning.information import (
-    Limits,
-    paths,
-    reach,
-    Sensor,
-    Vehicles,
-)
+from rovid_core.trials.planning.information import Limits, paths, reach, Sensor, Vehicles
 from rovid_core.trials.planning.plan import Plan, plan as find_plan, PlanError, Prospect, STEP
 from rovid_core.trials.planning.shapes import samples, times
 from rovid_ros.commands.arguments import (
@@ -54,11 +48,8 @@ DESCRIPTION = (
     'mass, drags and bias is most certain, also where the model is wrong. Limits are one '
     'NUMBER for surge, sway and heave, or DOF=NUMBER[,DOF=NUMBER ...].')
 
-MAX_DURATION = 3600.0
-"""[s] A longer trial tells nothing new: the profile can be repeated instead."""
-
-MIN_DURATION = 10.0
-"""[s] A shorter trial tells nothing."""
+MAX_DURATION = 3600.0  # [s] a longer trial tells nothing new: the profile can be repeated instead
+MIN_DURATION = 10.0  # [s] a shorter trial tells nothing
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -69,15 +60,12 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         help="of rovid replay or compare (default: the parameter file's initial values)")
     command.add_argument(
         '--dofs', type=dof_list, default=(), metavar='DOF,...', help='plan these only')
-    command.add_argument(
-        '--duration', type=time_span, default=300.0, metavar='S',
-        help='length of the trial [s] (default: 300)')
-    command.add_argument(
-        '--max-force', type=per_dof, default={}, metavar='N',
-        help='largest thrust [N or N m] (default: typical.force)')
-    command.add_argument(
-        '--max-speed', type=per_dof, default={}, metavar='V',
-        help='largest speed [m/s or rad/s] (default: velocity.max)')
+    command.add_argument('--duration', type=time_span, default=300.0, metavar='S',
+                         help='length of the trial [s] (default: 300)')
+    command.add_argument('--max-force', type=per_dof, default={}, metavar='N',
+                         help='largest thrust [N or N m] (default: typical.force)')
+    command.add_argument('--max-speed', type=per_dof, default={}, metavar='V',
+                         help='largest speed [m/s or rad/s] (default: velocity.max)')
     command.add_argument(
         '--room', type=per_dof, default={}, metavar='M',
         help='largest distance from the start, to either side [m or rad] (default: no limit)')
@@ -142,20 +130,8 @@ def propose(settings: Settings, models: Sequence[Identified], request: Request) 
     """
     Plan a profile for each DOF that is asked for; the others get no thrust.
 
-    Parameters
-    ----------
-    settings : Settings
-        The vehicle, its sensors, and the initial values for DOFs that have no model.
-    models : sequence of Identified
-        What was identified so far.
-    request : Request
-        What the command line asks for.
-
-    Raises
-    ------
-    CommandError, UsageError, SettingsError
-        If the DOFs, the limits or the thrusters do not allow it.
-
+    A DOF without a model has its initial values. Raises CommandError, UsageError or SettingsError
+    if the DOFs, the limits or the thrusters do not allow it.
     """
     dofs = _dofs(settings, request)
     limits = _limits_within_thrusters(
@@ -264,12 +240,8 @@ def _turning_warnings(plans: Mapping[str, Plan]) -> list[str]:
             f'{number(room)} m; for less, plan {" and ".join(level)} without yaw (--dofs)']
 
 
-POOR = 0.1
-"""Relative uncertainty above which a parameter is poorly determined."""
-
-ALIKE_CORRELATION = 0.9
-"""Correlation above which two drags cannot be told apart."""
-
+POOR = 0.1  # relative uncertainty above which a parameter is poorly determined
+ALIKE_CORRELATION = 0.9  # correlation above which two drags cannot be told apart
 NAMES = ('mass', 'quadratic drag', 'linear drag', 'bias')
 
 

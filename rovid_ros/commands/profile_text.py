@@ -39,25 +39,7 @@ _PLUS = re.compile(r'(?<=[^eE:/@\s])\s*\+')
 
 
 def parse_profile(text: str) -> Profile:
-    """
-    Read a thrust profile.
-
-    Parameters
-    ----------
-    text : str
-        As ``GRAMMAR`` says.
-
-    Returns
-    -------
-    profile : mapping of str to tuple of waveforms
-        Of the DOFs that the text names.
-
-    Raises
-    ------
-    ProfileError
-        Says which part it does not understand, and the right form.
-
-    """
+    """Read a thrust profile of the form in ``GRAMMAR``; ProfileError says what is wrong in it."""
     profile: dict[str, tuple[Waveform, ...]] = {}
     for part in text.split(','):
         dof, _, waves = (piece.strip() for piece in part.partition('='))

@@ -62,20 +62,17 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     add_logs(command)
     command.add_argument(
         '--method', default='', metavar='M', help="use this method, not the file's")
-    command.add_argument(
-        '--output', type=mcap, metavar='OUT.mcap',
-        help='write the output topics, as the node would publish them')
+    command.add_argument('--output', type=mcap, metavar='OUT.mcap',
+                         help='write the output topics, as the node would publish them')
     add_json(command, 'result')
     add_part(command)
     command.add_argument(
         '--state', type=Path, metavar='STATE.json',
         help='begin from this saved state where the file is there, and leave it behind at the '
              'end; the node saves the same file (checkpoint.path)')
-    command.add_argument(
-        '--ros', action='store_true', help='go through the real node and publish')
-    command.add_argument(
-        '--rate', type=positive, metavar='R',
-        help='with --ros: R times real time (default: as fast as it goes)')
+    command.add_argument('--ros', action='store_true', help='go through the real node and publish')
+    command.add_argument('--rate', type=positive, metavar='R',
+                         help='with --ros: R times real time (default: as fast as it goes)')
 
 
 def run(args: argparse.Namespace) -> None:
@@ -126,8 +123,6 @@ def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
     ----------
     logs : sequence of Path
         Files or rosbag2 directories, joined in time order.
-    settings : Settings
-        The run.
     player : Player
         Plays the messages; closed at the end.
     output : Path, optional

@@ -9,18 +9,15 @@ from pathlib import Path
 import signal
 import sys
 import threading
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, NoReturn, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rovid_core.settings.run import Settings
 
-DONE, AT_FAULT, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141
-"""Exit codes."""
-
+DONE, AT_FAULT, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141  # exit codes
+# [characters] An error about a damaged log can quote more of it than is of use
 LONGEST_LINE = 2000
-"""[characters] An error about a damaged log can quote more of it than is of use."""
-
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -33,17 +30,7 @@ class UsageError(ValueError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """
-    A run that a signal ended.
-
-    Parameters
-    ----------
-    message : str
-        Says what was kept.
-    code : int
-        What the process ends with.
-
-    """
+    """A run that a signal ended; the text says what was kept, ``code`` is for the process."""
 
     def __init__(self, message: str, code: int = INTERRUPTED) -> None:
         super().__init__(message)
@@ -54,20 +41,8 @@ class Interrupt:
     """
     Turn the first signal into a flag, so that nothing is left half written.
 
-    The loop looks at ``asked`` between two messages and leaves; a second signal stops at once.
-
-    Parameters
-    ----------
-    output : Path, optional
-        The file that is being written, which a second signal leaves incomplete.
-
-    Attributes
-    ----------
-    asked : bool
-        Whether there was a signal.
-    code : int
-        What the process is to end with then.
-
+    The loop looks at ``asked`` between two messages and leaves; ``code`` is what the process is to
+    end with then. A second signal stops at once and leaves ``output`` incomplete.
     """
 
     def __init__(self, output: Path | None = None) -> None:
@@ -88,8 +63,7 @@ class Interrupt:
                 signal.signal(number, self._on_signal)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         if threading.current_thread() is threading.main_thread():
             for number, previous in zip(SIGNALS, self._previous):
                 signal.signal(number, previous)
@@ -149,13 +123,9 @@ def _fail(prog: str, message: str, code: int) -> int:
 
 def read_settings(path: Path, method: str = '') -> Settings:
     """
-    Read a parameter file as the node does.
+    Read a parameter file as the node does; ``method`` is that of the command line.
 
-    Raises
-    ------
-    ParameterFileError, CommandError, UsageError
-        If the file, a value in it or the ``method`` of the command line cannot work.
-
+    Raises ParameterFileError, CommandError or UsageError if one of them cannot work.
     """
     from rovid_ros.config.parameters import settings_from
     with located_errors(path):
@@ -192,11 +162,7 @@ def check_written(written: Sequence[Path | None], read: Sequence[Path | None]) -
     """
     Refuse to write over what is read, twice to one file, or to where nothing can be.
 
-    Raises
-    ------
-    CommandError
-        Names the first path that cannot be written; None in the sequences is no path.
-
+    Raises CommandError, which names the first path that cannot be written. None is no path.
     """
     sources = [_real(path) for path in read if path is not None]
     seen: list[Path] = []

@@ -33,18 +33,16 @@ from rovid_ros.commands.running import (
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.simulated_messages import SensorMessage, SensorMessages, SimulationError
 
+# When every simulation begins [ns]: fixed, so that the same seed gives the same file.
 EPOCH = 1_700_000_000 * 1_000_000_000
-"""When every simulation begins [ns]: fixed, so that the same seed gives the same file."""
 
 DESCRIPTION = (
     'Its parameters are those under "simulation" in the file; the log says them under the MCAP '
     'metadata rovid_truth. The same seed gives the same file.')
 
-NUMBER = re.compile(r'\{n?\}')
-"""Where the number of a trial goes in the name of its file."""
-
+NUMBER = re.compile(r'\{n?\}')  # where the number of a trial goes in the name of its file
+# Between two trials of one call [ns]: joined into one log, they follow one another.
 PAUSE = 60 * 1_000_000_000
-"""Between two trials of one call [ns]: joined into one log, they follow one another."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -57,9 +55,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         '--output', type=mcap, required=True, metavar='OUT.mcap',
         help="{} in the name is the trial's number, such as trials/{}.mcap; without it, several "
              'trials go to OUT-1.mcap, OUT-2.mcap, ...')
-    command.add_argument(
-        '--duration', type=duration, default=600.0, metavar='S',
-        help='length of each trial [s] (default: 600)')
+    command.add_argument('--duration', type=duration, default=600.0, metavar='S',
+                         help='length of each trial [s] (default: 600)')
     command.add_argument(
         '--seed', type=seed, default=1, metavar='N',
         help='of the noise (default: 1); of several trials the first has N, the next N+1, ...')
@@ -109,20 +106,9 @@ def plan_trials(output: Path, duration: float, seed: int,
     """
     Lay out the trials of one call.
 
-    Each starts a minute after the end of the one before, with a seed that is one higher.
-
-    Parameters
-    ----------
-    output : Path
-        ``{}`` in it stands for the trial's number, from 1. Without it a single trial is
-        written there, and of several ``out.mcap`` the first to ``out-1.mcap``.
-    duration : float
-        Of each trial [s].
-    seed : int
-        Of the first.
-    profiles : sequence of mapping
-        One for each trial.
-
+    Each starts a minute after the end of the one before, with a seed that is one higher. ``{}`` in
+    the name of the output stands for the trial's number, from 1. Without it a single trial is
+    written there, and of several ``out.mcap`` the first to ``out-1.mcap``.
     """
     name = str(output)
     if not NUMBER.search(name) and len(profiles) > 1:
@@ -136,11 +122,7 @@ def profile_warnings(settings: Settings, duration: float, profile: Profile) -> l
     """
     Return what the thrusters cannot do of a trial's profile, one line each.
 
-    Raises
-    ------
-    SettingsError
-        If they cannot move what the profile moves.
-
+    Raises SettingsError if they cannot move what the profile moves.
     """
     lines = []
     rate = settings.simulation.thruster_rate
@@ -162,7 +144,9 @@ def profile_warnings(settings: Settings, duration: float, profile: Profile) -> l
 def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
                  profile: Profile | None = None, start: int = EPOCH) -> int:
     """
-    Write the log of a simulated vehicle, with the configured topics and types.
+    Write the log of a simulated vehicle and return how many messages it has.
+
+    Topics and types are as configured. The log is ``duration`` [s] long, from ``start`` [ns].
 
     Parameters
     ----------
@@ -171,19 +155,10 @@ def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
     path : Path
         MCAP file; its metadata record ``rovid_truth`` holds the true parameters and, as
         ``profile``, the thrust of all DOFs.
-    duration : float
-        Length [s].
     seed : int
         Of the noise; the same seed gives the same file, byte for byte.
     profile : mapping, optional
         Thrust per DOF; the others have that of the settings.
-    start : int
-        Time [ns] of the first measurement.
-
-    Returns
-    -------
-    count : int
-        Number of messages written.
 
     Raises
     ------

@@ -42,9 +42,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add what ``rovid tune`` takes."""
     add_params_file(command)
     add_logs(command)
-    command.add_argument(
-        '--output', type=Path, required=True, metavar='TUNED.yaml',
-        help='parameter file to write')
+    command.add_argument('--output', type=Path, required=True, metavar='TUNED.yaml',
+                         help='parameter file to write')
     add_json(command, 'result')
     add_part(command)
 
@@ -94,17 +93,7 @@ class TuningPlayer(PipelinePlayer):
 def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
               duration: float | None = None,
               warn: Callable[[str], None] = lambda line: None) -> Tuned:
-    """
-    Read logs once and tune with them.
-
-    Raises
-    ------
-    LogError, FieldError, ReplayError, Interrupted
-        As in ``replay``.
-    TuneError
-        If the log tells nothing.
-
-    """
+    """Read logs once, with ``replay``, and tune with them; TuneError if they tell nothing."""
     read_with = reading_settings(settings)
     player = TuningPlayer(read_with)
     # typical sizes are found here, so that warnings about them would be out of place
@@ -155,8 +144,7 @@ def _notes(tuned: Tuned) -> str:
     lines = []
     for stage in tuned.stages:
         better = '' if stage.gain > stage.spread else ': not clearly better, stay'
-        lines.append(
-            f'{" and ".join(stage.keys)}: gain {_gain(stage.gain, stage.spread)}{better}')
+        lines.append(f'{" and ".join(stage.keys)}: gain {_gain(stage.gain, stage.spread)}{better}')
         if stage.note:
             lines.append(f'  {stage.note}')
     for terms in tuned.terms:

@@ -43,37 +43,17 @@ from rovid_ros.comparison.trials import best_of, Model, Trial
 from rovid_ros.results.documents import json_number, json_numbers
 from rovid_ros.results.text import number, percent, unit
 
-MAX_POINTS = 3000
-"""Of a curve: more than a screen shows."""
-
-BINS = 30
-"""Of a histogram."""
-
-GAP = 5.0
-"""Steps without a measurement at which a curve breaks."""
-
+BINS = 30  # of a histogram
+GAP = 5.0  # steps without a measurement at which a curve breaks
+# Relative bounds up to which a parameter is determined, and from which it is not.
 DETERMINED, VAGUE = 0.1, 0.5
-"""Relative bounds up to which a parameter is determined, and from which it is not."""
 
 Column = list[float | None]
 Data = dict[str, Any]
 
 
-def report_data(models: Sequence[Model], trials: Sequence[Trial],
-                settings: Settings) -> Data:
-    """
-    Return what the report of a comparison shows.
-
-    Parameters
-    ----------
-    models : sequence of Model
-        As ``compare`` returns them.
-    trials : sequence of Trial
-        All logs.
-    settings : Settings
-        The run.
-
-    """
+def report_data(models: Sequence[Model], trials: Sequence[Trial], settings: Settings) -> Data:
+    """Return what the report of a comparison shows."""
     return {
         'rovid_version': __version__, 'logs': [_log(trial, settings) for trial in trials],
         'dofs': {dof: _dof(dof, models, trials, settings) for dof in settings.dofs}}
@@ -109,7 +89,7 @@ def _verdict(relative: Mapping[str, float | None]) -> str:
 
 
 def _log(trial: Trial, settings: Settings) -> Data:
-    stream = trial.stream
+    stream = trial.player.stream
     topics = {name: ', '.join(settings.thrusters.topics) if name == 'thrusters'
               else settings.input(name).topic for name in stream.inputs}
     return {
@@ -181,28 +161,27 @@ def _series(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
     steps = np.diff(seconds)
     for k in np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) else ():
         velocities[k + 1] = math.nan  # the curve breaks
-    kept = _thinned(len(times))
     return {
-        't': _picked(seconds, kept), 'velocity': _picked(velocities, kept),
-        'force': _picked(forces, kept),
-        'simulated': {m.method: _picked(trial.scores.predicted(dof, m.all_parameters), kept)
+        't': _column(seconds), 'velocity': _column(velocities),
+        'force': _column(forces),
+        'simulated': {m.method: _column(trial.scores.predicted(dof, m.all_parameters))
                       for m in chosen}}
 
 
 def _adaptation(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
     """Return Fig. 4 and 5: the online identifier, its errors taken against least squares."""
-    history = trial.history[dof]
+    history = trial.player.history[dof]
     reference = next(m.fit.parameters for m in models if not m.selected
                      and m.method == 'least_squares' and m.trained_on == trial.name)
-    energy = trial.stream.identifier(dof).energy
-    kept = _thinned(len(history.times))
+    energy = trial.player.stream.identifier(dof).energy
     dv = [v_hat - v for v_hat, v in zip(history.v_hats, history.velocities)]
     return {
-        't': _picked(_seconds(history.times), kept), 'v_hat': _picked(history.v_hats, kept),
-        'velocity': _picked(history.velocities, kept), 'dv': _picked(dv, kept),
-        **{name: _picked([p[i] for p in history.parameters], kept)
+        't': _column(_seconds(history.times)), 'v_hat': _column(history.v_hats),
+        'velocity': _column(history.velocities), 'dv': _column(dv),
+        **{name: _column([p[i] for p in history.parameters])
            for i, name in enumerate(PARAMETERS)},
-        'W': [json_number(energy(dv[k], history.theta_hats[k], reference)) for k in kept],
+        'W': [json_number(energy(error, theta_hat, reference))
+              for error, theta_hat in zip(dv, history.theta_hats)],
         'reference': json_numbers(PARAMETERS, reference)}
 
 
@@ -230,8 +209,7 @@ def _histogram(values: Sequence[float]) -> Data:
     return {'edges': edges.tolist(), 'counts': counts.tolist()}
 
 
-def _spectrum(seconds: Sequence[float], force: Sequence[float],
-              velocity: Sequence[float]) -> Data:
+def _spectrum(seconds: Sequence[float], force: Sequence[float], velocity: Sequence[float]) -> Data:
     """Return amplitudes by frequency, of the series at even steps."""
     if len(seconds) < 16:
         return {'frequency': [], 'force': [], 'velocity': []}
@@ -249,12 +227,8 @@ def _spectrum(seconds: Sequence[float], force: Sequence[float],
             'velocity': amplitude(velocity)}
 
 
-def _thinned(count: int) -> range:
-    return range(0, count, max(1, -(-count // MAX_POINTS)))
-
-
-def _picked(values: Sequence[float], kept: Sequence[int]) -> Column:
-    return [json_number(values[k]) for k in kept]
+def _column(values: Sequence[float]) -> Column:
+    return list(map(json_number, values))
 
 
 def _seconds(times: Sequence[int]) -> list[float]:

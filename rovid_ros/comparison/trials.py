@@ -20,7 +20,6 @@ from rovid_core.identify.estimate import Estimate
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.model.samples import Step
-from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales, Settings
 from rovid_core.trials.offline import METHODS as OFFLINE, subsets
 from rovid_core.trials.record import Fit
@@ -29,20 +28,13 @@ from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.results.documents import couplings_document, json_number, json_numbers, Result
 
-PAPER = 'aid'
-"""The paper's method, of which the report draws the figures."""
-
-REFERENCE = 'output_error'
-"""The method that is preferred among methods that predict equally well."""
-
-AS_GOOD = 1.02
-"""Errors within this factor are the same."""
-
+PAPER = 'aid'  # the paper's method, of which the report draws the figures
+REFERENCE = 'output_error'  # the method that is preferred among methods that predict equally well
+AS_GOOD = 1.02  # errors within this factor are the same
+# A term has to lower the error by this share to be kept: without it the model is simpler.
 WORTH = 0.01
-"""A term has to lower the error by this share to be kept: without it the model is simpler."""
-
+# Standard deviations from 0 above which an identified delay of the thrust is noted.
 DELAY_SIGNIFICANCE = 3.0
-"""Standard deviations from 0 above which an identified delay of the thrust is noted."""
 
 Given = TypeVar('Given')
 Made = TypeVar('Made')
@@ -58,23 +50,13 @@ class ForEach(Protocol):
 
 @dataclass
 class History:
-    """
-    The estimates of the adaptive identifier for one DOF, step by step.
+    """The estimates of the adaptive identifier for one DOF, step by step."""
 
-    Attributes
-    ----------
-    times : list of int
-        [ns]
-    v_hats, velocities : list of float
-        Its velocity and the measured one [m/s or rad/s].
-    parameters, theta_hats : list
-        The published parameters, which are a mean, and the state, to which W belongs.
-
-    """
-
-    times: list[int] = field(default_factory=list)
+    times: list[int] = field(default_factory=list)  # [ns]
+    # its velocity and the measured one [m/s or rad/s]
     v_hats: list[float] = field(default_factory=list)
     velocities: list[float] = field(default_factory=list)
+    # the published parameters, which are a mean, and the state, to which W belongs
     parameters: list[Four] = field(default_factory=list)
     theta_hats: list[Four] = field(default_factory=list)
 
@@ -103,15 +85,7 @@ class OnlineMethods(ScoreLog):
 
 
 class TrialPlayer(PipelinePlayer):
-    """
-    The pipeline with all online methods.
-
-    Attributes
-    ----------
-    history : dict of str to History
-        What the adaptive identifier estimated, by DOF.
-
-    """
+    """The pipeline with all online methods."""
 
     def __init__(self, settings: Settings) -> None:
         # a node that is to start frozen is compared by what it would find
@@ -119,7 +93,7 @@ class TrialPlayer(PipelinePlayer):
                         enable=True, all_methods=True)
         self._others = OnlineMethods(paper)
         super().__init__(paper, self._others)
-        self.history = {dof: History() for dof in settings.dofs}
+        self.history = {dof: History() for dof in settings.dofs}  # of the adaptive identifier
 
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message; return the estimates that it released."""
@@ -166,79 +140,35 @@ class TrialPlayer(PipelinePlayer):
 
 @dataclass(frozen=True)
 class Trial:
-    """
-    One log after the pipeline.
+    """One log after the pipeline."""
 
-    Attributes
-    ----------
-    name : str
-        Of the log, unlike that of any other trial.
-    trains : bool
-        Whether models are identified from it, or it is only predicted.
-    result : Result
-        What a replay says of it.
-    player : TrialPlayer
-        The pipeline after the log.
-    warnings : list of str
-        One line each.
-
-    """
-
-    name: str
-    trains: bool
-    result: Result
-    player: TrialPlayer
-    warnings: list[str]
+    name: str  # of the log, unlike that of any other trial
+    trains: bool  # whether models are identified from it, or it is only predicted
+    result: Result  # what a replay says of it
+    player: TrialPlayer  # the pipeline after the log
+    warnings: list[str]  # one line each
 
     @property
     def scores(self) -> ScoreLog:
         """Return thrust and velocity of every step."""
         return self.player.scores
 
-    @property
-    def stream(self) -> Stream:
-        """Return the stream after the last message."""
-        return self.player.stream
-
-    @property
-    def history(self) -> Mapping[str, History]:
-        """Return what the adaptive identifier estimated, by DOF."""
-        return self.player.history
-
 
 @dataclass(frozen=True)
 class Model:
-    """
-    A model of one DOF.
+    """A model of one DOF."""
 
-    Attributes
-    ----------
-    method, trained_on, dof : str
-        Where it comes from.
-    terms : tuple of str
-        What it has.
-    selected : bool
-        Whether these are the method's best terms; else they are the configured ones.
-    fit : Fit
-        Parameters and covariance.
-    scores : mapping of str to Score
-        By the name of the log.
-    couplings : tuple of str
-        Names of those that the fit has.
-    joint : mapping of str to Score
-        By the name of the log, with all DOFs of the same method simulated together; empty
-        without couplings.
-
-    """
-
+    # where it comes from
     method: str
     trained_on: str
     dof: str
-    terms: tuple[str, ...]
-    selected: bool
-    fit: Fit
-    scores: Mapping[str, Score]
-    couplings: tuple[str, ...] = ()
+    terms: tuple[str, ...]  # what it has
+    selected: bool  # whether these are the method's best terms; else they are the configured ones
+    fit: Fit  # parameters and covariance
+    scores: Mapping[str, Score]  # by the name of the log
+    couplings: tuple[str, ...] = ()  # names of those that the fit has
+    # by the name of the log, with all DOFs of the same method simulated together; empty without
+    # couplings
     joint: Mapping[str, Score] = field(default_factory=dict)
 
     @property
@@ -275,22 +205,9 @@ def compare(trials: Sequence[Trial], settings: Settings, for_each: ForEach) -> l
     """
     Identify by each method from each training log and score the models on all logs.
 
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Those that train are used to identify; all to score.
-    settings : Settings
-        The run.
-    for_each : callable
-        Does the fits.
-
-    Returns
-    -------
-    list of Model
-        Per training log, DOF and method: with the configured terms, then, for the offline
-        methods, with the best choice of terms by the error on the other logs (on the log
-        itself where there is only one).
-
+    Return per training log, DOF and method: with the configured terms, then, for the offline
+    methods, with the best choice of terms by the error on the other logs (on the log itself where
+    there is only one).
     """
     pairs = [(trial, dof) for trial in trials if trial.trains for dof in settings.dofs]
     chosen = for_each('terms', lambda pair: _best_terms(*pair, settings, trials), pairs)
@@ -379,8 +296,7 @@ def _best_terms(trial: Trial, dof: str, settings: Settings,
 def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
     trial, dof = job.trial, job.dof
     if job.method in OFFLINE:
-        fit = OFFLINE[job.method](
-            trial.scores.records(dof), Scales.of(job.dof_settings), settings)
+        fit = OFFLINE[job.method](trial.scores.records(dof), Scales.of(job.dof_settings), settings)
     else:
         fit = trial.player.fits(dof)[job.method]
     sound = all(map(math.isfinite, fit.parameters))

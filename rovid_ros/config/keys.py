@@ -18,8 +18,7 @@ from rovid_core.settings.run import (
     ThrusterSettings,
 )
 
-LARGE = 1e12
-"""Bound of a number that needs none; it still keeps NaN and infinity out."""
+LARGE = 1e12  # bound of a number that needs none; it still keeps NaN and infinity out
 
 # type, size and default of a key by the annotation of its setting
 _TYPES: dict[str, tuple[str, int, Any]] = {
@@ -36,45 +35,20 @@ _TYPES: dict[str, tuple[str, int, Any]] = {
 
 @dataclass(frozen=True)
 class Key:
-    """
-    One parameter.
+    """One parameter."""
 
-    Attributes
-    ----------
-    name : str
-        As in the parameter file, dotted: ``thrusters.gain``.
-    setting : str
-        Where its value goes in :class:`rovid_core.settings.run.Settings`, dotted.
-    type : str
-        double, bool, string, double[] or string[].
-    default : bool, float, str or tuple
-        Its value when it is not given.
-    description : str
-        What it means.
-    unit : str
-        Unit, '' if it has none.
-    low, high : float
-        Range of a number, or of each number of an array.
-    choices : tuple of str
-        The texts that it takes; none: any.
-    size : int
-        Number of entries of an array; 0: any.
-    live : bool
-        Whether the node takes another value while it runs.
-
-    """
-
-    name: str
-    setting: str
-    type: str
-    default: Any
-    description: str
-    unit: str = ''
+    name: str  # as in the parameter file, dotted: ``thrusters.gain``
+    setting: str  # where its value goes in :class:`rovid_core.settings.run.Settings`, dotted
+    type: str  # double, bool, string, double[] or string[]
+    default: Any  # its value when it is not given
+    description: str  # what it means
+    unit: str = ''  # unit, '' if it has none
+    # range of a number, or of each number of an array
     low: float = -LARGE
     high: float = LARGE
-    choices: tuple[str, ...] = ()
-    size: int = 0
-    live: bool = False
+    choices: tuple[str, ...] = ()  # the texts that it takes; none: any
+    size: int = 0  # number of entries of an array; 0: any
+    live: bool = False  # whether the node takes another value while it runs
 
     @property
     def takes(self) -> str:
@@ -102,8 +76,7 @@ def key_of(name: str, setting: str, owner: type, description: str, unit: str = '
     kind, size, default = _TYPES[str(field.type)]
     if field.default is not MISSING:
         default = field.default
-    return Key(name, setting, kind, default, description, unit, low, high, choices, size,
-               live)
+    return Key(name, setting, kind, default, description, unit, low, high, choices, size, live)
 
 
 def in_group(group: str, owner: type, name: str, description: str, unit: str = '',
@@ -318,4 +291,3 @@ def _simulation() -> list[Key]:
 
 KEYS = (*_run(), *_inputs(), *_thrusters(), *_identifier(),
         *(key for dof in DOFS for key in _dof(dof)), *_simulation())
-"""Every parameter."""

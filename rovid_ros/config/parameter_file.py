@@ -17,7 +17,6 @@ Scalar = bool | int | float | str
 
 TRUE = {'Y', 'y', 'yes', 'Yes', 'YES', 'true', 'True', 'TRUE', 'on', 'On', 'ON'}
 FALSE = {'N', 'n', 'no', 'No', 'NO', 'false', 'False', 'FALSE', 'off', 'Off', 'OFF'}
-
 # what C's strtol (base 0) and strtod take whole
 INTEGER = re.compile(r'\s*([+-]?)(?:0[xX]([0-9a-fA-F]+)|(0[0-7]*)|([1-9][0-9]*))', re.ASCII)
 DECIMAL = re.compile(r'\s*[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?', re.ASCII)
@@ -72,11 +71,8 @@ def _number(text: str) -> float | None:
 
 
 PARAMETERS = 'ros__parameters'
-MAX_FILE_SIZE = 1 << 20
-"""[bytes] A larger file is something else."""
-MAX_DEPTH = 32
-"""Levels of keys; more are a broken file."""
-
+MAX_FILE_SIZE = 1 << 20  # [bytes] a larger file is something else
+MAX_DEPTH = 32  # levels of keys; more are a broken file
 SECTION = re.compile(r'/?(?:(?:[A-Za-z_]\w*|\*\*?)/)*(?:[A-Za-z_]\w*|\*\*?)', re.ASCII)
 NAMES = {bool: 'a truth value', int: 'a number', float: 'a number', str: 'text'}
 
@@ -99,8 +95,6 @@ def load(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dic
 
     Parameters
     ----------
-    path : Path
-        ROS 2 parameter file.
     node, namespace : str
         Which sections count: those whose name, possibly with the wildcards ``*`` and
         ``**``, fits the node. Where two give a key, the one that begins further down wins.
@@ -299,21 +293,10 @@ class _Reader:
 
 def edited(path: Path, changes: Mapping[str, float | tuple[str, ...]]) -> str:
     """
-    Return the text of a parameter file with other values.
+    Return the text of a parameter file, which has ``dofs``, with other values.
 
-    Parameters
-    ----------
-    path : Path
-        A parameter file that has ``dofs``.
-    changes : mapping
-        New number, or words of a list, by dotted name. A key that the file does not have goes
-        to its neighbours.
-
-    Raises
-    ------
-    ParameterFileError
-        If the file cannot be read.
-
+    ``changes`` has the new number, or words of a list, by dotted name. A key that the file does
+    not have goes to its neighbours. Raises ParameterFileError if the file cannot be read.
     """
     entries = read(path)
     text = path.read_bytes().decode('utf-8-sig')

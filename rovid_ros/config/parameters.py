@@ -25,34 +25,18 @@ from rovid_core.settings.run import (
 )
 from rovid_ros.config.keys import Key, KEYS
 
-__all__ = ['KEYS', 'Key', 'changed', 'check', 'settings_from']
-
+# Parameters that every node has.
 ROS_PARAMETERS = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\..+')
-"""Parameters that every node has."""
-
 MESSAGE_TYPE = re.compile(r'[A-Za-z]\w*/msg/[A-Za-z]\w*', re.ASCII)
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """
-    Build the settings of a run.
+    Build the settings of a run from parameters by their dotted names.
 
-    Parameters
-    ----------
-    values : mapping
-        Parameters by their dotted names, from a parameter file or from a node's overrides.
-        Those left out take their defaults; a node's own ROS parameters are ignored.
-
-    Returns
-    -------
-    Settings
-
-    Raises
-    ------
-    SettingsError
-        For a key that there is not and a value that its key does not take; it names the
-        key, what it got and what it takes.
-
+    Those left out take their defaults; a node's own ROS parameters are ignored. Raises
+    SettingsError for a key that there is not and a value that its key does not take; it names the
+    key, what it got and what it takes.
     """
     given = check(values)
     tree: dict[str, Any] = {}
@@ -74,29 +58,18 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     rest.update({name: os.path.expanduser(rest[name])  # as in a shell
                  for name in ('record_path', 'checkpoint_path')})
     return Settings(
-        dofs=dofs, dof=known,
-        thrusters=_thrusters(tree['thrusters'], given),
+        dofs=dofs, dof=known, thrusters=_thrusters(tree['thrusters'], given),
         identifier=IdentifierSettings(**tree['identifier']),
-        simulation=SimulationSettings(dofs=dict(_simulated(truth, given)), **simulation),
-        **inputs, **rest)
+        simulation=SimulationSettings(dofs=dict(_simulated(truth, given)), **simulation), **inputs,
+        **rest)
 
 
 def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     """
     Return the settings with other values of live keys, all of them or none.
 
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    changes : mapping
-        Values by dotted key; an empty list stands for a key that is left out.
-
-    Raises
-    ------
-    SettingsError
-        As :func:`settings_from`, and for a key that takes no change while the node runs.
-
+    ``changes`` is by dotted key; an empty list stands for a key that is left out. Raises
+    SettingsError as :func:`settings_from`, and for a key that takes no change while the node runs.
     """
     keys = {key.name: key for key in KEYS}
     tree: dict[str, Any] = {}
@@ -129,11 +102,7 @@ def check(values: Mapping[str, Any]) -> dict[str, Any]:
     """
     Return the given values in the types of their keys, without ROS' own parameters.
 
-    Raises
-    ------
-    SettingsError
-        As :func:`settings_from`, for each value by itself.
-
+    Raises SettingsError as :func:`settings_from`, for each value by itself.
     """
     keys = {key.name: key for key in KEYS}
     checked = {}

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.keys import KEYS
-from rovid_ros.files.whole_files import claim, prepare, write_json
+from rovid_ros.files.whole_files import create_unused, prepare_file, write_json
 
 VERSION = 2
 
@@ -151,7 +151,7 @@ class Checkpoint:
         self._log = log
         self._does_not_fit = False
         if settings.checkpoint_path:
-            prepare('checkpoint.path', self.path)
+            prepare_file('checkpoint.path', self.path)
         if is_record(settings):
             raise SettingsError('checkpoint.path', 'is record.path, takes another file')
 
@@ -186,7 +186,7 @@ class Checkpoint:
 
     def _set_aside(self) -> None:
         if self.path.exists():
-            kept = claim(self.path)
+            kept = create_unused(self.path)
             self.path.replace(kept)
             self._log.warning(f'checkpoint: {self.path} was not restored; kept as {kept}')
         self._does_not_fit = False

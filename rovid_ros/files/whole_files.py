@@ -123,7 +123,7 @@ def _remove(entry: os.DirEntry[str]) -> None:
         pass
 
 
-def prepare(key: str, path: Path) -> None:
+def prepare_file(key: str, path: Path) -> None:
     """
     Make the folder of a file that is going to be written, and see whether that will work.
 
@@ -143,7 +143,7 @@ def prepare(key: str, path: Path) -> None:
         raise SettingsError(key, f'{path} cannot be written: {error.strerror or error}') from None
 
 
-def age(path: str) -> float | None:
+def file_age(path: str) -> float | None:
     """Return how long ago [s] a file was written, None where there is none."""
     try:
         return max(0.0, time.time() - Path(path).stat().st_mtime) if path else None
@@ -151,7 +151,7 @@ def age(path: str) -> float | None:
         return None
 
 
-def claim(path: Path) -> Path:
+def create_unused(path: Path) -> Path:
     """
     Make an empty file of a name that is not taken, and return it.
 

@@ -14,21 +14,19 @@ import lz4.frame
 from mcap.exceptions import McapError
 import zstandard
 
+# [bytes] A block that is larger, packed or not, is not read; recorders make them of 1 to 4 MB
 MAX_BLOCK_SIZE = 1 << 27
-"""[bytes] A block that is larger, packed or not, is not read; recorders make them of 1 to 4 MB."""
-
+# [bytes] Of topics, types and metadata that are kept of a file; most have less than 1 MB
 MAX_DECLARATIONS = 1 << 26
-"""[bytes] Of topics, types and metadata that are kept of a file; most have less than 1 MB."""
-
 _MAX_TIME = (1 << 63) - 1  # [ns]
 _SECTOR = 512  # [bytes]; fewer zeros at the end of a file can well be data
 _READ_SIZE = 1 << 20  # [bytes]
 _SALVAGE_SIZE = 1024  # [bytes]; what one damaged piece costs when a chunk cannot be had whole
 
+# What comes of bytes that do not mean anything; LogError is among them.
 MALFORMED = (
     struct.error, IndexError, KeyError, OverflowError, StopIteration, TypeError, ValueError,
     McapError)
-"""What comes of bytes that do not mean anything; LogError is among them."""
 
 
 class LogError(ValueError):
@@ -50,55 +48,28 @@ class Channel:
     idl: bool = False
 
 
+# Log time [ns], place (no two messages share one), channel, serialised message.
 Raw = tuple[int, int, Channel, bytes]
-"""Log time [ns], place (no two messages share one), channel, serialised message."""
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """
-    A part of a file that is read as a whole.
+    """A part of a file that is read as a whole."""
 
-    Attributes
-    ----------
-    container : Container
-        Whose file it is in.
-    number : int
-        Place among the blocks of the file.
-    start, end : int
-        Times of the first and the last message [ns].
-    channels : frozenset of int or None
-        Those that it has messages of; None if that is not known.
-    where : object
-        What the container needs to find it.
-
-    """
-
-    container: Container
-    number: int
+    container: Container  # whose file it is in
+    number: int  # place among the blocks of the file
+    # times of the first and the last message [ns]
     start: int
     end: int
-    channels: frozenset[int] | None
-    where: Any
+    channels: frozenset[int] | None  # those that it has messages of; None if that is not known
+    where: Any  # what the container needs to find it
 
 
 class Container(ABC):
     """
-    A file of recorded messages.
+    A file of recorded messages, which raises LogError if it cannot be read.
 
     A file without an end, as a power failure leaves it, gives what comes before the cut.
-
-    Attributes
-    ----------
-    channels, counts : dict
-        By channel id; None counts if the file does not say.
-    metadata : dict
-        MCAP metadata records by name.
-    start, end : int
-        Times of the first and the last message [ns].
-    cut : bool
-        Whether the end of the file is missing.
-
     """
 
     def __init__(self, path: Path, name: str) -> None:
@@ -112,13 +83,14 @@ class Container(ABC):
 
     def clear(self) -> None:
         """Drop all that is known of the file."""
-        self.channels: dict[int, Channel] = {}
-        self.counts: dict[int, int] | None = {}
+        self.channels: dict[int, Channel] = {}  # by number, as the counts
+        self.counts: dict[int, int] | None = {}  # None if the file does not say
         self.metadata: dict[str, dict[str, str]] = {}
         self.blocks: list[Block] = []
+        # times of the first and the last message [ns]
         self.start = _MAX_TIME
         self.end = -1
-        self.cut = False
+        self.cut = False  # whether the end of the file is missing
         self._warnings: list[str] = []
         self._damaged = False
         self._declared = 0  # [bytes]
@@ -187,15 +159,7 @@ class Container(ABC):
         self.add_block(min(times), max(times), set(numbers), where)
 
     def declare(self, known: dict[Any, Any], key: Any, value: Any, size: int) -> None:
-        """
-        Keep what the file declares, if it is new.
-
-        Raises
-        ------
-        ValueError
-            If these ``size`` bytes are more than a file may declare.
-
-        """
+        """Keep what the file declares, if it is new; ValueError if it declares too many bytes."""
         if known.get(key) == value:
             return
         self._declared += size
@@ -214,8 +178,8 @@ class Container(ABC):
         except MALFORMED:
             self.note_damage()
 
-    def place(self, block: Block) -> int:
-        """Return a number that grows from log to log and from block to block."""
+    def first_place(self, block: Block) -> int:
+        """Return the place of the first message of a block; it grows with file and block."""
         return self.order << 60 | block.number << 40
 
 
@@ -273,24 +237,8 @@ def inflate(data: bytes, compression: str, name: str, size: int) -> bytes:
     """
     Decompress a chunk, or as much of it as can be had.
 
-    No more comes out than one byte beyond what it says, nor than ``MAX_BLOCK_SIZE``.
-
-    Parameters
-    ----------
-    data : bytes
-        May lack its end or be damaged.
-    compression : str
-        '', none, zstd, lz4 or bz2.
-    name : str
-        The file, for the error.
-    size : int
-        What the chunk says that is in it [bytes].
-
-    Raises
-    ------
-    LogError
-        If the compression is another.
-
+    No more comes out than one byte beyond the ``size`` that the chunk says, nor than
+    ``MAX_BLOCK_SIZE``. Raises LogError if the compression is another.
     """
     if compression in ('', 'none'):
         return data

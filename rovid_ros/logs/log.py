@@ -9,7 +9,6 @@ from itertools import chain
 import os
 from pathlib import Path
 from tempfile import gettempdir, TemporaryDirectory
-from types import TracebackType
 from typing import Any, NamedTuple
 
 from rosbags.serde import SerdeError
@@ -30,17 +29,11 @@ from rovid_ros.messages.types import (
 )
 from zstandard import ZstdError
 
-__all__ = ['Log', 'LogError', 'LogMessage', 'Maker', 'MakerFactory', 'RawMessage', 'TopicInfo']
-
-RECORD = 'rovid_record'
-"""Name of the metadata in the logs that the node writes itself."""
-
+RECORD = 'rovid_record'  # name of the metadata in the logs that the node writes itself
+# Messages of a topic that cannot be decoded, one after the other from the first one on.
 MAX_UNDECODED = 20
-"""Messages of a topic that cannot be decoded, one after the other from the first one on."""
-
+# [bytes] Of messages that have to be sorted because their blocks overlap in time
 MAX_HELD = 1 << 29
-"""[bytes] Of messages that have to be sorted because their blocks overlap in time."""
-
 _OVERHEAD = 200  # [bytes] of memory that a message takes beside its data
 
 
@@ -61,12 +54,10 @@ class LogMessage(NamedTuple):
     data: Any
 
 
+# Serialised message and log time [ns] to the data of a ``LogMessage``.
 Maker = Callable[[bytes, int], Any]
-"""Serialised message and log time [ns] to the data of a ``LogMessage``."""
-
+# Topic, how its messages are written, and their decoder, to the maker of their data.
 MakerFactory = Callable[[str, WireType, Decoder], Maker]
-"""Topic, how its messages are written, and their decoder, to the maker of their data."""
-
 _Wanted = Mapping[Container, Mapping[int, Channel]]  # the channels to read of each file
 
 
@@ -82,28 +73,7 @@ class Log:
     """
     One or more recorded files, as one log.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        MCAP files, rosbag2 sqlite3 files and directories, ROS 1 bags.
-
-    Attributes
-    ----------
-    topics : dict of str to TopicInfo
-        By name, which always begins with a slash.
-    metadata : dict
-        MCAP metadata records by name.
-    start, end : int
-        Log time of the first and the last message [ns].
-    recorded : bool
-        Whether the node's own recorder wrote all of it: then messages come in the order of the
-        file, which is the order in which the node took them.
-
-    Raises
-    ------
-    LogError
-        If one is not there, is no log, or all of them hold no message.
-
+    Raises LogError if one is not there, is no log, or all of them hold no message.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:
@@ -113,21 +83,25 @@ class Log:
             self._containers, self._warnings = open_all(paths, Path(self._scratch.name))
             self._containers.sort(key=lambda container: container.start)
             if not any(container.blocks for container in self._containers):
-                raise LogError(self._empty(paths))
+                raise LogError(next(iter(self.warnings), None) or (
+                    f'{", ".join(map(str, paths))}: holds no messages'))
         except BaseException:
             self.close()
             raise
         for order, container in enumerate(self._containers):
             container.order = order
+        # log time of the first and the last message [ns]
         self.start = min(container.start for container in self._containers)
         self.end = max(container.end for container in self._containers)
         self.metadata: dict[str, dict[str, str]] = {}
         for container in reversed(self._containers):  # a run begins where the earliest did
             self.metadata.update(container.metadata)
-        self.topics = _topics_of(self._containers)
+        self.topics = _topics_of(self._containers)  # names always begin with a slash
         for container in self._containers:
             container.drop_empty_channels()  # announced with another type, and never used
         records = [RECORD in container.metadata for container in self._containers]
+        # The node's own recorder wrote all of it: messages come in the order of the file, which is
+        # the order in which the node took them.
         self.recorded = all(records)
         if any(records) and not self.recorded:
             self._warnings.append('a record of the node is joined with other logs: it is taken '
@@ -146,18 +120,9 @@ class Log:
 
     def require(self, topics: Mapping[str, str]) -> None:
         """
-        Refuse a log that lacks a topic.
+        Refuse a log that lacks a topic, or has it with another type; '' is any type.
 
-        Parameters
-        ----------
-        topics : mapping of str to str
-            Type by topic; '' is any type.
-
-        Raises
-        ------
-        LogError
-            Names the topic, the nearest one and those that are there.
-
+        Raises LogError, which names the topic, the nearest one and those that are there.
         """
         there = sorted(name for name, info in self.topics.items() if info.count != 0)
         for topic, type in topics.items():
@@ -174,27 +139,15 @@ class Log:
         channel = self._channels(topic)[0]
         return build(self._typestore(channel), channel.type, {})
 
-    def messages(self, topics: Collection[str], start: float = 0.0,
-                 duration: float | None = None,
+    def messages(self, topics: Collection[str], start: float = 0.0, duration: float | None = None,
                  make: MakerFactory | None = None) -> Iterator[LogMessage]:
         """
-        Yield the decoded messages of some topics.
+        Yield the decoded messages of some topics; those that the log lacks are left out.
 
-        Parameters
-        ----------
-        topics : collection of str
-            Those that the log does not have are left out.
-        start, duration : float
-            Part of the log [s], from its first message on any topic.
-        make : callable, optional
-            Gets a topic, how its messages are written and their decoder; returns what makes
-            the data of bytes and log time. Without it, they are decoded as a whole.
-
-        Raises
-        ------
-        LogError
-            If a topic cannot be decoded.
-
+        ``start`` and ``duration`` are a part of the log [s], from its first message on any topic.
+        ``make`` gets a topic, how its messages are written and their decoder; it returns what
+        makes the data of bytes and log time. Without it, they are decoded as a whole. Raises
+        LogError if a topic cannot be decoded.
         """
         # by identity: comparing channels for every message would take a third of the time
         makers = {id(channel): self._maker(channel, make)
@@ -238,8 +191,7 @@ class Log:
         """Return the log itself."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the log."""
         self.close()
 
@@ -287,10 +239,6 @@ class Log:
     def _name(self) -> str:
         return ', '.join(container.name for container in self._containers)
 
-    def _empty(self, paths: Sequence[Path]) -> str:
-        return next(iter(self.warnings), None) or (
-            f'{", ".join(map(str, paths))}: holds no messages')
-
 
 def _topics_of(containers: Iterable[Container]) -> dict[str, TopicInfo]:
     """Return what files hold of their topics together, by name."""
@@ -306,27 +254,8 @@ def _topics_of(containers: Iterable[Container]) -> dict[str, TopicInfo]:
 
 
 def _ordered_parts(containers: Sequence[Container], wanted: _Wanted, first: int, last: int,
-          in_file_order: bool) -> Iterator[list[Raw]]:
-    """
-    Yield the messages of some channels, part by part; blocks without them are not read.
-
-    Parameters
-    ----------
-    containers : sequence of Container
-        The files, by the time of their first message.
-    wanted : mapping
-        By file, the channels by number.
-    first, last : int
-        Log times [ns] between which they are, both included.
-    in_file_order : bool
-        Take them as they were written, and not by time.
-
-    Raises
-    ------
-    LogError
-        If too many blocks overlap in time.
-
-    """
+                   in_file_order: bool) -> Iterator[list[Raw]]:
+    """Yield the messages of some channels, from ``first`` to ``last`` [ns], part by part."""
     blocks = [
         block for container in containers for block in container.blocks
         if block.end >= first and block.start <= last and wanted[container]
@@ -334,7 +263,8 @@ def _ordered_parts(containers: Sequence[Container], wanted: _Wanted, first: int,
     for container in containers:
         container.loaded = 0
     if in_file_order:
-        for part in _in_file_order(blocks, wanted):
+        for block in blocks:
+            part = block.container.read(block, wanted[block.container])
             yield [message for message in part if first <= message[0] <= last]
         return
     for part in _in_time_order(blocks, wanted):
@@ -344,22 +274,8 @@ def _ordered_parts(containers: Sequence[Container], wanted: _Wanted, first: int,
             yield part
 
 
-def _in_file_order(blocks: Sequence[Block], wanted: _Wanted) -> Iterator[list[Raw]]:
-    """Yield all messages in the order of the files."""
-    for block in blocks:
-        yield block.container.read(block, wanted[block.container])
-
-
 def _in_time_order(blocks: Sequence[Block], wanted: _Wanted) -> Iterator[list[Raw]]:
-    """
-    Yield all messages in order, holding only blocks that overlap in time.
-
-    Raises
-    ------
-    LogError
-        If too many of them overlap.
-
-    """
+    """Yield all messages in order; LogError if too many blocks overlap in time to be held."""
     ordered = sorted(blocks, key=lambda block: block.start)
     held: list[Raw] = []
     for block, following in zip(ordered, [*ordered[1:], None]):

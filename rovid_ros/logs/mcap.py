@@ -27,7 +27,6 @@ from rovid_ros.logs.container import (
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'\x89MCAP0\r\n'
-
 _CHUNK = struct.Struct('<QQQII')  # start, end, uncompressed size and CRC, length of a name
 _FOOTER = 9 + 20 + len(MAGIC)
 _RUN = 1 << 20  # [bytes] of messages outside chunks that are read as one block
@@ -35,15 +34,7 @@ _ENCODINGS = {'ros2msg': False, 'ros1msg': False, 'ros2idl': True, 'omgidl': Tru
 
 
 class McapFile(IndexedContainer):
-    """
-    An MCAP file.
-
-    Raises
-    ------
-    LogError
-        If it cannot be read.
-
-    """
+    """An MCAP file."""
 
     def clear(self) -> None:
         """Drop all that is known of the file."""
@@ -61,7 +52,7 @@ class McapFile(IndexedContainer):
             data, whole = self._chunk(data)
             if not whole and not self.cut:
                 self.note_damage()
-        return messages(data, wanted, self.place(block))
+        return messages(data, wanted, self.first_place(block))
 
     def _summary(self, file: BinaryIO) -> bytes:
         """Return the records of the index at the end of the file; none if it is damaged."""
@@ -186,8 +177,7 @@ class McapFile(IndexedContainer):
             return
         file.seek(start)
         data = file.read(end - start)
-        self.add_counted(
-            messages(data, self.channels, 0), (start, end - start, False))
+        self.add_counted(messages(data, self.channels, 0), (start, end - start, False))
 
     def _scan_chunk(self, file: BinaryIO, offset: int, length: int) -> None:
         data, whole = self._chunk(file.read(length))
@@ -196,8 +186,7 @@ class McapFile(IndexedContainer):
         for opcode, body in records_in(data):
             if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self.attempt(self._declare, opcode, body)
-        self.add_counted(
-            messages(data, self.channels, 0), (offset, length, True))
+        self.add_counted(messages(data, self.channels, 0), (offset, length, True))
 
     def _chunk(self, body: bytes) -> tuple[bytes, bool]:
         """Return the records in a chunk and whether they are all there and right."""

@@ -28,27 +28,11 @@ _FORMATS: dict[bytes, type[Container]] = {
 
 def open_all(paths: Sequence[Path], scratch: Path) -> tuple[list[Container], list[str]]:
     """
-    Open files and directories.
+    Open files of any known format and rosbag2 directories; return them and warnings.
 
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files of any format that is known, and rosbag2 directories.
-    scratch : Path
-        A directory for unpacked copies of files that are compressed as a whole.
-
-    Returns
-    -------
-    containers : list of Container
-        One per file.
-    warnings : list of str
-        Files of a directory that are missing or of no use.
-
-    Raises
-    ------
-    LogError
-        If a path is not there, is no log or is given twice.
-
+    ``scratch`` is for unpacked copies of files that are compressed as a whole. Warnings are of
+    files of a directory that are missing or of no use. Raises LogError if a path is not there, is
+    no log or is given twice.
     """
     containers: list[Container] = []
     warnings: list[str] = []

@@ -15,11 +15,8 @@ from rovid_ros.logs.log import LogMessage, Maker
 from rovid_ros.messages.converter import Converter, Unpacker
 from rovid_ros.messages.types import Decoder, WireType
 
-CONTROL = '/rovid/control'
-"""Topic of a node's own log that says what was done to it."""
-
-PARAMETERS = 'parameters'
-"""The control that says which parameters changed, as JSON by dotted key."""
+CONTROL = '/rovid/control'  # topic of a node's own log that says what was done to it
+PARAMETERS = 'parameters'  # the control that says which parameters changed, as JSON by dotted key
 
 
 class Player(Protocol):
@@ -79,34 +76,15 @@ class PipelinePlayer:
 
 def change_parameters(stream: Stream, changes: Mapping[str, Any]) -> None:
     """
-    Give live keys other values, between two steps.
+    Give live keys other values, by dotted key, between two steps; the recorder is told.
 
-    Parameters
-    ----------
-    stream : Stream
-        Gets them, and tells its recorder.
-    changes : mapping
-        Value by dotted key.
-
-    Raises
-    ------
-    SettingsError
-        If a value is refused; then nothing is changed.
-
+    Raises SettingsError if a value is refused; then nothing is changed.
     """
     stream.change(changed(stream.settings, changes), json.dumps(dict(changes)))
 
 
 def recorded_changes(value: str) -> dict[str, Any]:
-    """
-    Return which parameters a recorded control of ``PARAMETERS`` changed.
-
-    Raises
-    ------
-    ValueError
-        If it is not JSON of values by key.
-
-    """
+    """Return what a recorded control of ``PARAMETERS`` changed; ValueError if that is not JSON."""
     changes = json.loads(value)
     if not isinstance(changes, dict):
         raise ValueError(f'a control of parameters that has no keys: {value!r}')
@@ -117,11 +95,7 @@ def repeat_control(stream: Stream, name: str, value: str) -> list[Estimate]:
     """
     Do a recorded control again; what was recorded before it is released first.
 
-    Raises
-    ------
-    ValueError
-        For a control that there is not, or parameters that are refused.
-
+    Raises ValueError for a control that there is not, or parameters that are refused.
     """
     if name != PARAMETERS:
         return stream.control(name, value)

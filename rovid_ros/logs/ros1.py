@@ -6,18 +6,10 @@ from collections.abc import Iterator, Mapping
 import struct
 from typing import BinaryIO
 
-from rovid_ros.logs.container import (
-    Block,
-    Channel,
-    IndexedContainer,
-    inflate,
-    MAX_BLOCK_SIZE,
-    Raw,
-)
+from rovid_ros.logs.container import Block, Channel, IndexedContainer, inflate, MAX_BLOCK_SIZE, Raw
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'#ROSBAG V2.0\n'
-
 _LENGTH = struct.Struct('<I')
 _TIME = struct.Struct('<II')
 _MESSAGE, _BAG, _CHUNK, _CHUNK_INFO, _CONNECTION = b'\x02', b'\x03', b'\x05', b'\x06', b'\x07'
@@ -26,15 +18,7 @@ Header = dict[bytes, bytes]
 
 
 class BagFile(IndexedContainer):
-    """
-    A ROS 1 bag.
-
-    Raises
-    ------
-    LogError
-        If it cannot be read.
-
-    """
+    """A ROS 1 bag."""
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
         """Return the messages of these channels in a block, in the order of the file."""
@@ -45,7 +29,7 @@ class BagFile(IndexedContainer):
         inflated = inflate(data, _compression(header), self.name, size)
         if len(inflated) != size and not self.cut:
             self.note_damage()
-        return _messages(inflated, wanted, self.place(block))
+        return _messages(inflated, wanted, self.first_place(block))
 
     def read_index(self, file: BinaryIO) -> bool:
         """Return whether the index at the end tells all; note what it tells."""

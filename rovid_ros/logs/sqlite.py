@@ -17,7 +17,6 @@ from rovid_ros.logs.container import Block, Channel, Container, LogError, MAX_BL
 from rovid_ros.messages.types import normalised
 
 MAGIC = b'SQLite format 3\x00'
-
 _ROWS = 2000  # per block
 
 
@@ -28,15 +27,7 @@ def part_of_page(head: bytes, size: int) -> int:
 
 
 class SqliteFile(Container):
-    """
-    A rosbag2 sqlite3 file.
-
-    Raises
-    ------
-    LogError
-        If it cannot be read.
-
-    """
+    """A rosbag2 sqlite3 file."""
 
     def read_structure(self) -> None:
         """Read the tables."""
@@ -115,9 +106,8 @@ class SqliteFile(Container):
                 self.note_damage()
                 continue
             kind, text = definitions.get(type_name, ('', ''))
-            self.channels[number] = Channel(
-                number, '/' + topic.lstrip('/'), normalised(type_name), encoding, str(text),
-                kind == 'ros2idl')
+            self.channels[number] = Channel(number, '/' + topic.lstrip('/'), normalised(type_name),
+                                            encoding, str(text), kind == 'ros2idl')
 
     def _read_index(self, base: sqlite3.Connection) -> None:
         """Make blocks of the rows in time order."""

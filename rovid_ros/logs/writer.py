@@ -7,7 +7,6 @@ from contextlib import suppress
 from io import BufferedWriter, FileIO
 import os
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from mcap.writer import CompressionType, Writer
@@ -75,8 +74,7 @@ class LogWriter:
             self._file = BufferedWriter(_File(path, 'wb'))
         except OSError as error:
             raise LogError(f'{path}: cannot be written: {error.strerror}') from None
-        self._writer = Writer(
-            self._file, chunk_size=_CHUNK, compression=_COMPRESSION[compression])
+        self._writer = Writer(self._file, chunk_size=_CHUNK, compression=_COMPRESSION[compression])
         self._writer.start(profile='ros2', library='rovid')
         self._schemas: dict[tuple[str, str | None], int] = {}
         self._channels: dict[tuple[str, int], int] = {}
@@ -107,8 +105,7 @@ class LogWriter:
         if type not in store.fielddefs:
             raise TypeUnknownError(f'type {type}: ROS 2 comes with no such type')
         data = store.serialize_cdr(build(store, type, fields), type)
-        self.write_raw(
-            topic, type, bytes(data), time, publish_time=publish_time, latched=latched)
+        self.write_raw(topic, type, bytes(data), time, publish_time=publish_time, latched=latched)
 
     def write_raw(self, topic: str, type: str, cdr: bytes, time: int,
                   definition: str | None = None, publish_time: int | None = None,
@@ -116,15 +113,8 @@ class LogWriter:
         """
         Write a message that is serialised already.
 
-        Parameters
-        ----------
-        topic, type, time, publish_time, latched
-            As in ``write``.
-        cdr : bytes
-            The serialised message.
-        definition : str, optional
-            Text of the type's definition; needed where the type does not come with ROS 2.
-
+        The type's definition is needed where it does not come with ROS 2; the rest is as in
+        ``write``.
         """
         schema = self._schemas.get((type, definition))
         if schema is None:
@@ -163,8 +153,7 @@ class LogWriter:
         """Return the writer itself."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the file."""
         self.close()
 
@@ -184,12 +173,6 @@ class OutputLog(LogWriter):
 
     A run that is killed or interrupted leaves what was there under the name as it was, and what
     it wrote itself beside it. A device or a pipe is written to as it is.
-
-    Parameters
-    ----------
-    path : Path
-        The name that it gets.
-
     """
 
     def __init__(self, path: Path) -> None:
@@ -206,8 +189,7 @@ class OutputLog(LogWriter):
             self._part.replace(self._path)
             sync_folder(self._path.parent)
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *error: object) -> None:
         """Close the file; a part without a message is removed."""
         self.close()
         if self._part != self._path and not self._channels:

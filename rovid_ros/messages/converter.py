@@ -28,17 +28,13 @@ from rovid_ros.messages.field_paths import (
     Step,
     walk,
 )
+from rovid_ros.messages.serialised_layout import find_layout, NoLayoutError
 from rovid_ros.messages.types import standard_types, WireType
-from rovid_ros.messages.wire_layout import find_layout, NoLayoutError
 
-__all__ = ['Converter', 'FieldError', 'MAX_ATTEMPTS', 'RefusedError', 'Unpacker']
-
+# Layouts to look for on one topic: where they change that often, they are of no use.
 MAX_ATTEMPTS = 100
-"""Layouts to look for on one topic: where they change that often, they are of no use."""
-
+# Where the time of a message with a header is.
 STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
-"""Where the time of a message with a header is."""
-
 Floats = tuple[float, ...]
 Turn = Callable[[Any, Any, Any], Floats]
 
@@ -58,20 +54,11 @@ class RefusedError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """
-    How to come from a message to a sample.
+    """Which fields of a message a sample needs, and how its value is made of them."""
 
-    Attributes
-    ----------
-    paths : tuple of paths
-        To the fields that are needed: numbers, or arrays of numbers or texts.
-    make : callable
-        Takes what is at the paths and returns the sample's value.
-
-    """
-
+    # to the fields that are needed: numbers, or arrays of numbers or texts
     paths: tuple[tuple[Step, ...], ...]
-    make: Callable[..., Floats]
+    make: Callable[..., Floats]  # takes what is at the paths and returns the sample's value
 
     def fetch(self) -> Callable[[Any], tuple[Any, ...]]:
         """Return the function from a decoded message to what is at the paths."""
@@ -86,21 +73,13 @@ class Reading:
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """
-    A source made fast for one kind of message: of a class, or serialised in one layout.
-
-    Attributes
-    ----------
-    fetch : callable
-        From the message to what the reading makes the value of.
-    stamp : callable or None
-        From the message to seconds and nanoseconds; None for the receive time.
-
-    """
+    """How a source is read from messages of one class, or serialised in one layout."""
 
     source: Source
     reading: Reading
+    # from the message to what the reading makes the value of
     fetch: Callable[[Any], tuple[Any, ...]]
+    # from the message to seconds and nanoseconds; None for the receive time
     stamp: Callable[[Any], tuple[int, int]] | None
 
     def value(self, message: Any) -> tuple[float, ...]:
@@ -114,8 +93,6 @@ class Converter:
 
     Parameters
     ----------
-    settings : Settings
-        Names the topics, field paths, stamps and frames.
     count : callable
         Called with (input, reason) for what a message lacks: ``missing_index``,
         ``missing_name``, ``wrong_length`` and ``not_numeric`` give no sample,
@@ -150,33 +127,13 @@ class Converter:
                     other for other in self._sources[source.topic] if other.type == known))
             self.topics[source.topic] = known or source.type
 
-    def events(
-        self, topic: str, message: Any, receive_time: int, origin: Any = None,
-    ) -> list[Event]:
+    def events(self, topic: str, message: Any, receive_time: int,
+               origin: Any = None) -> list[Event]:
         """
-        Convert a message.
+        Convert a message, of rclpy or the dataclass that a log is decoded to.
 
-        Parameters
-        ----------
-        topic : str
-            As in ``topics``; another one gives no event.
-        message : object
-            An rclpy message or the dataclass that a log is decoded to.
-        receive_time : int
-            [ns]
-        origin : object
-            Kept in the events.
-
-        Returns
-        -------
-        events : list of Event
-            One per event time, which is one unless inputs differ in latency or stamp.
-
-        Raises
-        ------
-        FieldError
-            If the type of the message has no such field.
-
+        Return one event per time, which is one unless inputs differ in latency or stamp. Raises
+        FieldError if the type of the message has no field that is configured.
         """
         accesses = self._accesses.get((topic, type(message)))
         if accesses is None:
@@ -184,7 +141,7 @@ class Converter:
         return self.read(accesses, message, receive_time, origin)
 
     def accesses(self, topic: str, message: Any) -> list[Access]:
-        """Return how messages like one that was converted are read, none if it lacked any."""
+        """Return how messages of this class are read; empty if the last one lacked a field."""
         return self._accesses.get((topic, type(message)), [])
 
     def read(self, accesses: Sequence[Access], message: Any, receive_time: int,
@@ -210,27 +167,17 @@ class Converter:
                     self._count(source.input, 'zero_stamp')
             events.append(Event(time - source.latency, (
                 Sample(source.input, value, source.part),), origin))
-        return events if len(events) < 2 else _joined(events, origin)
+        return events if len(events) < 2 else _merged_by_time(events, origin)
 
     def check_type(self, topic: str, blank: Any) -> None:
         """
         Refuse settings that do not fit a topic's type, before any message comes.
 
-        Parameters
-        ----------
-        topic : str
-            As in ``topics``.
-        blank : object
-            A message of the type with default values only.
-
-        Raises
-        ------
-        FieldError
-            Names the input, the path, the type and the fields that are there.
-
+        ``blank`` is a message of the type with default values only. Raises FieldError, which names
+        the input, the path, the type and the fields that are there.
         """
         for source in self._sources.get(topic, ()):
-            _stamped(source, blank)
+            _has_stamp(source, blank)
             try:
                 _reading(source, blank, self._settings, blank=True)
             except MissingIndexError:  # what an empty array would hold is not known yet
@@ -240,7 +187,7 @@ class Converter:
         sources = self._sources.get(topic, [])
         accesses = []
         for source in sources:
-            stamp = attrgetter(*STAMP) if _stamped(source, message) else None
+            stamp = attrgetter(*STAMP) if _has_stamp(source, message) else None
             try:
                 found = _reading(source, message, self._settings)
             except MissingIndexError as missing:
@@ -263,19 +210,7 @@ class Unpacker:
 
     A message is decoded as a whole, and converted, unless it has the layout of one that was:
     then its values are read from where they were, to the same bits. What cannot be decoded is
-    left to the decoder, also a message that lacks its end.
-
-    Parameters
-    ----------
-    converter : Converter
-        Knows the inputs.
-    topic : str
-        As in ``converter.topics``.
-    wire : WireType
-        How the messages are written, by the definition that comes with them.
-    decode : callable
-        From bytes to a message; what it raises is passed on.
-
+    left to the decoder, also a message that lacks its end; what ``decode`` raises is passed on.
     """
 
     def __init__(self, converter: Converter, topic: str, wire: WireType,
@@ -288,17 +223,7 @@ class Unpacker:
         self._known: dict[int, _Known] = {}  # by the length of the message
 
     def events(self, data: bytes, receive_time: int, origin: Any = None) -> list[Event]:
-        """
-        Convert a message.
-
-        Parameters
-        ----------
-        data : bytes
-            The message.
-        receive_time, origin
-            As in ``Converter.events``.
-
-        """
+        """Convert a message."""
         known = self._known.get(len(data))
         if known is not None:
             fits, shape, accesses = known
@@ -325,16 +250,16 @@ class Unpacker:
                         stamp=stamp if access.stamp else None) for access in decoded]
         except NoLayoutError:
             return
-        if [_given(access, data) for access in accesses] == [
-                _given(access, message) for access in decoded]:
+        if [_comparable(access, data) for access in accesses] == [
+                _comparable(access, message) for access in decoded]:
             self._known[len(data)] = layout.fits, layout.fits(data), accesses
 
 
 _Known = tuple[Callable[[bytes], tuple[Any, ...]], tuple[Any, ...], list[Access]]
 
 
-def _given(access: Access, message: Any) -> str:
-    """Return in a comparable form what an input gets."""
+def _comparable(access: Access, message: Any) -> str:
+    """Return value and stamp, or the refusal, as text that can be compared."""
     try:
         value: Any = access.value(message)
     except (RefusedError, IndexError) as refused:
@@ -342,7 +267,7 @@ def _given(access: Access, message: Any) -> str:
     return repr((value, access.stamp(message) if access.stamp else None))
 
 
-def _joined(events: Sequence[Event], origin: Any) -> list[Event]:
+def _merged_by_time(events: Sequence[Event], origin: Any) -> list[Event]:
     """Return one event per time."""
     times: dict[int, tuple[Sample, ...]] = {}
     for event in events:
@@ -350,7 +275,7 @@ def _joined(events: Sequence[Event], origin: Any) -> list[Event]:
     return [Event(time, samples, origin) for time, samples in times.items()]
 
 
-def _stamped(source: Source, message: Any) -> bool:
+def _has_stamp(source: Source, message: Any) -> bool:
     """Return whether the time is that of the header, and not the receive time."""
     if source.stamp == 'receive':
         return False
@@ -376,25 +301,12 @@ def _type_conflict(one: Source, other: Source) -> SettingsError:
 
 
 def _reading(source: Source, message: Any, settings: Settings, blank: bool = False) -> Reading:
-    """
-    Return how to read a source's value from messages like this one.
-
-    A message that is ``blank`` holds default values only: an array in it that is not empty
-    always has that length.
-
-    Raises
-    ------
-    FieldError
-        If the path does not lead to something that the input takes.
-    MissingIndexError
-        If the path indexes an array that is too short in this message.
-
-    """
+    """Return how to read a source's value from messages like this, ``blank`` or with data."""
     key = f'{source.section}.field'
     steps, value, shape = resolve(source.input, source.field, message, key)
     if source.input in ('thrusters', 'sign'):
-        count = _expected(source, shape, value if blank else (), settings)
-        return _commands(source, shape, steps, _joint_names(source, steps, message, settings),
+        count = _command_count(source, shape, value if blank else (), settings)
+        return _commands(source, shape, steps, _names_path(source, steps, message, settings),
                          count, settings)
     if source.input == 'depth':
         scale, offset = settings.depth_scale, settings.depth_offset
@@ -402,7 +314,8 @@ def _reading(source: Source, message: Any, settings: Settings, blank: bool = Fal
     if source.input == 'attitude':
         if shape == 'number':
             return Reading((tuple(steps),), _heading(settings))
-        return _if_estimated(message, steps, Reading(_below(steps, 'xyzw'), _quaternion(settings)))
+        attitude = Reading(_component_paths(steps, 'xyzw'), _quaternion(settings))
+        return _unless_not_estimated(message, steps, attitude)
     ned = settings.frames == 'ned'
     if source.input == 'position':
         return _vector(steps, shape, _ned_to_enu if ned else _floats)
@@ -410,12 +323,12 @@ def _reading(source: Source, message: Any, settings: Settings, blank: bool = Fal
     if shape == 'twist':
         return _pair(steps, ('linear', 'angular'), turn)
     if source.input == 'reference':
-        return Reading(_below(steps, 'xyz'), lambda x, y, z: turn(x, y, z) + _NAN3)
-    return _if_estimated(message, steps, _vector(steps, shape, turn))
+        return Reading(_component_paths(steps, 'xyz'), lambda x, y, z: turn(x, y, z) + _NAN3)
+    return _unless_not_estimated(message, steps, _vector(steps, shape, turn))
 
 
-def _if_estimated(message: Any, steps: Sequence[Step], reading: Reading) -> Reading:
-    """Refuse what a sensor has no estimate of: sensor_msgs/Imu says so by a covariance of -1."""
+def _unless_not_estimated(message: Any, steps: Sequence[Step], reading: Reading) -> Reading:
+    """Refuse what the sensor does not estimate; sensor_msgs/Imu says so by a covariance of -1."""
     if not steps:
         return reading
     name = f'{steps[-1]}_covariance'
@@ -430,20 +343,19 @@ def _if_estimated(message: Any, steps: Sequence[Step], reading: Reading) -> Read
     return Reading(((*steps[:-1], name, 0), *reading.paths), make)
 
 
-def _below(steps: Sequence[Step], names: Sequence[str]) -> tuple[tuple[Step, ...], ...]:
+def _component_paths(steps: Sequence[Step], names: Sequence[str]) -> tuple[tuple[Step, ...], ...]:
     return tuple([(*steps, name) for name in names])
 
 
 def _vector(steps: Sequence[Step], shape: str, turn: Turn) -> Reading:
     if shape == 'vector':
-        return Reading(_below(steps, 'xyz'), turn)
+        return Reading(_component_paths(steps, 'xyz'), turn)
     return Reading((tuple(steps),), lambda value: turn(*_numbers(value, 3)))
 
 
 def _pair(steps: Sequence[Step], names: tuple[str, str], turn: Turn) -> Reading:
-    one, other = (_below([*steps, name], 'xyz') for name in names)
-    return Reading(
-        one + other, lambda a, b, c, d, e, f: turn(a, b, c) + turn(d, e, f))
+    one, other = (_component_paths([*steps, name], 'xyz') for name in names)
+    return Reading(one + other, lambda a, b, c, d, e, f: turn(a, b, c) + turn(d, e, f))
 
 
 def _floats(x: float, y: float, z: float) -> Floats:
@@ -499,10 +411,10 @@ def _commands(source: Source, shape: str, steps: Sequence[Step],
         return Reading((tuple(steps),), lambda value: (float(value),))
     if joint_names is None:
         return Reading((tuple(steps),), lambda value: _numbers(value, count))
-    return Reading((joint_names, tuple(steps)), _picked(settings.thrusters.names))
+    return Reading((joint_names, tuple(steps)), _pick_by_name(settings.thrusters.names))
 
 
-def _picked(names: Sequence[str]) -> Callable[[Any, Any], Floats]:
+def _pick_by_name(names: Sequence[str]) -> Callable[[Any, Any], Floats]:
     """Return how to pick an array's entries by the names beside it."""
     known: Sequence[str] | None = None  # the names hardly ever change
     places: list[int] = []
@@ -530,8 +442,8 @@ def _numbers(value: Any, count: int) -> Floats:
         raise RefusedError('not_numeric') from None
 
 
-def _expected(source: Source, shape: str, value: Any, settings: Settings) -> int:
-    """Return how many values one message has to give; refuse what never can."""
+def _command_count(source: Source, shape: str, value: Any, settings: Settings) -> int:
+    """Return how many commands one message must hold; refuse a field that cannot."""
     thrusters = settings.thrusters
     count = 1 if len(thrusters.topics) > 1 and source.input == 'thrusters' else thrusters.count
     if source.input == 'sign' and shape == 'number':
@@ -547,7 +459,7 @@ def _expected(source: Source, shape: str, value: Any, settings: Settings) -> int
     return count
 
 
-def _joint_names(source: Source, steps: Sequence[Step], message: Any,
+def _names_path(source: Source, steps: Sequence[Step], message: Any,
                  settings: Settings) -> tuple[Step, ...] | None:
     """Return the path to the names beside an array, where entries are picked by name."""
     if not settings.thrusters.names:

@@ -29,13 +29,7 @@ class FieldError(ValueError):
     """
     A field path that the message type does not have, or that leads to something of no use.
 
-    Parameters
-    ----------
-    key : str
-        The key in the parameter file, such as ``position.field``.
-    message : str
-        What is wrong and what is there.
-
+    ``key`` is the key in the parameter file, such as ``position.field``.
     """
 
     def __init__(self, key: str, message: str) -> None:
@@ -70,13 +64,8 @@ def walk(message: Any, steps: Sequence[Step], path: str, key: str) -> Any:
     """
     Follow the steps into a message.
 
-    Raises
-    ------
-    FieldError
-        If a field is not there; it names the type and the fields that are.
-    MissingIndexError
-        If this message's array is too short.
-
+    Raises FieldError, which names the type and its fields, if a field is not there, and
+    MissingIndexError if this message's array is too short.
     """
     value = message
     for step in steps:
@@ -194,15 +183,8 @@ def resolve(input: str, path: str, message: Any, key: str) -> tuple[list[Step], 
     """
     Follow a path, and on from there to the next thing that the input takes.
 
-    Returns
-    -------
-    steps : list
-        The whole way.
-    value : object
-        What is there.
-    shape : str
-        vector, quaternion, twist, wrench, array or number.
-
+    Return the whole way, the value there and its shape: vector, quaternion, twist, wrench, array
+    or number.
     """
     steps = parse(path, key)
     value = walk(message, steps, path, key)

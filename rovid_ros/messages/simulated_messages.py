@@ -17,7 +17,6 @@ from rovid_ros.messages.field_paths import parse, resolve, Step
 from rovid_ros.messages.types import build, standard_types
 
 Values = tuple[float, ...]
-
 NED_TO_ENU: Quaternion = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)  # and back: half a turn
 FRD_TO_FLU: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
@@ -63,18 +62,8 @@ class SensorMessages:
     """
     Make messages out of what the simulator says.
 
-    Parameters
-    ----------
-    settings : Settings
-        Topics, types, field paths, frames, units, scales and latencies.
-
-    Raises
-    ------
-    SimulationError
-        If a type is unknown.
-    FieldError
-        If a type has nothing at the field path that could hold the value.
-
+    Raises SimulationError if a type is unknown, and FieldError if a type has nothing at the field
+    path that could hold the value.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -89,16 +78,10 @@ class SensorMessages:
 
     def messages(self, time: int, values: Mapping[str, Values]) -> list[SensorMessage]:
         """
-        Return the messages of one instant.
+        Return the messages of one instant [ns].
 
-        Parameters
-        ----------
-        time : int
-            Event time [ns].
-        values : mapping of str to tuple of float
-            Value of each input that was measured then, in body FLU, world ENU and SI units.
-            A topic that serves several inputs is sent when all of them are there.
-
+        ``values`` has each input that was measured then, in body FLU, world ENU and SI units. A
+        topic that serves several inputs is sent when all of them are there.
         """
         return [
             SensorMessage(
@@ -138,8 +121,7 @@ class SensorMessages:
         return _Topic(topic, type_name, read[0].latency, hasattr(blank, 'header'),
                       hasattr(blank, 'name'), tuple(places))
 
-    def _fields(self, topic: _Topic, stamp: int, values: Mapping[str, Values]
-                ) -> dict[str, Any]:
+    def _fields(self, topic: _Topic, stamp: int, values: Mapping[str, Values]) -> dict[str, Any]:
         fields: dict[str, Any] = {}
         names = self._settings.thrusters.names
         for place in topic.places:

@@ -23,24 +23,14 @@ from rovid_ros.messages.field_paths import FieldError, nearest
 import zstandard
 
 Decoder = Callable[[bytes], Any]
-
+# Types of common vehicles that do not come with ROS 2.
 WELL_KNOWN = {'mavros_msgs/msg/RCOut': 'std_msgs/Header header\nuint16[] channels\n'}
-"""Types of common vehicles that do not come with ROS 2."""
-
+# [bytes] What is larger is refused before it is decoded; what is of use has 1 kB
 MAX_MESSAGE_SIZE = 1 << 20
-"""[bytes] What is larger is refused before it is decoded; what is of use has 1 kB."""
-
-MAX_DEFINITION = 1 << 17
-"""[characters] Of a type with all that is in it; large ones have 20,000."""
-
-MAX_VALUES = 100_000
-"""Numbers and texts in a message whose sequences are empty."""
-
-MAX_DEPTH = 32
-"""Messages within messages."""
-
+MAX_DEFINITION = 1 << 17  # [characters] of a type with all that is in it; large ones have 20,000
+MAX_VALUES = 100_000  # numbers and texts in a message whose sequences are empty
+MAX_DEPTH = 32  # messages within messages
 _NOTHING = 'structure_needs_at_least_one_member'  # in ROS 1 it does without
-
 _RULE = '=' * 80 + '\n'
 _ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}  # others: 0
 
@@ -78,22 +68,10 @@ def normalised(name: str) -> str:
 @cache
 def typestore(name: str, definition: str, idl: bool = False) -> Typestore:
     """
-    Return a store that has the type.
+    Return a store that has the type, which is named as by ``normalised``.
 
-    Parameters
-    ----------
-    name : str
-        As in ``normalised``.
-    definition : str
-        Text of the definition, with those of the types in it; '' takes what ROS 2 has.
-    idl : bool
-        Whether the text is IDL.
-
-    Raises
-    ------
-    TypeUnknownError
-        If there is no definition or it makes no sense.
-
+    The definition has those of the types in it; '' takes what ROS 2 has. ``idl`` tells whether it
+    is IDL. Raises TypeUnknownError if there is no definition or it makes no sense.
     """
     problem = 'no definition of it is at hand'
     if definition:
@@ -129,13 +107,8 @@ def count_values(store: Typestore, name: str) -> int:
     """
     Return how many values a blank message holds, a sequence counted as one.
 
-    Raises
-    ------
-    EndlessTypeError
-        If it holds too many, or itself, or sequences of something that takes no bytes.
-    KeyError
-        If the store lacks a type.
-
+    Raises EndlessTypeError if it holds too many, or itself, or sequences of something that takes
+    no bytes, and KeyError if the store lacks a type.
     """
     return _count_of(store, name, (), {})
 
@@ -187,12 +160,7 @@ def decoder(store: Typestore, name: str, encoding: str) -> Decoder:
 
 
 def _deserialized(store: Typestore, name: str, data: bytes) -> Any:
-    """
-    Decode a message, whatever follows it.
-
-    ROS serialises into room that it has estimated, and ``rclpy.serialization`` hands out all of
-    it; a subscriber takes no notice, but ``Typestore.deserialize_cdr`` refuses it.
-    """
+    """Decode a message, whatever follows it: rclpy hands out all that ROS made room for."""
     if data[:2] not in (b'\0\0', b'\0\1') or len(data) < 4:
         raise SerdeError('invalid or unsupported CDR encapsulation')
     message = store.get_msgdef(name)
@@ -205,34 +173,20 @@ def _deserialized(store: Typestore, name: str, data: bytes) -> Any:
 
 def build(store: Typestore, name: str, fields: Mapping[str, Any]) -> Any:
     """
-    Return a message made from plain values.
+    Return a message made from plain values; raises FieldError if the type has no such field.
 
-    Parameters
-    ----------
-    store : Typestore
-        Has the type.
-    name : str
-        The type.
-    fields : mapping
-        Values by field name, mappings for messages in it; those left out get their default. A
-        mapping from index to value stands for an array with defaults in between.
-
-    Raises
-    ------
-    FieldError
-        If the type has no such field.
-
+    Values are by field name, mappings for messages in it; those left out get their default. A
+    mapping from index to value stands for an array with defaults in between.
     """
     return _builder(store, name)(fields)
 
 
-Maker = Callable[[Any], Any]
-"""Plain value, None for the default, to the value in a message."""
+Maker = Callable[[Any], Any]  # plain value, None for the default, to the value in a message
 
 
 @cache
 def _builder(store: Typestore, name: str) -> Maker:
-    """Return the maker of a message; looking its fields up for each one takes the time."""
+    """Return the function that makes a message; it is kept, as looking up fields is slow."""
     makers = {field: _maker(store, kind) for field, kind in store.fielddefs[name][1]}
     if name == 'geometry_msgs/msg/Quaternion':  # by default, as in ROS 2, it turns nothing
         makers['w'] = lambda value: 1.0 if value is None else value

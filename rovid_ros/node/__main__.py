@@ -13,15 +13,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class StopRequest:
-    """
-    Turns SIGINT and SIGTERM into a flag.
-
-    Attributes
-    ----------
-    received : bool
-        Whether one of the signals has come.
-
-    """
+    """Turns SIGINT and SIGTERM into a flag."""
 
     def __init__(self) -> None:
         self.received = False

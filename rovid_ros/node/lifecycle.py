@@ -28,22 +28,8 @@ class ManagedNode(LifecycleNode):
     A node with the life cycle of ROS 2.
 
     Derived classes define what the transitions do. A transition that raises has failed: one
-    line is logged, and the node returns to the state that it came from.
-
-    Parameters
-    ----------
-    name : str
-        Of the node.
-    overrides : list of Parameter
-        Values of the parameters that rclpy itself declares.
-
-    Attributes
-    ----------
-    active : bool
-        Whether it is in the state ``active``.
-    resources : ExitStack
-        Closes all that ``configure`` makes.
-
+    line is logged, and the node returns to the state that it came from. ``overrides`` are values
+    of the parameters that rclpy itself declares. ``resources`` closes what ``configure`` makes.
     """
 
     def __init__(self, name: str, overrides: list[Parameter[Any]]) -> None:

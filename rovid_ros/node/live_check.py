@@ -24,15 +24,7 @@ class LiveCheck:
     """
     Listen to a vehicle for some seconds; nothing is published.
 
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    findings : Findings
-        Told what is found.
-    namespace : str
-        Of the node that is going to run; relative topics are in it.
-
+    The namespace is that of the node that is going to run; relative topics are in it.
     """
 
     def __init__(self, settings: Settings, findings: Findings, namespace: str = '') -> None:
@@ -74,9 +66,8 @@ class LiveCheck:
             self._findings.error(error.key, str(error).partition(': ')[2])
             self._broken.add(topic)
             return
-        self._node.create_subscription(
-            cls, topic, partial(self._on_message, topic, cls), qos(self._settings, topic),
-            raw=True)
+        self._node.create_subscription(cls, topic, partial(self._on_message, topic, cls),
+                                       qos(self._settings, topic), raw=True)
 
     def _on_message(self, topic: str, cls: type[Any], cdr: bytes) -> None:
         try:

@@ -28,24 +28,11 @@ class NodePlayer:
     """
     Plays a log through the node, which gets its messages from here, not by subscriptions.
 
-    Parameters
-    ----------
-    values : mapping
-        Parameters by dotted key.
-    settings : Settings
-        Made of the same parameters.
-    rate : float, optional
-        Times real time; as fast as it goes when left out.
-
-    Raises
-    ------
-    ValueError
-        If the node refuses a value.
-
+    It plays at ``rate`` times real time, or as fast as it goes. Raises ValueError if the node
+    refuses a value.
     """
 
-    def __init__(self, values: Mapping[str, Any], settings: Settings, rate: float | None
-                 ) -> None:
+    def __init__(self, values: Mapping[str, Any], settings: Settings, rate: float | None) -> None:
         # Ctrl-C is handled by the replay; rclpy's handler would end the context under the node
         rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.scores = ScoreLog(settings)

@@ -18,19 +18,14 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import inputs_of
 from rovid_ros.files.state_file import Checkpoint
-from rovid_ros.logs.player import (
-    change_parameters,
-    PARAMETERS,
-    recorded_changes,
-    repeat_control,
-)
+from rovid_ros.logs.player import change_parameters, PARAMETERS, recorded_changes, repeat_control
 from rovid_ros.messages.converter import Converter
 from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import NODE_NAME, ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
-from rovid_ros.node.transport.encoding import definition
 from rovid_ros.node.transport.inputs import InputDecoder, message_classes, Subscriptions
 from rovid_ros.node.transport.publishers import Publishers
+from rovid_ros.node.transport.wire_encoding import definition
 from rovid_ros.results.outputs import Outputs
 from std_srvs.srv import SetBool, Trigger
 
@@ -49,8 +44,6 @@ class IdentifierNode(ParameterNode):
     live : bool
         False: no subscriptions, no recording and no checkpoint; the owner calls
         ``add_message``. Such a node always starts by itself.
-    scorer : Scorer, optional
-        Gets every step.
 
     Attributes
     ----------
@@ -96,9 +89,8 @@ class IdentifierNode(ParameterNode):
 
     def activate(self) -> None:
         """Subscribe to the inputs."""
-        self._inputs = Subscriptions(
-            self, self.settings, self._classes, self.converter.topics, self._add_batch,
-            self.stream.reject)
+        self._inputs = Subscriptions(self, self.settings, self._classes, self.converter.topics,
+                                     self._add_batch, self.stream.reject)
         self._health.expect_inputs()
         self._log_inputs()
 
@@ -115,22 +107,10 @@ class IdentifierNode(ParameterNode):
 
     def add_message(self, topic: str, message: Any, receive_time: int) -> list[Estimate]:
         """
-        Process a message and publish the estimates that it releases.
+        Process a message, received at ``receive_time`` [ns]; return the estimates it releases.
 
-        Parameters
-        ----------
-        topic : str
-            As configured.
-        message : object
-            Of rclpy or of rosbags.
-        receive_time : int
-            When it came [ns].
-
-        Returns
-        -------
-        estimates : list of Estimate
-            What was published; none while the node is not active.
-
+        The topic is as configured, the message of rclpy or of rosbags. The estimates are
+        published; there are none while the node is not active.
         """
         if not self.active:
             return []
@@ -256,16 +236,14 @@ class IdentifierNode(ParameterNode):
     def _on_save_timer(self) -> None:
         self._checkpoint.save()
 
-    def _on_reset(self, request: Trigger.Request, response: Trigger.Response
-                  ) -> Trigger.Response:
+    def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.stream.reset()
         self._publish_initial()
         response.success, response.message = True, 'back at the initial values'
         self.get_logger().info(f'~/reset: {response.message}')
         return response
 
-    def _on_enable(self, request: SetBool.Request, response: SetBool.Response
-                   ) -> SetBool.Response:
+    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self.stream.enable(request.data)
         self.show_changes({'enable': request.data})
         response.success = True

@@ -15,9 +15,8 @@ from rovid_ros.config.parameters import changed, check, settings_from
 from rovid_ros.node.lifecycle import ManagedNode
 
 NODE_NAME = 'identifier_node'
-
+# Parameters that rclpy itself declares.
 RCLPY_PARAMETERS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
-"""Parameters that rclpy itself declares."""
 
 TYPES = {
     'double': Parameter.Type.DOUBLE,
@@ -50,14 +49,6 @@ def declare(node: Node, values: Mapping[str, Any]) -> None:
     Declare every key with its value, described as in the table of the keys.
 
     Those that are not live are read-only.
-
-    Parameters
-    ----------
-    node : Node
-        Gets the parameters.
-    values : mapping
-        Checked values by dotted key; the others have their default.
-
     """
     for key in KEYS:
         value = _value(key, values.get(key.name, key.default))
@@ -101,25 +92,8 @@ class ParameterNode(ManagedNode):
     """
     A managed node with all parameters of the table, whose live ones can be set as it runs.
 
-    Parameters
-    ----------
-    name : str
-        Of the node.
-    values : mapping
-        Parameters by dotted key; ``-p`` overrides win.
-    autostart : bool
-        True: start whatever the parameter says.
-
-    Attributes
-    ----------
-    changes : dict
-        What live keys have been set to since the beginning; they last as long as the node.
-
-    Raises
-    ------
-    ValueError
-        If it starts by itself and something is wrong with a parameter.
-
+    ``-p`` overrides win over ``values``. With ``autostart`` it starts whatever the parameter says.
+    Raises ValueError if it starts by itself and something is wrong with a parameter.
     """
 
     def __init__(self, name: str, values: Mapping[str, Any], *, autostart: bool) -> None:

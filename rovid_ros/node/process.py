@@ -32,23 +32,10 @@ if TYPE_CHECKING:
 def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
         stop: StopRequest) -> int:
     """
-    Run a node until a signal comes.
+    Run a node until a signal comes, and return the exit code.
 
-    Parameters
-    ----------
-    make : callable
-        Makes the node from the values of the parameter files.
-    arguments : sequence of str
-        Command line, the program's name first.
-    stop : StopRequest
-        Says whether a signal has come.
-
-    Returns
-    -------
-    code : int
-        0 after SIGINT or SIGTERM, 1 for a wrong configuration, 2 for a command line that
-        cannot be read. Either error is printed as one line.
-
+    It is 0 after SIGINT or SIGTERM, 1 for a wrong configuration, 2 for a command line that cannot
+    be read. Either error is printed as one line.
     """
     if stop.received:
         stop.ignore_signals()
@@ -80,11 +67,6 @@ def read_files(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
 
     rcl's own reader turns an empty list into nothing, dies of a list with integers and
     doubles, and names neither file nor key in its errors.
-
-    Parameters
-    ----------
-    arguments : sequence of str
-        Command line, with ``--ros-args``.
 
     Returns
     -------

@@ -11,34 +11,20 @@ from typing import Any
 
 from rovid_core.model.samples import Event
 from rovid_ros import __version__
-from rovid_ros.files.whole_files import claim, prepare, sync_folder
+from rovid_ros.files.whole_files import create_unused, prepare_file, sync_folder
 from rovid_ros.logs.player import CONTROL
 from rovid_ros.logs.writer import LogWriter
 
 
 @dataclass
 class Received:
-    """
-    A message as it came in.
+    """A message as it came in."""
 
-    Attributes
-    ----------
-    topic : str
-        As configured, before any remapping: what a replay looks for.
-    cdr : bytes
-        The message as it was on the wire.
-    time : int
-        Receive time [ns].
-    recorded : bool
-        True once it is in the log: a message can give several events.
-
-    """
-
-    topic: str
+    topic: str  # as configured, before any remapping: what a replay looks for
     type: str
-    cdr: bytes
-    time: int
-    recorded: bool = False
+    cdr: bytes  # the message as it was on the wire
+    time: int  # receive time [ns]
+    recorded: bool = False  # True once it is in the log: a message can give several events
 
 
 class Recorder:
@@ -49,25 +35,13 @@ class Recorder:
     was flushed outlasts the process at once and a loss of power a moment later: a thread of its
     own brings it to the disk, for on a slow card that takes longer than a message may wait.
 
-    Parameters
-    ----------
-    path : Path
-        Where to; an existing file is kept, and the next free ``name-1.mcap`` taken.
-    definition : callable
-        Gives the message definition of a type.
-    failed : callable
-        Told in one line why the recording ended.
-
-    Raises
-    ------
-    SettingsError
-        If the file could not be written.
-
+    An existing file is kept, and the next free ``name-1.mcap`` taken. Raises SettingsError if the
+    file could not be written.
     """
 
     def __init__(self, path: Path, definition: Callable[[str], str],
                  failed: Callable[[str], object]) -> None:
-        prepare('record.path', path)
+        prepare_file('record.path', path)
         self.path = path
         self._definition = definition
         self._failed = failed
@@ -77,16 +51,8 @@ class Recorder:
         self._early: list[tuple[str, str]] = []  # controls before the first one
 
     def open(self, restored: Mapping[str, Any] | None) -> None:
-        """
-        Make the file.
-
-        Parameters
-        ----------
-        restored : mapping or None
-            The state that the stream goes on from; a replay needs it.
-
-        """
-        self.path = claim(self.path)
+        """Make the file, with the state that the stream goes on from, which a replay needs."""
+        self.path = create_unused(self.path)
         self._writer = LogWriter(self.path)
         sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power
         values = {'version': __version__}

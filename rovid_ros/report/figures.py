@@ -19,14 +19,11 @@ from rovid_ros.report.markup import capital, finite, Html, join, quantity, SYMBO
 Data = Mapping[str, Any]
 Values = Sequence[Any]
 Dict = dict[str, Any]
-
+# Of a curve; a longer one keeps the lowest and the highest value of each of its parts.
 POINTS = 3000
-"""Of a curve; a longer one keeps the lowest and the highest value of each of its parts."""
-
 TIME_DIGITS, DIGITS = 7, 5  # significant
+# From the lowest to the highest amplitude shown; below are only rounding errors.
 SPECTRUM_SPAN = 1e5
-"""From the lowest to the highest amplitude shown; below are only rounding errors."""
-
 HEIGHT, TALL, SPACE = 110, 190, 32  # [px] of a panel, of the first one, and above each
 MEASURED = {'color': 'measured', 'width': 2.8}
 REFERENCE = {'color': 'ink', 'dash': 'dash', 'width': 1.2}
@@ -45,10 +42,16 @@ class Plot:
         self._panels: list[Dict] = []
         self._names: set[str] = set()
 
-    def add_panel(self, name: str, unit: str, *, tall: bool = False, **axis: Any) -> None:
-        """Begin the next panel; ``axis`` goes into the layout of its y axis."""
+    def add_panel(self, name: str, unit: str, *, tall: bool = False, hover: str = '',
+                  **axis: Any) -> None:
+        """
+        Begin the next panel.
+
+        ``hover`` stands before the values that the pointer reads; ``axis`` goes into the layout
+        of the y axis.
+        """
         self._panels.append({'text': _labelled(name, unit), 'unit': escape(unit), 'axis': axis,
-                             'height': TALL if tall else HEIGHT})
+                             'hover': hover, 'height': TALL if tall else HEIGHT})
 
     def add_curve(self, name: str, x: Values, y: Values, line: Mapping[str, Any]) -> None:
         """Add a curve to the last panel; the same name in two panels is one legend entry."""
@@ -75,15 +78,16 @@ class Plot:
         bottom = 0
         heights = [panel['height'] + SPACE for panel in self._panels]
         total = sum(heights) or 1
+        x_unit = escape(self._x_axis[1] or '')
         layout: Dict = {'height': total, 'annotations': [], 'xaxis': {
-            'anchor': f'y{len(self._panels)}', 'title': {'text': _labelled(*self._x_axis)}}}
+            'anchor': f'y{len(self._panels)}', 'title': {'text': _labelled(*self._x_axis)},
+            'unifiedhovertitle': {'text': f'%{{x:.4~g}} {x_unit}'}}}
         for i in reversed(range(len(self._panels))):
             panel = self._panels[i]
             top = bottom + panel['height']
             layout[f'yaxis{i + 1}'] = {
                 'anchor': 'x', 'domain': [bottom / total, top / total], **panel['axis']}
-            layout['annotations'].append({
-                'text': panel['text'], 'y': top / total})
+            layout['annotations'].append({'text': panel['text'], 'y': top / total})
             bottom += heights[i]
         return {'traces': self._traces, 'layout': layout, 'link': self._link,
                 'entries': len(told_apart)}
@@ -100,7 +104,7 @@ class Plot:
             'x': self._columns.add(x, digits), 'y': self._columns.add(y, DIGITS),
             'yaxis': f'y{len(self._panels)}', 'name': escape(name), 'legendgroup': escape(name),
             'showlegend': name not in self._names,
-            'hovertemplate': f'%{{y:.4~g}}{unit}', **look})
+            'hovertemplate': f'{panel["hover"]}%{{y:.4~g}}{unit}', **look})
         self._names.add(name)
 
 
@@ -121,15 +125,7 @@ class Columns:
 
 
 class Figures:
-    """
-    Collects the figures of a report.
-
-    Parameters
-    ----------
-    data : mapping
-        The report's input.
-
-    """
+    """Collects the figures of a report."""
 
     def __init__(self, data: Data) -> None:
         self._columns = Columns()
@@ -148,15 +144,7 @@ class Figures:
         """
         Return the figures of one DOF on one log; their time axes are linked.
 
-        Parameters
-        ----------
-        dof : str
-            Its name.
-        values : mapping
-            The DOF's part of the report's input.
-        entry : mapping
-            The log; figures that it has no data for are left out.
-
+        ``values`` is the DOF's part of the report's input. What it has no data for is left out.
         """
         units, log = values.get('units') or {}, entry['name']
         trained = ' trained on this log' if entry.get('role') != 'validate' else ''
@@ -203,11 +191,10 @@ class Figures:
                 high = max(map(finite, amplitudes))
                 low = min((a for a in map(finite, amplitudes) if a > high / SPECTRUM_SPAN),
                           default=0.0)
-                axis = {'range': [math.log10(low / 1.3), math.log10(high * 1.3)],
+                axis: Dict = {'range': [math.log10(low / 1.3), math.log10(high * 1.3)],
                         'dtick': 1 if high > 100.0 * low else 'D2'} if low else {}
                 lines.add_panel(f'{label} amplitude', unit, tall=True, type='log', **axis)
-                lines.add_curve('amplitude', frequency, amplitudes,
-                                {'color': color, 'width': 1.4})
+                lines.add_curve('amplitude', frequency, amplitudes, {'color': color, 'width': 1.4})
                 figures.append(self._figure('excitation', dof, log, lines,
                                             f'Spectrum of the {label}.', link=False, log_x=True))
         return join(tag('h3', f'{capital(dof)} on {log}'), tag('div', *figures, class_='pair')
@@ -222,7 +209,7 @@ class Figures:
         for method, values in simulated.items():
             plot.add_curve(title(method), t, values, self._line[method])
         if simulated:
-            plot.add_panel('simulated − measured', unit)
+            plot.add_panel('simulated − measured', unit, hover='Δ ')
         for method, values in simulated.items():
             error = [finite(y) - finite(v) for y, v in zip(values, measured)]
             plot.add_curve(title(method), t, error, self._line[method])
@@ -272,10 +259,9 @@ class Figures:
         name = f'figure{len(self._plots)}'
         self._plots[name] = spec
         panels = ', '.join(a['text'] for a in reversed(spec['layout']['annotations']))
-        return tag(
-            'figure', tag('figcaption', tag('b', heading), ' ' if text else '', text),
-            tag('div', class_='plot', role='img', aria_label=f'{heading} {panels}'),
-            id=name, data_kind=kind, data_dof=dof, data_log=log)
+        return tag('figure', tag('figcaption', tag('b', heading), ' ' if text else '', text),
+                   tag('div', class_='plot', role='img', aria_label=f'{heading} {panels}'),
+                   id=name, data_kind=kind, data_dof=dof, data_log=log)
 
 
 def thinned(x: Values, y: Values) -> tuple[Values, Values]:

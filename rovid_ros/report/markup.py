@@ -27,27 +27,18 @@ class Html(str):
 
 def join(*parts: str) -> Html:
     """Return parts in a row, escaping those that are not markup."""
-    return Html(''.join(
-        part if isinstance(part, Html) else html.escape(part) for part in parts))
+    return Html(''.join(part if isinstance(part, Html) else html.escape(part) for part in parts))
 
 
 def tag(name: str, *children: str, **attributes: str | None) -> Html:
     """
     Return an element.
 
-    Parameters
-    ----------
-    name : str
-        Of the element.
-    *children : str
-        Markup (``Html``) or text.
-    **attributes : str or None
-        ``class_`` for ``class``, ``data_dof`` for ``data-dof``; None leaves one out.
-
+    Children are markup (``Html``) or text. Attributes are ``class_`` for ``class``, ``data_dof``
+    for ``data-dof``; None leaves one out.
     """
-    shown = ''.join(
-        f' {key.rstrip("_").replace("_", "-")}="{html.escape(value)}"'
-        for key, value in attributes.items() if value is not None)
+    shown = ''.join(f' {key.rstrip("_").replace("_", "-")}="{html.escape(value)}"' for key,
+                    value in attributes.items() if value is not None)
     return Html(f'<{name}{shown}>{join(*children)}</{name}>')
 
 
@@ -56,18 +47,7 @@ def table(caption: str, head: Sequence[str], bodies: Sequence[Sequence[Sequence[
     """
     Return a table that scrolls by itself where the screen is too narrow for it.
 
-    Parameters
-    ----------
-    caption : str
-        Says what the table is.
-    head : sequence of str
-        Heads of the columns.
-    bodies : sequence of groups of rows of cells
-        A cell that is a ``<td>`` or ``<th>`` is taken as it is; the first of a row becomes
-        its head.
-    class_ : str, optional
-        For the style.
-
+    A cell that is a ``<td>`` or ``<th>`` is taken as it is; the first of a row becomes its head.
     """
     def cell(i: int, content: str) -> Html:
         if isinstance(content, Html) and content.startswith(('<td', '<th')):

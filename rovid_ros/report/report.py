@@ -68,12 +68,11 @@ def page(data: Data) -> str:
     policy = (f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
               "img-src data: blob:; base-uri 'none'; form-action 'none'")
     title = f'Identification of {", ".join(data["dofs"]) or "nothing"}'
-    head = join(
-        Html('<meta charset="utf-8">'),
-        Html(f'<meta http-equiv="Content-Security-Policy" content="{policy}">'),
-        Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
-        Html('<meta name="color-scheme" content="light dark">'),
-        tag('title', title), Html(f'<style>{style}</style>'))
+    head = join(Html('<meta charset="utf-8">'),
+                Html(f'<meta http-equiv="Content-Security-Policy" content="{policy}">'),
+                Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
+                Html('<meta name="color-scheme" content="light dark">'), tag('title', title),
+                Html(f'<style>{style}</style>'))
     body = join(
         tag('a', 'To the results', href='#found', class_='skip'),
         _header(data), _contents(sections),

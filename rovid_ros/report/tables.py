@@ -115,7 +115,8 @@ def matrix(dof: str, values: Data, logs: Sequence[Data]) -> Html:
         groups.setdefault(tuple(model.get('terms') or ()), []).append(cells)
     caption = join(tag('b', capital(dof)), ' ', small(
         f'mean |v_sim − v| [{unit}] and fit of each model (rows) on each log (columns)'))
-    head = ['model', *(_log_head(log) for log in logs), *(['mean'] if len(names) > 1 else [])]
+    head = ['model', *(join(log['name'], small(_role(log))) for log in logs),
+            *(['mean'] if len(names) > 1 else [])]
     return table(caption, head, list(groups.values()), class_='matrix')
 
 
@@ -153,9 +154,8 @@ def _model(model: Data) -> Html:
                *note, scope='row')
 
 
-def _log_head(log: Data) -> Html:
-    role = {'train': 'training', 'validate': 'validation'}.get(log.get('role', ''), '')
-    return join(log['name'], small(role))
+def _role(log: Data) -> str:
+    return {'train': 'training', 'validate': 'validation'}.get(log.get('role', ''), '')
 
 
 def _row(first: str, model: Data, units: Mapping[str, str], best: bool) -> list[str]:
@@ -248,9 +248,8 @@ def excitation(dof: str, values: Data) -> Html:
         '(Cramér-Rao bound), and condition number of the normalised regressors [–]'))
     verdicts = [tag('li', tag('b', f'{log}: '), bound_to_units(measured['verdict']))
                 for log, measured in found.items() if measured.get('verdict')]
-    return join(
-        table(caption, ('log', *map(symbol, names), 'condition'), [rows], class_='bounds'),
-        tag('ul', *verdicts, class_='verdicts'))
+    return join(table(caption, ('log', *map(symbol, names), 'condition'), [rows], class_='bounds'),
+                tag('ul', *verdicts, class_='verdicts'))
 
 
 def _bound(value: Any) -> Html:
@@ -262,10 +261,10 @@ def _bound(value: Any) -> Html:
 
 def quality(log: Data) -> Html:
     """Return rates, gaps, what was refused and warnings of a log."""
-    role = {'train': 'training', 'validate': 'validation'}.get(log.get('role', ''), '')
     count = log.get('messages')
     about = ', '.join(part for part in (
-        role, f'{finite(log.get("duration_s")):,.1f} s', f'{count:,} messages' if count else '')
+        _role(log), f'{finite(log.get("duration_s")):,.1f} s',
+        f'{count:,} messages' if count else '')
         if part and 'nan' not in part)
     rows = [[entry['input'], tag('code', entry.get('topic') or NONE),
              quantity(entry.get('rate_hz'), 'Hz'), _count(entry.get('count')),

@@ -224,10 +224,10 @@ def read_estimates(path: Path, method: str = '', trained_on: str = '') -> list[I
 
 
 def _of_replay(document: Mapping[str, Any], path: Path) -> list[Identified]:
-    source = _line(document.get('method', 'replay'))
+    source = _one_line(document.get('method', 'replay'))
     return [
         Identified(dof, _parameters(values, f'{path}: dofs.{dof}'), source,
-                   status=_line(values.get('status', '')), couplings=_couplings(dof, values))
+                   status=_one_line(values.get('status', '')), couplings=_couplings(dof, values))
         for dof, values in _dofs(document['dofs'], f'{path}: dofs').items()]
 
 
@@ -239,17 +239,17 @@ def _of_comparison(models: Any, path: Path, method: str, trained_on: str) -> lis
             if not isinstance(model, dict) or not isinstance(model.get(key), str):
                 raise EstimatesError(f'{path}: models[{i}]: takes an object with {key}')
     named = [(f'{path}: models[{i}].dofs', model) for i, model in enumerate(models)]
-    named = _chosen(named, 'method', method, path)
-    named = _chosen(named, 'trained_on', trained_on, path)
+    named = _matching_models(named, 'method', method, path)
+    named = _matching_models(named, 'trained_on', trained_on, path)
     candidates: dict[str, list[tuple[str, str, dict[str, Any]]]] = {}
     for place, model in named:
-        source = f'{_line(model["method"])}, trained on {_line(model["trained_on"])}'
+        source = f'{_one_line(model["method"])}, trained on {_one_line(model["trained_on"])}'
         for dof, values in _dofs(model.get('dofs'), place).items():
             candidates.setdefault(dof, []).append((f'{place}.{dof}', source, values))
-    return [_best(dof, found) for dof, found in candidates.items()]
+    return [_best_model(dof, found) for dof, found in candidates.items()]
 
 
-def _chosen(named: Sequence[tuple[str, dict[str, Any]]], key: str, wanted: str,
+def _matching_models(named: Sequence[tuple[str, dict[str, Any]]], key: str, wanted: str,
             path: Path) -> list[tuple[str, dict[str, Any]]]:
     """Return the models with this method or log; a log also goes by its file's name alone."""
     if not wanted:
@@ -260,11 +260,11 @@ def _chosen(named: Sequence[tuple[str, dict[str, Any]]], key: str, wanted: str,
         matching = [entry for entry in named if Path(entry[1][key]).name == wanted]
     if not matching:
         raise EstimatesError(f'{path}: has no model with --{key.replace("_", "-")} {wanted}'
-                             f'{nearest(wanted, there)}; has {", ".join(map(_line, there))}')
+                             f'{nearest(wanted, there)}; has {", ".join(map(_one_line, there))}')
     return matching
 
 
-def _best(dof: str, found: Sequence[tuple[str, str, dict[str, Any]]]) -> Identified:
+def _best_model(dof: str, found: Sequence[tuple[str, str, dict[str, Any]]]) -> Identified:
     """Return the usable model that predicts best; one with a log unscored comes last."""
     logs = {log for _, _, values in found for log in _scores(values)}
     usable: list[tuple[int, float, Identified]] = []
@@ -302,7 +302,7 @@ def _dofs(dofs: Any, place: str) -> dict[str, dict[str, Any]]:
         raise EstimatesError(f'{place}: got {_short(dofs)}, takes an object of one or more DOFs')
     for dof, values in dofs.items():
         if dof not in DOFS:
-            raise EstimatesError(f'{place}: got {_line(dof)!r}, takes {", ".join(DOFS)}'
+            raise EstimatesError(f'{place}: got {_one_line(dof)!r}, takes {", ".join(DOFS)}'
                                  f'{nearest(dof, DOFS)}')
         if not isinstance(values, dict):
             raise EstimatesError(f'{place}.{dof}: got {_short(values)}, takes an object')
@@ -341,10 +341,10 @@ def _number(value: Any) -> float:
 
 
 def _short(value: Any) -> str:
-    text = _line(json.dumps(value))
+    text = _one_line(json.dumps(value))
     return text if len(text) <= 40 else f'{text[:37]}...'
 
 
-def _line(value: Any) -> str:
+def _one_line(value: Any) -> str:
     """Return text from outside so that it can stand in a comment."""
     return ''.join(c if c.isprintable() else '?' for c in ' '.join(str(value).split()))

@@ -59,8 +59,8 @@ class Outputs:
     """
     Make the messages of one estimate after the other.
 
-    What is remembered is the last valid row of every DOF (at first its initial values):
-    ``rov/params`` and ``rov/params_std`` hold it while the DOF is invalid.
+    While a DOF is invalid, ``rov/params`` and ``rov/params_std`` repeat its last valid row, at
+    first its initial values.
 
     Parameters
     ----------

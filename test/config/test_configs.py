@@ -9,8 +9,9 @@ import pytest
 from rovid_core.model.dofs import DOFS, PHYSICAL
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.sensors import simulate
+from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameter_file import load
-from rovid_ros.config.parameters import KEYS, settings_from
+from rovid_ros.config.parameters import settings_from
 
 CONFIG = Path(__file__).parents[2] / 'config'
 FILES = sorted(CONFIG.glob('*.yaml'))

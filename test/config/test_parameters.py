@@ -19,7 +19,8 @@ from rovid_core.settings.run import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_ros.config.parameters import check, Key, KEYS, settings_from
+from rovid_ros.config.keys import Key, KEYS
+from rovid_ros.config.parameters import check, settings_from
 
 LEAST: dict[str, Any] = {
     'dofs': ['surge'], 'surge.initial.mass': 290, 'position.topic': '/fix',

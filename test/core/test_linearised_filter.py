@@ -1,77 +1,8 @@
-"""The filter of the extended Kalman filter in plain floats is that of matrices."""
+"""The filter of the extended Kalman filter: its force, sensitivities and covariances."""
 
-from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.linearised_filter import (
-    diagonal,
-    ForceImpulse,
-    packed,
-    row,
-    SIZE,
-    Transition,
-    updated,
-    widened,
-    with_motion,
-)
-
-numbers = st.floats(-2.0, 2.0)
-
-
-def symmetric(size, draw):
-    factor = np.array(draw(st.lists(numbers, min_size=size * size, max_size=size * size)))
-    return factor.reshape(size, size) @ factor.reshape(size, size).T
-
-
-def matrix(p):
-    return np.array([row(p, i) for i in range(SIZE)])
-
-
-@given(st.data())
-@hypothesis_settings(max_examples=50)
-def test_a_covariance_after_a_step_is_f_p_f(data):
-    p = symmetric(SIZE, data.draw)
-    share, bend, keep, s, t, u, w = data.draw(st.tuples(*[numbers] * 7))
-    motion = np.eye(SIZE)
-    motion[0, 1:] = share, bend * s, bend * t, bend * u, bend, bend * w
-    motion[1, 1:] = keep, share * s, share * t, share * u, share, share * w
-    noise = np.zeros((SIZE, SIZE))
-    noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1] = 0.1, 0.2, 0.2, 0.3
-    transition = Transition(share, bend, keep, (s, t, u, w))
-    found = transition.covariance(packed((p + p.T).tolist()), (0.1, 0.2, 0.3))
-    expected = motion @ (p + p.T) @ motion.T + noise
-    assert matrix(found) == pytest.approx(expected, rel=1e-12, abs=1e-10)
-    assert transition.of(tuple(p[0].tolist())) == pytest.approx(
-        motion @ p[0], rel=1e-12, abs=1e-12)
-
-
-@given(st.data())
-@hypothesis_settings(max_examples=50)
-def test_a_covariance_after_a_measurement_is_less_by_r_r(data):
-    p = symmetric(SIZE, data.draw)
-    p = p + p.T
-    r = np.array(data.draw(st.tuples(*[numbers] * SIZE)))
-    change = np.outer(r, r)
-    q = packed(p.tolist())
-    assert (matrix(q) == p).all()
-    assert (matrix(updated(q, tuple(r.tolist()), True)) == p - change).all()
-    change[2:, 2:] = 0.0
-    assert (matrix(updated(q, tuple(r.tolist()), False)) == p - change).all()
-    assert (matrix(widened(q, r[:3])) == p + np.diag([*r[:3], 0.0, 0.0, 0.0, 0.0])).all()
-    kept = p.copy()
-    kept[:2], kept[:, :2] = 0.0, 0.0
-    kept[0, 0], kept[1, 1] = 3.0, 4.0
-    assert (matrix(with_motion(q, (3.0, 4.0))) == kept).all()
-
-
-def test_only_a_symmetric_matrix_is_a_covariance():
-    assert (matrix(diagonal(range(SIZE))) == np.diag(range(SIZE))).all()
-    wrong = np.eye(SIZE)
-    wrong[0, 1] = 1.0
-    with pytest.raises(ValueError, match='not a covariance'):
-        packed(wrong.tolist())
-    with pytest.raises(ValueError, match='not a covariance'):
-        packed(np.eye(SIZE - 1).tolist())
+from rovid_core.identify.ekf.linearised_filter import ForceImpulse, LinearisedFilter
 
 
 def parabola(times, values, i, time):
@@ -89,14 +20,116 @@ def test_an_impulse_is_the_mean_of_the_parabolas_on_either_side():
         for share in (0.0, 0.3, 0.9):
             time = times[i] + share * (times[i + 1] - times[i])
             both = [parabola(times, values, k, time) for k in (i, i + 1)]
-            assert impulses.at(time) == pytest.approx(np.mean(both), abs=1e-9)
+            assert impulses.at([time])[0] == pytest.approx(np.mean(both), abs=1e-9)
     # the last span has nothing after it, and then the force stays as it is
     time = 0.5 * (times[399] + times[400])
-    assert impulses.at(time) == pytest.approx(parabola(times, values, 399, time), abs=1e-9)
-    assert impulses.at(times[400] + 2.0) == pytest.approx(values[400] + 2.0 * forces[399])
+    assert impulses.at([time])[0] == pytest.approx(parabola(times, values, 399, time), abs=1e-9)
+    assert impulses.at([times[400] + 2.0])[0] == pytest.approx(values[400] + 2.0 * forces[399])
     same = ForceImpulse()
     same.restore(impulses.state())
+    several = [times[398], times[400] + 1.0, times[390], times[395] + 0.01]
+    assert impulses.at(several) == [impulses.at([time])[0] for time in several]
     begin = impulses.state()[0][0]
     for time in np.linspace(begin - 0.1, times[400] + 0.1, 1000).tolist():
-        assert same.at(time) == impulses.at(time)
+        assert same.at([time]) == impulses.at([time])
     assert begin > times[400] - 9.0  # it does not grow
+
+
+THETA = (0.5, -0.5, -0.2, 0.01, 0.05)
+VARIANCES = (1.0, 1.0, 1.0, 0.2, 0.02)
+
+
+def test_the_force_ends_where_the_step_begins():
+    """As at 20 Hz, with the delay at its lower bound because commands are stamped late."""
+    filter = LinearisedFilter((*THETA[:4], -0.05), VARIANCES, 0.0)
+    filter.set_motion(0.0, (1e-4, 1.0))
+    impulse = ForceImpulse()
+    impulse.add([0.05, 0.05], [1.0, 0.5])
+    assert impulse.end - 0.05 == 0.05
+    filter.move(impulse, 0.05, 0.1)
+    assert filter.motion[1] == pytest.approx(0.5 * 0.05 * 0.5, rel=0.1)
+    assert filter.covariance[0] > 0.0
+
+
+def sines(duration, dt=0.1):
+    impulse = ForceImpulse()
+    impulse.add([dt] * 3, [0.0] * 3)
+    for k in range(round(duration / dt)):
+        impulse.add([dt], [float(np.sin(0.5 * k * dt) + 0.5 * np.sin(1.3 * k * dt))])
+        yield impulse, (k + 2) * dt, (k + 3) * dt
+
+
+@pytest.mark.parametrize('i', range(5))
+def test_sensitivities_are_derivatives_of_the_motion(i):
+    ends = []
+    small = 1e-5
+    for sign in (-1.0, 0.0, 1.0):
+        theta = list(THETA)
+        theta[i] += sign * small
+        filter = LinearisedFilter(theta, VARIANCES, 0.0)
+        for force, start, end in sines(3.0):
+            filter.move(force, start, end)
+        ends.append((filter.motion[:2], [row[i] for row in filter.sensitivities[:2]]))
+    for k in range(2):
+        derivative = (ends[2][0][k] - ends[0][0][k]) / (2.0 * small)
+        assert ends[1][1][k] == pytest.approx(derivative, rel=0.05, abs=0.01)
+
+
+@pytest.mark.parametrize('force_std', [0.0, 0.1])
+def test_information_is_the_sum_of_what_each_measurement_tells(force_std):
+    random = np.random.default_rng(0)
+    filter = LinearisedFilter(THETA, VARIANCES, force_std)
+    filter.set_motion(0.0, (1e-4, 1.0))
+    information = np.diag(1.0 / np.array(VARIANCES))
+    for force, start, end in sines(30.0):
+        filter.move(force, start, end)
+        found = filter.innovation(0, filter.motion[0] + 0.01 * float(random.normal()), 1e-4)
+        psi = np.array(found.psi[:5])
+        assert found.total == pytest.approx(
+            found.given + psi @ np.array(filter.theta_covariance) @ psi)
+        information += np.outer(psi, psi) / found.given
+        filter.update(found, 0.0, True)
+    covariance = np.array(filter.theta_covariance)
+    assert (covariance == covariance.T).all()
+    assert covariance == pytest.approx(np.linalg.inv(information), rel=1e-6, abs=1e-12)
+
+
+def test_without_adaptation_the_motion_counts_with_uncertain_parameters():
+    filter = LinearisedFilter(THETA, VARIANCES, 0.0)
+    filter.set_motion(0.0, (1e-4, 1e-4))
+    known = LinearisedFilter(THETA, (1e-12,) * 5, 0.0)
+    known.set_motion(0.0, (1e-4, 1e-4))
+    for force, start, end in sines(2.0):
+        for one in (filter, known):
+            one.move(force, start, end)
+    before = filter.motion[0]
+    for one in (filter, known):
+        one.update(one.innovation(0, before + 1.0, 1e-2), 0.0, False)
+    # what is far off is believed where the parameters may be wrong, not where they are exact
+    assert filter.motion[0] > before + 0.9
+    assert known.motion[0] < before + 0.2
+    assert filter.theta == list(THETA)
+    assert filter.covariance[0] > 0.0
+
+
+def test_the_covariance_stays_symmetric_and_positive_over_very_many_updates():
+    random = np.random.default_rng(0)
+    filter = LinearisedFilter(THETA, VARIANCES, 0.05)
+    filter.set_motion(0.0, (1e-4, 1.0))
+    impulse, time, h = ForceImpulse(), 0.0, 0.1
+    impulse.add([h, h], [0.0, 0.0])
+    box = [(0, 1e-3, 1e3), (1, -1e3, 0.0), (2, -1e3, 0.0), (4, -0.05, 0.6)]
+    for k in range(50_000):
+        # long rests, and a change of the noise now and then
+        impulse.add([h], [0.0 if k % 3000 > 2000 else float(np.sin(0.05 * k))])
+        filter.move(impulse, time, time + h)
+        time += h
+        noise = (1e-9, 1e-5, 1.0)[k // 500 % 3]
+        value = filter.motion[0] + float(random.normal()) * noise**0.5
+        filter.update(filter.innovation(0, value, noise), 0.0, True)
+        filter.keep_inside(box)
+    covariance = np.array(filter.theta_covariance)
+    assert (covariance == covariance.T).all()
+    size = np.sqrt(np.diag(covariance))
+    assert (size > 0.0).all()
+    assert np.linalg.eigvalsh(covariance / np.outer(size, size))[0] > -1e-6

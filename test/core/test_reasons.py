@@ -11,7 +11,7 @@ TELLING = {'reject', '_reject', '_drop', '_interrupt', '_refuse', '_count', 'Ref
 """Calls that are given a reason."""
 
 RETURNING = {
-    'outlier_gate': ('check',), 'stuck_values': ('check',),
+    'outlier_gate': ('check',), 'stuck_sensor': ('check',),
     'force_history': ('add_commands', 'missing'), 'steps': ('_add', '_add_measurement'),
     'velocity_source': ('next_velocity',), 'attitude_history': ('missing',),
     'adaptive_identifier': ('step',), 'self_tuning': ('step',), 'rls': ('step',),

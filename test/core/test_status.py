@@ -18,7 +18,8 @@ from test.support.surge import run, surge_log, surge_settings, SURGE_TRUTH as TR
 class Known:
     """An identifier that has said its last word."""
 
-    note = ''
+    note = doubt = ''
+    converged_share = 0.05
 
     def __init__(self, model: float = 0.0, drag: float = 0.0, scale: float = 1.0) -> None:
         """Take the relative standard deviation of all at once (0: unknown) and of drag."""

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 from rosbags.highlevel import AnyReader, AnyReaderError
-from rovid_ros.logs.log import Log, LogError
+from rovid_ros.logs.container import LogError
+from rovid_ros.logs.log import Log
 
 READ = [
     'compat/rosbag2_cdr_test.mcap', 'compat/rosbag2_cdr_test.db3', 'compat/rosbag2_talker.mcap',

@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import get_typestore, Stores
-from rovid_ros.logs.log import Log, LogError, MAX_UNDECODED
+from rovid_ros.logs.container import LogError
+from rovid_ros.logs.log import Log, MAX_UNDECODED
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import build, standard_types, typestore, TypeUnknownError
 import yaml

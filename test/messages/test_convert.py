@@ -17,7 +17,8 @@ from rovid_core.settings.run import (
     SettingsError,
     ThrusterSettings,
 )
-from rovid_ros.messages.converter import Converter, FieldError
+from rovid_ros.messages.converter import Converter
+from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import build, standard_types
 
 NOW = 5_000_000_000
@@ -40,7 +41,7 @@ def message(name: str, fields: Mapping[str, Any]) -> Any:
 
 def ros_message(name: str, fields: Mapping[str, Any]) -> Any:
     pytest.importorskip('rclpy')
-    from rovid_ros.node.transport.encoding import import_type
+    from rovid_ros.node.transport.wire_encoding import import_type
 
     from test.support.ros_messages import fill
     return fill(import_type(name), fields)

@@ -15,8 +15,8 @@ from rovid_core.model.samples import Event
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
 from rovid_ros.messages.converter import Converter, MAX_ATTEMPTS, Unpacker
 from rovid_ros.messages.field_paths import FieldError, getter
+from rovid_ros.messages.serialised_layout import find_layout, NoLayoutError, Numbers
 from rovid_ros.messages.types import decoder, standard_types, WireType
-from rovid_ros.messages.wire_layout import find_layout, NoLayoutError, Numbers
 from zstandard import ZstdError
 
 ODD = 'test_msgs/msg/Odd'

@@ -30,8 +30,8 @@ from rovid_ros.node.health.diagnostics import diagnostics, NodeState
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.health.levels import Arrivals, HealthData, input_level, RecentCounts
 from rovid_ros.node.node import IdentifierNode
-from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.node.transport.publishers import best_effort, reliable
+from rovid_ros.node.transport.wire_encoding import import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
 
 from test.support.live_node import (
@@ -341,15 +341,17 @@ def test_a_hostile_stream_is_not_a_flood_in_the_log(
         messages: list[Raw], capfd: pytest.CaptureFixture[str]) -> None:
     """Time jumps back and forth with every few messages."""
     rclpy.init(args=[])
-    node = IdentifierNode(changed({'max_wait': 0.1, 'reset_on_time_jump': True}), live=False)
-    first, last = messages[:40], messages[-40:]
-    for _ in range(60):
-        for raw in (*last, *first):
-            message = deserialize_message(raw.cdr, import_type(raw.type))
-            node.add_message(raw.topic, message, raw.time)
-    node.finish()
-    node.destroy_node()
-    rclpy.shutdown()
+    try:
+        node = IdentifierNode(changed({'max_wait': 0.1, 'reset_on_time_jump': True}), live=False)
+        first, last = messages[:40], messages[-40:]
+        for _ in range(60):
+            for raw in (*last, *first):
+                message = deserialize_message(raw.cdr, import_type(raw.type))
+                node.add_message(raw.topic, message, raw.time)
+        node.finish()
+        node.destroy_node()
+    finally:
+        rclpy.shutdown()
     lines = [line for line in capfd.readouterr().err.splitlines() if 'WARN' in line]
     assert any('time jumped back' in line for line in lines)
     assert len(lines) <= MAX_WARNINGS + 2

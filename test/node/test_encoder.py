@@ -9,7 +9,7 @@ rclpy = pytest.importorskip('rclpy')
 
 from rclpy.serialization import deserialize_message
 from rovid_ros.messages.types import build, standard_types
-from rovid_ros.node.transport.encoding import encoded, import_type
+from rovid_ros.node.transport.wire_encoding import encoded, import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 
 from test.support.live_node import Peer

@@ -22,7 +22,7 @@ from rovid_core.model.samples import Event
 from rovid_core.settings.run import SettingsError
 from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.files.whole_files import prepare
+from rovid_ros.files.whole_files import prepare_file
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.player import CONTROL
 from rovid_ros.messages.field_paths import FieldError
@@ -30,8 +30,8 @@ from rovid_ros.node.log_player import NodePlayer
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.process import read_files
 from rovid_ros.node.recorder import Received, Recorder
-from rovid_ros.node.transport.encoding import definition, import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import best_effort, latched
+from rovid_ros.node.transport.wire_encoding import definition, import_type, MessageTypeError
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
 
@@ -116,8 +116,8 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
     record, checkpoint = tmp_path / 'record.mcap', tmp_path / 'checkpoint.json'
     run = Running({'record.path': str(record), 'checkpoint.path': str(checkpoint)}, live=False)
     estimates = run.peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
-    run.peer.until(lambda: run.peer.node.count_publishers('/rov/estimate'))
-    run.peer.spin(0.5)
+    run.peer.until(lambda: all(publisher.get_subscription_count() for publisher in
+                               run.node.publishers if publisher.topic_name == '/rov/estimate'))
     given = []
     with Log([log]) as source:
         for message in source.messages(list(TYPES)):
@@ -136,22 +136,24 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
 
 def test_a_replay_that_is_behind_tells_ages_in_its_own_time(log: Path) -> None:
     """Services and timers get their turn, and the node's clock is the log's."""
-    player = NodePlayer(VALUES, settings_from(VALUES), rate=1e6)  # never caught up with
-    peer = Peer()
-    health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
     with Log([log]) as source:
         messages = list(source.messages(list(TYPES)))
-    for message in messages:
-        player.add_message(message)
-        time.sleep(2.0 / len(messages))
-    peer.until(lambda: health, 1.0)
+    player = NodePlayer(VALUES, settings_from(VALUES), rate=1e6)  # never caught up with
+    peer = Peer()
+    try:
+        health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
+        for message in messages:
+            player.add_message(message)
+            time.sleep(2.0 / len(messages))
+        peer.settle(health, 1)
+    finally:
+        peer.close()
+        player.close()
     for status in health[-1].status[1:5]:
         values = {entry.key: entry.value for entry in status.values}
         assert int(values['count']) > 0
         assert abs(float(values['age [s]'])) < 1.0  # not the years since the log
     assert messages[0].time // 10**9 <= health[-1].header.stamp.sec <= messages[-1].time // 10**9
-    peer.close()
-    player.close()
 
 
 def test_a_late_subscriber_gets_the_last_parameters(ros: None, messages: list[Raw]) -> None:
@@ -161,9 +163,9 @@ def test_a_late_subscriber_gets_the_last_parameters(ros: None, messages: list[Ra
         run.node.add_message(raw.topic, message, raw.time)
     assert run.node.stream.estimate is not None
     expected = [value for dof in run.node.stream.estimate.dofs for value in dof.parameters]
-    until = time.monotonic() + 1.5  # nobody has heard them: they are out within a second
-    while time.monotonic() < until:
-        run.spin(1)
+    health = run.peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
+    # nobody has heard them: they are out within a second, before the diagnostics
+    run.peer.until(lambda: run.executor.spin_once(timeout_sec=0.02) or health)
     for topic in ('/rov/params', '/rov/params_std'):
         heard = run.peer.listen(topic, 'std_msgs/msg/Float64MultiArray', latched())
         run.peer.until(lambda: heard)  # noqa: B023
@@ -342,8 +344,8 @@ def test_only_a_regular_file_is_replaced(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / 'pipe')
     for path in (tmp_path, tmp_path / 'pipe', tmp_path / 'pipe' / 'file', Path('/proc/x/y')):
         with pytest.raises(SettingsError, match=rf'^checkpoint\.path: {path} '):
-            prepare('checkpoint.path', path)
-    prepare('checkpoint.path', tmp_path / 'new' / 'file')
+            prepare_file('checkpoint.path', path)
+    prepare_file('checkpoint.path', tmp_path / 'new' / 'file')
     assert [*(tmp_path / 'new').iterdir()] == []
 
 

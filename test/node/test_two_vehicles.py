@@ -115,10 +115,10 @@ def test_a_reset_of_one_is_not_one_of_the_other(
                   for name in logs}
         for name in logs:
             peer.until(lambda name=name: peer.node.count_publishers(f'/{name}/rov/params'))
-        peer.spin(0.5)
         assert peer.call(Trigger, '/a/identifier_node/reset').success
         peer.until(lambda: params['a'])
-        peer.spin(0.5)
+        for name in logs:  # an answer comes behind all that was published before
+            assert peer.call(Trigger, f'/{name}/identifier_node/save').success
         assert len(params['a']) == 1
         assert params['b'] == []
     finally:

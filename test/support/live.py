@@ -13,8 +13,8 @@ from rcl_interfaces.srv import ListParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
-from rovid_ros.node.transport.encoding import import_type
 from rovid_ros.node.transport.publishers import reliable
+from rovid_ros.node.transport.wire_encoding import import_type
 import yaml
 
 from test.support.processes import PATIENCE
@@ -117,7 +117,8 @@ class Peer:
 
         A node may find a client seconds after the client found the node, and until then it throws
         its answers away. What a process has is told in the order in which it was made: who
-        answers a client has found all that is older. The question can be asked again.
+        answers a client has found all that is older. The question can be asked again. The client
+        stays, because a late answer that reaches nobody is a warning in the output of the node.
         """
         self.until(lambda: self._is_there(name))
         client = self.node.create_client(ListParameters, f'{name}/list_parameters')
@@ -130,7 +131,6 @@ class Peer:
             again = time.monotonic() + 0.1
             while time.monotonic() < again and not any(answer.done() for answer in answers):
                 self.executor.spin_once(timeout_sec=0.02)
-        self.node.destroy_client(client)
 
     def _is_there(self, name: str) -> bool:
         """

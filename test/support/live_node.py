@@ -12,7 +12,7 @@ from rovid_core.settings.run import Settings
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.messages.converter import Converter
-from rovid_ros.node.transport.encoding import import_type
+from rovid_ros.node.transport.wire_encoding import import_type
 from rovid_ros.results.outputs import Outputs
 
 from test.support.live import heard, level, Peer, Raw, Status, write_parameters

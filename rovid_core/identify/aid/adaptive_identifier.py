@@ -19,29 +19,18 @@ from rovid_core.model.dofs import Four, PARAMETERS, Three
 from rovid_core.model.samples import finite, Step
 from rovid_core.settings.run import Scales, SettingsError
 
-MAX_PIECES = 100
-"""A step that would have to be divided into more pieces is refused."""
-
+MAX_PIECES = 100  # a step that would have to be divided into more pieces is refused
+# Limit of the mean square of the thrust, so that one wild force cannot make it infinite.
 MAX_EXCITATION = 1e12
-"""Limit of the mean square of the thrust, so that one wild force cannot make it infinite."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """
-    Feedback gain and adaptation gains.
+    """Feedback gain and adaptation gains."""
 
-    Attributes
-    ----------
-    feedback : float
-        ``a`` of eq. 7 [1/s], below 0.
-    adaptation : tuple of 4 floats
-        Diagonal of Gamma of eq. 11, each at least 0, in the units of parameter per
-        (velocity x regressor x time).
-
-    """
-
-    feedback: float
+    feedback: float  # ``a`` of eq. 7 [1/s], below 0
+    # diagonal of Gamma of eq. 11, each at least 0, in the units of parameter per (velocity x
+    # regressor x time)
     adaptation: Four
 
     def __post_init__(self) -> None:
@@ -50,9 +39,8 @@ class Gains:
             raise SettingsError(
                 'identifier.feedback_gain', f'got {self.feedback}, takes a number below 0')
         if not (finite(self.adaptation) and min(self.adaptation) >= 0.0):
-            raise SettingsError(
-                'identifier.adaptation_gains',
-                f'got {list(self.adaptation)}, takes numbers of at least 0')
+            raise SettingsError('identifier.adaptation_gains',
+                                f'got {list(self.adaptation)}, takes numbers of at least 0')
 
     @staticmethod
     def from_time(adaptation_time: float, scales: Scales) -> Gains:
@@ -69,11 +57,10 @@ class Gains:
         return Gains(-a, cast(Four, tuple([g * x * x for x in s])))
 
 
+# v_hat, alpha, beta, gamma, delta (or their rates)
 Five = tuple[float, float, float, float, float]
-"""v_hat, alpha, beta, gamma, delta (or their rates)."""
-
+# Feedback gain, Gamma, state, velocity and force to the right-hand sides of eq. 7 and 11.
 Rates = Callable[[float, tuple[float, ...], Five, float, float], Five]
-"""Feedback gain, Gamma, state, velocity and force to the right-hand sides of eq. 7 and 11."""
 
 
 def rates(a: float, gamma: tuple[float, ...], state: Five, v: float, tau: float) -> Five:
@@ -87,8 +74,8 @@ def rates(a: float, gamma: tuple[float, ...], state: Five, v: float, tau: float)
     )
 
 
+# Feedback gain, Gamma, state, step and rates to the state after the step.
 Integrator = Callable[[float, tuple[float, ...], Five, Step, Rates], Five]
-"""Feedback gain, Gamma, state, step and rates to the state after the step."""
 
 
 def _shifted(x: Five, h: float, d: Five) -> Five:
@@ -122,12 +109,12 @@ def _rk4(a: float, gamma: tuple[float, ...], x: Five, step: Step, f: Rates) -> F
 INTEGRATORS: dict[str, Integrator] = {'euler': _euler, 'heun': _heun, 'rk4': _rk4}
 
 
+# v_hat and theta_hat after a step; None if the step must be divided or leaves the bounds
 NewState = tuple[float, Four] | None
-"""v_hat and theta_hat after a step; None if the step must be divided or leaves the bounds."""
 
+# Feedback gain, Gamma, v_hat, theta_hat, step and bounds to the state after the step.
 DirectStep = Callable[
     [float, tuple[float, ...], float, Four, Step, tuple[Four, Four]], NewState]
-"""Feedback gain, Gamma, v_hat, theta_hat, step and bounds to the state after the step."""
 
 
 def no_direct_step(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
@@ -145,10 +132,9 @@ def piece_of_step(step: Step, k: int, pieces: int) -> Step:
                 + end * x * (2.0 * x - 1.0))
 
     xs = (k / pieces, (k + 0.5) / pieces, (k + 1.0) / pieces)
-    return Step(
-        step.dt / pieces,
-        (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
-        (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))
+    return Step(step.dt / pieces,
+                (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
+                (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))
 
 
 class AdaptiveIdentifier(Identifier):
@@ -157,10 +143,6 @@ class AdaptiveIdentifier(Identifier):
 
     Parameters
     ----------
-    scales : Scales
-        Initial parameters, terms and typical sizes.
-    gains : Gains
-        Feedback and adaptation gains.
     integrator : str
         ``euler`` (the paper's online form, with the mean thrust of the step), ``heun`` or
         ``rk4``.
@@ -191,9 +173,8 @@ class AdaptiveIdentifier(Identifier):
 
     def __init__(self, scales: Scales, gains: Gains, integrator: str = 'euler') -> None:
         if integrator not in INTEGRATORS:
-            raise SettingsError(
-                'identifier.integrator',
-                f'got {integrator!r}, takes {", ".join(INTEGRATORS)}')
+            raise SettingsError('identifier.integrator',
+                                f'got {integrator!r}, takes {", ".join(INTEGRATORS)}')
         self._scales = scales
         self._regressor_scale = scales.regressor
         self._per_force, _, self._per_velocity, _ = scales.regressor

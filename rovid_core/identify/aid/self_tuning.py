@@ -37,30 +37,21 @@ from rovid_core.settings.run import Scales
 Array = NDArray[np.float64]
 Bounds = tuple[Four, Four]
 
+# Time in motion [s] after which Gamma is first taken from the data; then whenever it doubles.
 FIRST_LEARNED = 20.0
-"""Time in motion [s] after which Gamma is first taken from the data; then whenever it doubles."""
-
+# Least share of a mean square that the other regressors are taken to leave unexplained.
 MIN_SHARE = 0.03
-"""Least share of a mean square that the other regressors are taken to leave unexplained."""
-
+# Least mean squares of the regressors, in typical ones; smaller ones are mostly noise.
 MIN_SQUARES = (MIN_EXCITATION, MIN_MOTION**2, MIN_MOTION, 1.0)
-"""Least mean squares of the regressors, in typical ones; smaller ones are mostly noise."""
-
-MAX_REFUSED = 5
-"""Refused steps in a row after which the data that Gamma comes from are forgotten."""
-
+MAX_REFUSED = 5  # refused steps in a row after which the data that Gamma comes from are forgotten
+# Steps with more than so many typical forces or velocities are left out of Gamma.
 MAX_TYPICAL = 1000.0
-"""Steps with more than so many typical forces or velocities are left out of Gamma."""
-
-MEAN_SHARE = 0.3
-"""Memory of the running mean, as a share of the time in motion so far."""
-
+MEAN_SHARE = 0.3  # memory of the running mean, as a share of the time in motion so far
+# Longest memory of the running mean [s], so that it follows a vehicle that changes.
 MAX_MEMORY = 40.0
-"""Longest memory of the running mean [s], so that it follows a vehicle that changes."""
 
 
-def full_gain_rates(a: float, gamma: tuple[float, ...], state: Five, v: float,
-                    tau: float) -> Five:
+def full_gain_rates(a: float, gamma: tuple[float, ...], state: Five, v: float, tau: float) -> Five:
     """Return the rates for the upper triangle of a symmetric Gamma, row by row."""
     v_hat, p0, p1, p2, p3 = state
     g00, g01, g02, g03, g11, g12, g13, g22, g23, g33 = gamma
@@ -77,25 +68,7 @@ def full_gain_rates(a: float, gamma: tuple[float, ...], state: Five, v: float,
 
 def _direct_euler(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
                   bounds: Bounds) -> NewState:
-    """
-    Return v_hat and theta_hat after one step by Euler, None if it needs the general form.
-
-    Parameters
-    ----------
-    a : float
-        Feedback gain [1/s].
-    gamma : tuple of 10 floats
-        Upper triangle of Gamma, row by row.
-    v : float
-        v_hat [m/s or rad/s].
-    theta : tuple of 4 floats
-        theta_hat.
-    step : Step
-        The measurement.
-    bounds : tuple of 2 tuples
-        Lowest and highest parameters.
-
-    """
+    """Return v_hat and theta_hat after one step by Euler, None if it needs the general form."""
     h, tau, dv = step.dt, step.force[1], v - step.velocity[0]
     g00, g01, g02, g03, g11, g12, g13, g22, g23, g33 = gamma
     p0, p1, p2, p3 = theta
@@ -161,8 +134,8 @@ def _direct_heun(a: float, gamma: tuple[float, ...], v: float, theta: Four, step
     return None
 
 
+# To rounding the same as ``INTEGRATORS`` with ``full_gain_rates``.
 DIRECT_STEPS: dict[str, DirectStep] = {'euler': _direct_euler, 'heun': _direct_heun}
-"""To rounding the same as ``INTEGRATORS`` with ``full_gain_rates``."""
 
 
 class FullGainIdentifier(AdaptiveIdentifier):
@@ -173,19 +146,8 @@ class FullGainIdentifier(AdaptiveIdentifier):
     regressors R' phi it has a Gamma of 1, so eq. 9 to 12 hold, with
     W = (dv^2 + dtheta' Gamma^-1 dtheta) / 2.
 
-    Parameters
-    ----------
-    scales : Scales
-        Initial parameters, terms and typical sizes.
-    feedback : float
-        |a| of eq. 7 [1/s].
-    gamma : ndarray, shape (4, 4)
-        Gamma of eq. 11, symmetric; 0 for terms that are left out.
-    integrator : str
-        As in ``AdaptiveIdentifier``.
-    min_pieces : int
-        Every step is divided into at least so many pieces.
-
+    ``feedback`` is |a| of eq. 7 [1/s]; ``gamma`` is Gamma of eq. 11, shape (4, 4), symmetric, 0
+    for terms that are left out. Every step is divided into at least ``min_pieces``.
     """
 
     def __init__(self, scales: Scales, feedback: float, gamma: Array, integrator: str,
@@ -238,19 +200,10 @@ class FullGainIdentifier(AdaptiveIdentifier):
 def inverse_gram(mean: Array, scales: Scales, min_squares: Sequence[float],
                  min_share: float) -> Array:
     """
-    Return the inverse of the mean of phi phi', 0 for terms that are left out.
+    Return the inverse of the mean of phi phi', 0 for terms that are left out, shape (4, 4).
 
-    Parameters
-    ----------
-    mean : ndarray, shape (4, 4)
-        In SI units.
-    scales : Scales
-        Typical sizes and terms.
-    min_squares : sequence of 4 floats
-        Least mean squares, in typical ones.
-    min_share : float
-        Least share of a mean square that the other regressors are taken to leave unexplained.
-
+    The mean is in SI units. ``min_squares`` are least mean squares, in typical ones. ``min_share``
+    is the least share of a mean square that the other regressors are taken to leave unexplained.
     """
     active = np.array(scales.active)
     least = np.array(min_squares) / np.array(scales.regressor)**2
@@ -282,8 +235,6 @@ class SelfTuningIdentifier(FullGainIdentifier):
 
     Parameters
     ----------
-    scales : Scales
-        Initial parameters, terms and typical sizes.
     adaptation_time : float
         T [s]; theta_hat settles (1/e) in about 2 T.
     integrator : str
@@ -295,8 +246,7 @@ class SelfTuningIdentifier(FullGainIdentifier):
         gains = Gains.from_time(adaptation_time, scales)
         self._max_force = MAX_TYPICAL * scales.force
         self._max_velocity = MAX_TYPICAL * scales.velocity
-        self._start = np.diag([
-            g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)])
+        self._start = np.diag([g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)])
         super().__init__(scales, -gains.feedback, self._start, integrator)
         g = self._start.diagonal().tolist()
         self._resting = (g[0], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, g[3])

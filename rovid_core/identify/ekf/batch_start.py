@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from math import fsum, inf, sqrt
+from math import fsum, inf, log, sqrt
 from statistics import median
 from typing import Any
 
@@ -118,7 +118,11 @@ class BatchStart:
         for _ in range(passes):
             found = self._new(force_std, theta)
             found.innovations.noise = noise
-            level = _level(self._pass(found))
+            sizes = self._pass(found)
+            level = _level(sizes)
+            # what it would have been at the level of noise that is right
+            found.innovations.likelihood += 2.0 * len(sizes) * log(level) + fsum([
+                min(size / level, HUBER)**2 - min(size, HUBER)**2 for size in sizes])
             value = found.innovations.likelihood + found.blocks.misfit(theta)
             noise = max(noise * level, 1e-9)
             filter = found.filter
@@ -187,11 +191,14 @@ def _level(sizes: Sequence[float]) -> float:
 
 
 def _step(values: Sequence[Any]) -> Step:
-    numbers = [
-        tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in values]
-    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)):
+    """Return a step from its saved values; raise ValueError if they do not fit."""
+    *rest, couplings, filtered = values
+    pairs = tuple([(_finite(before), _finite(after)) for before, after in couplings])
+    numbers: list[Any] = [
+        tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in rest]
+    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-2]):
         raise ValueError('a step does not fit')
-    step = Step(*numbers)  # type: ignore[arg-type]
+    step = Step(*numbers, pairs, tuple(map(_finite, filtered)))
     if not step.dt > 0.0:
         raise ValueError('a step takes no time')
     return step

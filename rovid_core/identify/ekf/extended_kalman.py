@@ -30,7 +30,7 @@ from rovid_core.identify.ekf.free_prediction import FreePrediction
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.score_blocks import SCATTERED, Verdict
+from rovid_core.identify.ekf.score_blocks import SCATTERED
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier
@@ -58,6 +58,9 @@ SAID = 60.0
 
 LOSSES, LOST_WITHIN, RIGHT = 3, 30.0, 2.0
 """Losses of the vehicle within so many seconds that mean a change of one that was understood."""
+
+UNEXPLAINED, MANY_BLOCKS = 3.0, 12
+"""Scatter of the blocks, and their number, from which it is worth a word."""
 
 MAX_COUPLING = 100.0
 """Largest coupling, in the standard deviations that it has before any data."""
@@ -205,7 +208,6 @@ class ExtendedKalman(Identifier):
         self._start: BatchStart | None = BatchStart(
             self._new, self._new_clock, self._scales.velocity, self._model.box)
         self._free = FreePrediction()
-        self._verdict: Verdict | None = None
         self._time, self._changed_at = 0.0, -SAID
         self._losses: list[float] = []
         self._moving = self._usable = False
@@ -284,8 +286,8 @@ class ExtendedKalman(Identifier):
             return
         if start is not None:
             self._go_on_with_start(start, step, came, adapt)
-        elif came == LOST and adapt:
-            self._note_loss()
+        elif adapt and LOST in found:
+            self._note_loss(found)
         if self._start is None and BLOCK in found:
             self._end_blocks(found)
         self.v_hat = self._velocity(step)
@@ -305,11 +307,13 @@ class ExtendedKalman(Identifier):
         since = self._time - self._changed_at
         if since < SAID:
             said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
-        missing = self._verdict.missing if self._verdict is not None else None
+        verdict = self._bank.best.verdict
+        missing = verdict.missing if verdict is not None else None
         if missing is not None:
             said.append(f'{100.0 * missing.share:.0f} % of the error follows '
                         f'{missing.name.replace("_", " ")}, which the model does not have')
-        elif self._verdict is not None and self._verdict.scatter > RIGHT:
+        elif verdict is not None and verdict.scatter > UNEXPLAINED and (
+                verdict.count >= MANY_BLOCKS):
             said.append('the model does not explain all of the motion: the intervals are wider')
         return '; '.join(said)
 
@@ -318,7 +322,7 @@ class ExtendedKalman(Identifier):
         """Return why the model may not be used yet whatever its intervals are, '' if it may."""
         if self._usable:
             return ''
-        if self._verdict is None:
+        if self._bank.best.verdict is None:
             return 'there are no independent pieces of data yet to judge the intervals by'
         correlation = self._bank.best.innovations.correlation
         if not correlation < CORRELATION[0]:
@@ -329,7 +333,7 @@ class ExtendedKalman(Identifier):
         """Find whether the model may be used."""
         k = 1 if self._usable else 0
         self._usable = (
-            self._verdict is not None
+            self._bank.best.verdict is not None
             and self._bank.best.innovations.correlation < CORRELATION[k]
             and self._free.fit > HELD_FIT[k])
 
@@ -370,32 +374,45 @@ class ExtendedKalman(Identifier):
         """Replace the filters by those that went through all data so far."""
         bank = self._bank
         best, members = bank.best, bank.members
-        guesses, most = [best.filter.theta], 1
-        if start.next <= PERIOD:
-            guesses, most = [best.filter.theta, self._theta], PASSES
+        early = start.next <= PERIOD
         with suppress(ArithmeticError, np.linalg.LinAlgError):
-            first = start.solve(best, guesses, most)
-            members[:] = [first if member is best else start.solve(
-                member, [first.filter.theta], most) for member in members]
+            first = start.solve(best, [best.filter.theta, *([self._theta] if early else [])],
+                                PASSES if early else 2)
+            noise = first.innovations.noise
+            for k, member in enumerate(members):
+                if member is not best:
+                    # one that went astray has taken that for noise
+                    member.innovations.noise = min(member.innovations.noise, noise)
+                    members[k] = start.solve(
+                        member, [member.filter.theta, *([first.filter.theta] if early else [])],
+                        PASSES if early else 2)
+            members[bank.number] = first
             bank.choose()
 
-    def _note_loss(self) -> None:
-        """Note a loss of the vehicle; many in a short time are a change of it."""
+    def _note_loss(self, found: Sequence[int]) -> None:
+        """Note if a filter that understood the vehicle has lost it: often is a change."""
+        understood = [
+            member.verdict for member, came in zip(self._bank.members, found) if came == LOST
+            and member.verdict is not None and member.verdict.scatter < RIGHT]
+        if not understood:
+            return
         self._losses = [t for t in self._losses if t > self._time - LOST_WITHIN] + [self._time]
-        if len(self._losses) >= LOSSES and self._verdict is not None and (
-                self._verdict.scatter < RIGHT):
+        if len(self._losses) >= LOSSES:
             self._note_change()
 
     def _end_blocks(self, found: Sequence[int]) -> None:
         """Look at the blocks that are complete."""
         best = self._bank.best
+        ended = [member for member, came in zip(self._bank.members, found) if came == BLOCK]
         # a filter that is not the best one tells only while it understands the vehicle
         changed = [member.blocks.has_changed(math.inf if member is best else SCATTERED)
-                   for member, came in zip(self._bank.members, found) if came == BLOCK]
-        if any(changed):
+                   for member in ended]
+        if True in changed:
             self._note_change()
-        elif found[self._bank.number] == BLOCK:
-            self._verdict = best.blocks.verdict()
+            return
+        for member in ended:
+            member.judge()
+        if best in ended:
             self._free.end_block(best.filter)
             self._judge()
 
@@ -406,7 +423,8 @@ class ExtendedKalman(Identifier):
                 filter.theta[:-1], self._model.prior)])
             member.blocks.clear(filter.theta, [
                 filter.theta_covariance[k][k] for k in range(len(filter.theta))])
-        self._changed_at, self._verdict, self._losses = self._time, None, []
+            member.verdict = None
+        self._changed_at, self._losses = self._time, []
         self._usable = False
 
     def _velocity(self, step: Step) -> float:
@@ -427,7 +445,7 @@ class ExtendedKalman(Identifier):
         self.parameters = model.parameters(best.filter.theta)
         self.delay = best.filter.theta[-1]
         self.couplings = tuple([model.unit[3] * kappa for kappa in best.filter.theta[4:-1]])
-        verdict = self._verdict
+        verdict = best.verdict
         if verdict is not None:
             self.uncertainty: Uncertainty = FilterUncertainty(
                 verdict.covariance, 1.0, model.unit, model.active)
@@ -444,7 +462,7 @@ class ExtendedKalman(Identifier):
             'start': None if self._start is None else self._start.state(),
             'free': self._free.state(), 'time': self._time, 'changed_at': self._changed_at,
             'losses': list(self._losses), 'moving': self._moving, 'usable': self._usable,
-            'idle': self._idle, 'judged': self._verdict is not None,
+            'idle': self._idle,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
             'excitation': self.excitation}
 
@@ -471,7 +489,5 @@ class ExtendedKalman(Identifier):
         new._losses = floats(state['losses'], len(state['losses']))
         new._moving, new._usable = bool(state['moving']), bool(state['usable'])
         new.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
-        if state['judged']:
-            new._verdict = new._bank.best.blocks.verdict()
         new._publish()
         self.__dict__ = new.__dict__

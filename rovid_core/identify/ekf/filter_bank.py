@@ -9,7 +9,7 @@ from typing import Any
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.linearised_filter import Bounds, ForceImpulse, LinearisedFilter
 from rovid_core.identify.ekf.measurements import Measurement
-from rovid_core.identify.ekf.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.score_blocks import ScoreBlocks, Verdict
 
 FORCES = (0.0, 0.05)
 """
@@ -40,6 +40,11 @@ class Member:
     noise : float
         Of a measurement.
 
+    Attributes
+    ----------
+    verdict : Verdict or None
+        What the blocks say, None while there are too few.
+
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float], bounds: Bounds,
@@ -47,6 +52,7 @@ class Member:
         self.filter = LinearisedFilter(theta, variances, force_std)
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(theta, variances)
+        self.verdict: Verdict | None = None
         self._bounds = bounds
 
     def restart(self, velocity: float) -> None:
@@ -86,16 +92,23 @@ class Member:
         filter.keep_inside(self._bounds)
         return BLOCK if adapt and self.blocks.add(found, added, theta, dt) else 0
 
+    def judge(self) -> None:
+        """Find what the blocks say; one that believes in unknown forces has a wrong model."""
+        self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)
+
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'filter': self.filter.state(), 'innovations': self.innovations.state(),
-                'blocks': self.blocks.state()}
+                'blocks': self.blocks.state(), 'judged': self.verdict is not None}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         self.filter.restore(state['filter'])
         self.innovations.restore(state['innovations'])
         self.blocks.restore(state['blocks'])
+        self.verdict = None
+        if state['judged']:
+            self.judge()
 
 
 class FilterBank:
@@ -125,12 +138,16 @@ class FilterBank:
 
     def choose(self) -> None:
         """Choose the best member: one with an unknown acceleration only where it is needed."""
-        values = [member.innovations.likelihood for member in self.members]
-        k = min(range(len(values)), key=values.__getitem__)
-        # who is chosen needs to be beaten clearly
-        if values[k] < values[self.number] - MARGIN:
-            self.number = k
-        if self.number and values[0] < values[self.number] + MARGIN / 2.0:
+        best = self.number
+        least = first = self.members[0].innovations.likelihood
+        now = self.members[best].innovations.likelihood
+        # who is chosen needs to be beaten clearly, by a filter without unknown forces less so
+        for k, member in enumerate(self.members):
+            value = member.innovations.likelihood
+            if value < now - MARGIN and value <= least:
+                self.number, least = k, value
+        if self.number and first < self.members[self.number].innovations.likelihood + (
+                0.5 * MARGIN):
             self.number = 0
 
     def state(self) -> dict[str, Any]:

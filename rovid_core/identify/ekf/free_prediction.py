@@ -12,6 +12,9 @@ from rovid_core.identify.ekf.measurements import Measurement
 SPAN = 1.0
 """[s] over which velocities are taken from the path."""
 
+LEAST_STEP = 0.15
+"""[s] The model does not need smaller ones."""
+
 KEPT = 6
 """Blocks that the fit is taken over."""
 
@@ -30,6 +33,7 @@ class FreePrediction:
     def __init__(self) -> None:
         self.fit = -math.inf
         self._theta: list[float] = []
+        self._time = -1.0  # [s] of the last comparison
         self._motion = [0.0, 0.0]
         self._mark: list[float] = []  # time, path of the model, measured path
         self._sums = [0.0] * 4
@@ -37,15 +41,18 @@ class FreePrediction:
 
     def interrupt(self) -> None:
         """Wait for the end of the block: the path begins anew."""
-        self._theta, self._mark = [], []
+        self._theta, self._mark, self._time = [], [], -1.0
 
     def move(self, impulse: ForceImpulse, span: Measurement) -> None:
         """Go on to the next measurement and compare."""
         if not self._theta:
             return
-        h = span.end - span.start
-        if h <= 0.0:
+        if self._time < 0.0:
+            self._time = span.start
+        h = span.end - self._time
+        if h < LEAST_STEP:
             return
+        start, self._time = self._time, span.end
         alpha, beta, gamma, delta, delay = (*self._theta[:4], self._theta[-1])
         x, v = self._motion
         pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
@@ -53,7 +60,7 @@ class FreePrediction:
         push = delta + math.fsum([
             kappa * x for kappa, x in zip(self._theta[4:], span.couplings)])
         before, *impulses = impulse.at(
-            [span.start + k * h - delay for k in range(pieces + 1)])
+            [start + k * h - delay for k in range(pieces + 1)])
         for after in impulses:
             u = alpha * (after - before) / h + push
             before = after
@@ -89,11 +96,11 @@ class FreePrediction:
         variance = square - total * total / n if n else 0.0
         self.fit = 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf
         self._theta, self._motion = list(filter.theta), list(filter.motion[:2])
-        self._mark = []
+        self._mark, self._time = [], -1.0
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return {'theta': self._theta, 'motion': self._motion, 'mark': self._mark,
+        return {'theta': self._theta, 'motion': self._motion, 'mark': self._mark, 'at': self._time,
                 'sums': self._sums, 'blocks': self._blocks}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -101,6 +108,7 @@ class FreePrediction:
         self._theta = floats(state['theta'], len(state['theta']))
         self._motion, self._sums = floats(state['motion'], 2), floats(state['sums'], 4)
         self._mark = floats(state['mark'], len(state['mark']))
+        self._time, = floats([state['at']], 1)
         self._blocks = [floats(row, 4) for row in state['blocks']]
         if 0 < len(self._theta) < 5 or len(self._mark) not in (0, 3):
             raise ValueError('a prediction that does not fit')

@@ -18,7 +18,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 import math
-from operator import mul
+from operator import add, mul
 from typing import Any, NamedTuple
 
 ALPHA, BETA, GAMMA, DELTA = range(4)
@@ -298,8 +298,10 @@ class LinearisedFilter:
         # a product ends with the parameters: those behind are only watched
         gain = [sum(map(mul, row, psi)) for row in self.theta_covariance]
         given = self.covariance[3 if i else 0] + variance
-        return Innovation(i, value - self.motion[i], given,
-                          given + sum(map(mul, gain, psi)), psi, gain)
+        total = given + sum(map(mul, gain, psi))
+        if not (given > 0.0 and 0.0 < total < math.inf):
+            raise DivergenceError('the covariance is not positive')
+        return Innovation(i, value - self.motion[i], given, total, psi, gain)
 
     def update(self, found: Innovation, added: float, adapt: bool) -> None:
         """
@@ -333,21 +335,24 @@ class LinearisedFilter:
                 p02 - k * c - n * a + k * n * given, p11 - 2.0 * m * b + m * m * given,
                 p12 - m * c - n * b + m * n * given, p22 - 2.0 * n * c + n * n * given)
         else:
-            share = error / total
+            share, root = error / total, 1.0 / math.sqrt(total)
             change = [share * g for g in gain]
-            self.theta = [t + d for t, d in zip(self.theta, change)]
+            self.theta = list(map(add, self.theta, change))
+            scaled = [root * g for g in gain]
+            # symmetric to the last bit
             self.theta_covariance = [
-                [p - h * g / total for p, g in zip(row, gain)]  # symmetric to the last bit
-                for row, h in zip(self.theta_covariance, gain)]
+                [p - h * g for p, g in zip(row, scaled)]
+                for row, h in zip(self.theta_covariance, scaled)]
             x, v, f = self.motion
             k, m, n = a / given, b / given, c / given
-            rest = error - sum(map(mul, change, psi))
+            along = sum(map(mul, change, psi))
+            rest = error - along
             self.motion = [
-                x + sum(map(mul, change, xs)) + k * rest,
-                v + sum(map(mul, change, vs)) + m * rest,
+                x + (sum(map(mul, change, xs)) if i else along) + k * rest,
+                v + (along if i else sum(map(mul, change, vs))) + m * rest,
                 f + (sum(map(mul, change, fs)) + n * rest if n else 0.0)]
-            self.covariance = (p00 - k * a, p01 - k * b, p02 - k * c, p11 - m * b, p12 - m * c,
-                               p22 - n * c)
+            self.covariance = (max(p00 - k * a, 0.0), p01 - k * b, p02 - k * c,
+                               max(p11 - m * b, 0.0), p12 - m * c, max(p22 - n * c, 0.0))
         self.sensitivities = [
             [u - k * w for u, w in zip(xs, psi)], [u - m * w for u, w in zip(vs, psi)],
             [u - n * w for u, w in zip(fs, psi)] if n else fs]
@@ -361,8 +366,8 @@ class LinearisedFilter:
         k, m, n = a / given, b / given, c / given
         x, v, f = self.motion
         self.motion = [x + k * error, v + m * error, f + n * error]
-        self.covariance = (p00 - k * a, p01 - k * b, p02 - k * c, p11 - m * b, p12 - m * c,
-                           p22 - n * c)
+        self.covariance = (max(p00 - k * a, 0.0), p01 - k * b, p02 - k * c,
+                           max(p11 - m * b, 0.0), p12 - m * c, max(p22 - n * c, 0.0))
         xs, vs, fs = self.sensitivities
         self.sensitivities = [
             [u - k * w for u, w in zip(xs, psi)], [u - m * w for u, w in zip(vs, psi)],
@@ -393,10 +398,9 @@ class LinearisedFilter:
             self.theta = [*self.theta]
             for i, low, high in bounds:
                 self.theta[i] = min(max(self.theta[i], low), high)
-        for k, row in enumerate(self.theta_covariance):
-            if not 0.0 <= row[k] < math.inf:
-                raise DivergenceError('the covariance is not positive')
-        if not (0.0 <= self.covariance[0] < math.inf and 0.0 <= self.covariance[3] < math.inf):
+        least = min(self.covariance[0], self.covariance[3], *[
+            row[k] for k, row in enumerate(self.theta_covariance)])
+        if not 0.0 <= least < math.inf:
             raise DivergenceError('the covariance is not positive')
 
     def widen_motion(self, path: float, velocity: float = 0.0) -> None:

@@ -36,7 +36,7 @@ WEIGHT = 4.0
 REPEATED = 2.0
 """Excess scatter above which an error repeats from block to block and does not average out."""
 
-PENDING = 32
+PENDING = 64
 """Measurements that are added up at once."""
 
 NAMED_T, NAMED_GAIN = 4.0, 0.02
@@ -86,12 +86,15 @@ class Verdict:
         Of the scores, relative to what the model says; 1 where it is right.
     missing : Missing or None
         The regressor that explains most of what the model does not.
+    count : int
+        Of the blocks.
 
     """
 
     covariance: list[list[float]]
     scatter: float
     missing: Missing | None
+    count: int
 
 
 class ScoreBlocks:
@@ -188,11 +191,11 @@ class ScoreBlocks:
         self._information, self._score, self._counts = (
             joined(self._information), joined(self._score), joined(self._counts))
 
-    def verdict(self) -> Verdict | None:
+    def verdict(self, wrong_model: bool = False) -> Verdict | None:
         """Return what the blocks say; None while there are too few."""
         if self.count < LEAST_COUNT:
             return None
-        return self._fit(self.count).verdict(self._counts)
+        return self._fit(self.count).verdict(self._counts, wrong_model)
 
     def _fit(self, count: int) -> _Fit:
         """Return what the oldest blocks give."""
@@ -288,12 +291,12 @@ class _Fit:
         freedom = self.n / max(self.n - len(a), 0.5)
         return max(1.0, float(np.trace(self.c @ self.v)) / len(a) * freedom)
 
-    def verdict(self, counts: Array) -> Verdict:
+    def verdict(self, counts: Array, wrong_model: bool) -> Verdict:
         n, a, scatter = self.n, self.active, self.scatter()
         mixed = (WEIGHT * scatter * self.total[np.ix_(a, a)] + n * n / (n - 1) * self.v) / (
             WEIGHT + n)
         covariance = self.c @ (mixed + self.prior) @ self.c
-        if scatter > REPEATED:
+        if wrong_model or scatter > REPEATED:
             covariance = covariance * max(1.0, n / LEAST_COUNT)
         missing = None
         best = NAMED_GAIN
@@ -318,7 +321,7 @@ class _Fit:
             covariance = covariance + np.outer(moved, moved)
         full = np.zeros((self._p, self._p))
         full[np.ix_(a, a)] = 0.5 * (covariance + covariance.T)
-        return Verdict(full.tolist(), scatter, missing)
+        return Verdict(full.tolist(), scatter, missing, n)
 
     def contradicts(self, information: Array, score: Array, largest_scatter: float) -> bool:
         """Tell whether newer blocks do, in a way that matters."""

@@ -17,14 +17,10 @@ from rovid_core.model.plant import lumped, physical
 from rovid_core.model.trajectory import Array, midpoint_steps
 from rovid_core.settings.run import Settings, SettingsError
 
+# A term that takes less than this share of the thrust at top speed is as good as known once it is
+# known to that share: a drag of 0 can not be known to any percentage.
 SHARE = 0.05
-"""
-A term that takes less than this share of the thrust at top speed is as good as known once it
-is known to that share: a drag of 0 can not be known to any percentage.
-"""
-
-CHUNK = 32
-"""Measurements that are squared together, which is quicker than one by one."""
+CHUNK = 32  # measurements that are squared together, which is quicker than one by one
 
 
 @dataclass(frozen=True)
@@ -47,15 +43,7 @@ class Sensor:
 
     @staticmethod
     def of(settings: Settings, dof: str) -> Sensor:
-        """
-        Return the sensor that measures a DOF; one message has one rate.
-
-        Raises
-        ------
-        SettingsError
-            If it has no noise, for then there is no bound.
-
-        """
+        """Return the sensor that measures a DOF; SettingsError if it has no noise."""
         simulation, name = settings.simulation, settings.source(dof)
         noise = float(getattr(simulation, f'{name}_noise'))
         if not noise > 0.0:
@@ -70,21 +58,12 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Vehicles:
-    """
-    The model, and the vehicles that could be there in its place.
+    """The model, and the vehicles that could be there in its place."""
 
-    Attributes
-    ----------
-    parameters : ndarray, shape (4, v)
-        Lumped parameters; the first vehicle is the model. The others have mass and drags up
-        to a factor off, in all directions; the bias is the model's, which thrust cancels.
-    active : tuple of 4 bools
-        Terms that are identified.
-
-    """
-
+    # shape (4, v); lumped parameters; the first vehicle is the model. The others have mass and
+    # drags up to a factor off, in all directions; the bias is the model's, which thrust cancels.
     parameters: Array
-    active: tuple[bool, bool, bool, bool]
+    active: tuple[bool, bool, bool, bool]  # terms that are identified
 
     @staticmethod
     def around(model: Four, active: tuple[bool, bool, bool, bool], factor: float) -> Vehicles:
@@ -152,8 +131,7 @@ def paths(parameters: Array, force: Array, dt: float) -> Array:
     return np.asarray(np.cumsum(steps, axis=0))
 
 
-def bounds(vehicles: Vehicles, sensor: Sensor, force: Array,
-           dt: float) -> tuple[Array, Array]:
+def bounds(vehicles: Vehicles, sensor: Sensor, force: Array, dt: float) -> tuple[Array, Array]:
     """
     Return the Cramer-Rao bound of the lumped and of the physical parameters.
 
@@ -187,19 +165,9 @@ def bounds(vehicles: Vehicles, sensor: Sensor, force: Array,
 
 def disturbance(vehicles: Vehicles, force: Array, dt: float, density: float) -> Array:
     """
-    Return the covariance of the physical parameters that unknown forces cause.
+    Return the covariance of the physical parameters that unknown forces cause, (p, v, 4, 4).
 
-    Parameters
-    ----------
-    vehicles, force, dt
-        As in ``bounds``.
-    density : float
-        Of the unknown forces, white noise [N^2 s or N^2 m^2 s].
-
-    Returns
-    -------
-    covariance : ndarray, shape (p, v, 4, 4)
-
+    ``density`` is that of the forces, which are white noise [N^2 s or N^2 m^2 s].
     """
     raw = regression(vehicles.parameters, force, dt)
     return density * _inverse(raw, vehicles)
@@ -225,18 +193,8 @@ def information(parameters: Array, force: Array, dt: float, of_velocity: bool) -
     """
     Return the Fisher information for measurements after each step with unit white noise.
 
-    Parameters
-    ----------
-    parameters, force, dt
-        As in ``reach``.
-    of_velocity : bool
-        Whether the velocity is measured, not the position.
-
-    Returns
-    -------
-    information : ndarray, shape (p, v, 6, 6) or (p, v, 5, 5)
-        Of alpha, beta, gamma, delta, the velocity and, if measured, the position at the start.
-
+    Parameters are as in ``reach``. With ``of_velocity`` it is of alpha, beta, gamma, delta and the
+    velocity at the start, shape (p, v, 5, 5); else of the position at the start too, (p, v, 6, 6).
     """
     return _sum_of_squares(_slopes(parameters, force, dt, of_velocity))
 
@@ -245,17 +203,9 @@ def regression(parameters: Array, force: Array, dt: float) -> Array:
     """
     Return the information of exact measurements where white noise is on the force.
 
-    Parameters
-    ----------
-    parameters, force, dt
-        As in ``reach``.
-
-    Returns
-    -------
-    information : ndarray, shape (p, v, 4, 4)
-        Of the physical parameters, for noise with a density of 1 [N^2 s or N^2 m^2 s]: the
-        integral of the squared regressors of m v' + d_Q v|v| + d_L v + b = tau.
-
+    Parameters are as in ``reach``. It is of the physical parameters, shape (p, v, 4, 4), for noise
+    with a density of 1 [N^2 s or N^2 m^2 s]: the integral of the squared regressors of
+    m v' + d_Q v|v| + d_L v + b = tau.
     """
     before = np.zeros((force.shape[1], parameters.shape[1]))
 

@@ -38,29 +38,17 @@ from rovid_core.trials.planning.shapes import (
     times,
 )
 
+# [s] A longer trial is searched for as if it were this long; it then tells more of the same
 SEARCH_DURATION = 300.0
-"""[s] A longer trial is searched for as if it were this long; it then tells more of the same."""
-
-STEP = 0.1
-"""[s] Of the integration; longer in the search, for all of which there are MAX_STEPS."""
-
+STEP = 0.1  # [s] of the integration; longer in the search, for all of which there are MAX_STEPS
 MAX_STEPS = 1000
-
-FINER = (1.3, 1.15, 1.06)
-"""By how much the search changes a shape, round by round."""
-
+FINER = (1.3, 1.15, 1.06)  # by how much the search changes a shape, round by round
+# Forces that no model knows: of the largest thrust, and for how long [s]. They are added in the
+# choice of a shape. By the bare bound a few newtons would do, held for minutes: it takes every
+# millimetre of slow drift for drag, and in water much else drifts.
 DISTURBANCE, DISTURBANCE_TIME = 0.01, 1.0
-"""
-Forces that no model knows: of the largest thrust, and for how long [s]. They are added in the
-choice of a shape. By the bare bound a few newtons would do, held for minutes: it takes every
-millimetre of slow drift for drag, and in water much else drifts.
-"""
-
-MARGIN = 0.98
-"""Of the limits of speed and room: commands are held, and thrusters lag."""
-
-NAIVE = 0.25
-"""[Hz] Of the sinusoid to compare with, which is that of eq. 13 of the paper."""
+MARGIN = 0.98  # of the limits of speed and room: commands are held, and thrusters lag
+NAIVE = 0.25  # [Hz] of the sinusoid to compare with, which is that of eq. 13 of the paper
 
 
 class PlanError(ValueError):
@@ -69,26 +57,15 @@ class PlanError(ValueError):
 
 @dataclass(frozen=True)
 class Prospect:
-    """
-    What a profile would cost and give.
+    """What a profile would cost and give."""
 
-    Attributes
-    ----------
-    waveforms : tuple of Waveform
-        The profile.
-    force : float
-        Its largest thrust [N or N m].
-    speed, room : ndarray, shape (v,)
-        How fast [m/s or rad/s] and how far from the start [m or rad] each vehicle gets.
-    lumped, physical : ndarray, shape (v, 4, 4)
-        Cramer-Rao bound of the parameters of each vehicle; 0 for terms that are left out.
-
-    """
-
-    waveforms: tuple[Waveform, ...]
-    force: float
+    waveforms: tuple[Waveform, ...]  # the profile
+    force: float  # its largest thrust [N or N m]
+    # shape (v,); how fast [m/s or rad/s] and how far from the start [m or rad] each vehicle gets
     speed: Array
     room: Array
+    # shape (v, 4, 4); Cramer-Rao bound of the parameters of each vehicle; 0 for terms that are
+    # left out
     lumped: Array
     physical: Array
 
@@ -100,22 +77,11 @@ class Prospect:
 
 @dataclass(frozen=True)
 class Plan:
-    """
-    The profile that is proposed for a DOF.
+    """The profile that is proposed for a DOF."""
 
-    Attributes
-    ----------
-    limits : Limits
-        What it keeps to.
-    vehicles : Vehicles
-        The model and the others, that the arrays of a prospect are about.
-    planned, naive : Prospect
-        Of the profile, and of one sinusoid with the same largest thrust.
-
-    """
-
-    limits: Limits
-    vehicles: Vehicles
+    limits: Limits  # what it keeps to
+    vehicles: Vehicles  # the model and the others, that the arrays of a prospect are about
+    # of the profile, and of one sinusoid with the same largest thrust
     planned: Prospect
     naive: Prospect
 
@@ -129,22 +95,10 @@ class Plan:
 
 def plan(vehicles: Vehicles, sensor: Sensor, limits: Limits) -> Plan:
     """
-    Propose a profile.
+    Plan the profile of one DOF; it keeps the limits with all the vehicles, each from rest.
 
-    Parameters
-    ----------
-    vehicles : Vehicles
-        The model, and the others for which the profile has to be good too.
-    sensor : Sensor
-        What measures the motion.
-    limits : Limits
-        For all the vehicles; each begins at rest.
-
-    Raises
-    ------
-    PlanError
-        If the bias needs all the thrust, or nothing can be identified within the limits.
-
+    Raises PlanError if the bias needs all the thrust, or nothing can be identified within the
+    limits.
     """
     offset = rounded(vehicles.bias, 5)
     if not abs(offset) < 0.9 * limits.force:
@@ -204,8 +158,7 @@ def _density(limits: Limits) -> float:
     return 2.0 * DISTURBANCE_TIME * (DISTURBANCE * limits.force) ** 2
 
 
-def _largest(vehicles: Vehicles, limits: Limits, force: Array, offset: float,
-             dt: float) -> Array:
+def _largest(vehicles: Vehicles, limits: Limits, force: Array, offset: float, dt: float) -> Array:
     """Return the sizes of profiles of size 1 that keep within the limits, nearly."""
     most = limits.force - abs(offset)
     sizes = np.full(force.shape[1], most)

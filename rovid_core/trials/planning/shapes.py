@@ -10,26 +10,19 @@ import numpy as np
 from rovid_core.model.trajectory import Array
 from rovid_core.simulation.profiles import Sinusoid, Steps, Waveform
 
-Shape = tuple[Waveform, ...]
-"""Sinusoids, or one sequence of steps."""
-
-FREQUENCIES = 0.01, 1.0
-"""[Hz] From the slowest to the fastest motion that is considered."""
-
+Shape = tuple[Waveform, ...]  # sinusoids, or one sequence of steps
+FREQUENCIES = 0.01, 1.0  # [Hz] from the slowest to the fastest motion that is considered
 RATIOS = 2.0, 3.0, 4.4
+# Of the second sinusoid to the first. With twice the frequency the thrust is strong one way and
+# long the other, and the slow drift that quadratic drag makes of that tells it from linear drag.
 SHARES = 1.0, 0.5, -0.5, -1.0
-"""
-Of the second sinusoid to the first. With twice the frequency the thrust is strong one way and
-long the other, and the slow drift that quadratic drag makes of that tells it from linear drag.
-"""
 
+# Levels of steps, without a mean. Two speeds, or two ways, tell the drags apart.
 PATTERNS: tuple[tuple[float, ...], ...] = (
     (1.0, -1.0), (1.0, -1.0, -1.0, 1.0), (1.0, 0.0, -1.0, 0.0), (1.0, -1.0, 0.4, -0.4),
     (1.0, -0.5, -0.5), (-1.0, 0.5, 0.5), (1.0, -1.0, -1.0, 1.0, 0.5, -0.5, -0.5, 0.5))
-"""Levels of steps, without a mean. Two speeds, or two ways, tell the drags apart."""
 
-SHORTEST = 0.2
-"""[s] That a level is held."""
+SHORTEST = 0.2  # [s] that a level is held
 
 
 def first_shapes(grid: Sequence[float]) -> Iterator[Shape]:

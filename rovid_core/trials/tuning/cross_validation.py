@@ -19,37 +19,21 @@ from rovid_core.model.trajectory import Array
 from rovid_core.trials.tuning.log import CommandedForce, Segment
 
 NS = 1e-9
-
-FOLDS = 8
-"""Blocks of time of equal length; each is held out once."""
-
+FOLDS = 8  # blocks of time of equal length; each is held out once
+# [s] Shorter steps are joined: a vehicle's velocity hardly bends in this time, and the impulse
+# over it is exact whatever the delay
 STEP = 0.2
-"""[s] Shorter steps are joined: a vehicle's velocity hardly bends in this time, and the
-impulse over it is exact whatever the delay."""
-
-MIN_STEPS = 8
-"""A piece with fewer says nothing."""
+MIN_STEPS = 8  # a piece with fewer says nothing
 
 
 @dataclass(frozen=True)
 class Blocks:
-    """
-    Pieces of a trial without interruption, each in one fold, padded to one length.
+    """Pieces of a trial without interruption, each in one fold, padded to one length."""
 
-    Attributes
-    ----------
-    nodes : ndarray of int64, shape (steps + 1, pieces)
-        Bounds of the steps [ns]; the padding has length 0.
-    measured : ndarray, shape (steps, pieces)
-        Mean velocity of each step [m/s or rad/s].
-    fold : ndarray of int, shape (pieces,)
-        Which fold each piece is in.
-
-    """
-
+    # shape (steps + 1, pieces); bounds of the steps [ns]; the padding has length 0
     nodes: NDArray[np.int64]
-    measured: Array
-    fold: NDArray[np.intp]
+    measured: Array  # shape (steps, pieces); mean velocity of each step [m/s or rad/s]
+    fold: NDArray[np.intp]  # shape (pieces,); which fold each piece is in
 
     @property
     def dt(self) -> Array:
@@ -95,20 +79,9 @@ def fold_bounds(segments: Sequence[Segment]) -> Array:
 
 def blocks(segments: Sequence[Segment], bounds: Array) -> Blocks | None:
     """
-    Divide a trial into blocks.
+    Divide a trial of one DOF into blocks; None if some fold has no piece.
 
-    Parameters
-    ----------
-    segments : sequence of Segment
-        The trial of one DOF.
-    bounds : ndarray, shape (FOLDS + 1,)
-        Of the folds [ns].
-
-    Returns
-    -------
-    Blocks or None
-        None if some fold has no piece.
-
+    ``bounds`` are those of the folds [ns], shape (FOLDS + 1,).
     """
     pieces: list[tuple[int, NDArray[np.int64], Array]] = []
     for segment in segments:
@@ -148,8 +121,7 @@ def _joined(nodes: NDArray[np.int64], means: Array) -> tuple[NDArray[np.int64], 
     return nodes, np.diff(path) / (np.diff(nodes) * NS)
 
 
-T95 = 2.4
-"""Standard errors of a mean over 8 folds, for 95 % (Student's t)."""
+T95 = 2.4  # standard errors of a mean over 8 folds, for 95 % (Student's t)
 
 
 Result = TypeVar('Result')
@@ -164,26 +136,15 @@ class ParallelMap(Protocol):
 
 @dataclass(frozen=True)
 class Choice:
-    """
-    The best candidate.
+    """The best candidate."""
 
-    Attributes
-    ----------
-    index : int
-        Which one.
-    gain, spread : float
-        By how much it scores better than the current one, in shares of that one's score,
-        and ``T95`` standard errors of it. For each fold the best is chosen by the others, so
-        that the luckiest of many gains nothing by its luck.
-    as_good : ndarray of int
-        The candidates that the data can not tell from the best.
-
-    """
-
-    index: int
+    index: int  # which one
+    # By how much it scores better than the current one, in shares of that one's score, and ``T95``
+    # standard errors of it. For each fold the best is chosen by the others, so that the luckiest
+    # of many gains nothing by its luck.
     gain: float
     spread: float
-    as_good: NDArray[np.intp]
+    as_good: NDArray[np.intp]  # the candidates that the data can not tell from the best
 
     @property
     def is_better(self) -> bool:
@@ -193,15 +154,9 @@ class Choice:
 
 def choose(scores: Array, current: int) -> Choice:
     """
-    Choose the candidate with the lowest mean score.
+    Choose the candidate with the lowest mean score; ``current`` is the one that is in use.
 
-    Parameters
-    ----------
-    scores : ndarray, shape (candidates, folds)
-        Errors; infinite for a candidate that does not work, but the current one.
-    current : int
-        The one that is in use.
-
+    ``scores`` are errors, shape (candidates, folds), infinite for a candidate that does not work.
     """
     total = scores.sum(axis=1)
     best = int(total.argmin())
@@ -227,41 +182,22 @@ def relative(parts: Sequence[Array], current: int) -> Array:
 
 @dataclass(frozen=True)
 class Change:
-    """
-    What was found for one key.
+    """What was found for one key."""
 
-    Attributes
-    ----------
-    before, after : float
-        The same where nothing better was found.
-    low, high : float
-        Range that the data can not tell from the best; NaN if it is not known.
-
-    """
-
+    # the same where nothing better was found
     before: float
     after: float
+    # range that the data can not tell from the best; NaN if it is not known
     low: float = math.nan
     high: float = math.nan
 
 
 @dataclass(frozen=True)
 class Stage:
-    """
-    Keys that were sought together.
+    """Keys that were sought together."""
 
-    Attributes
-    ----------
-    keys : dict
-        Change by key.
-    gain, spread : float
-        Of the best against the present values on held-out blocks, as a share.
-    note : str
-        What has to be known about it, '' if nothing.
-
-    """
-
-    keys: Mapping[str, Change]
+    keys: Mapping[str, Change]  # change by key
+    # of the best against the present values on held-out blocks, as a share
     gain: float
     spread: float
-    note: str = ''
+    note: str = ''  # what has to be known about it, '' if nothing

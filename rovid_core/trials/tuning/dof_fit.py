@@ -19,67 +19,37 @@ from rovid_core.trials.tuning.cross_validation import Blocks, blocks, fold_bound
 from rovid_core.trials.tuning.log import CommandedForce, Segment, TuningLog
 
 ITERATIONS = 10
-SETTLED = 1e-4
-"""Relative change of the cost after which an iteration ends."""
-
-HUBER_LIMIT = 2.0
-"""Residuals beyond this many median ones count less and less (Huber)."""
-
-MIN_INFORMATION = 1e-6
-"""Of the largest: what the data do not show stays where it was."""
-
-
-MIN_TIME = 60.0
-"""[s] of steps, for less the blocks are too short to be predicted."""
-
-MIN_GAIN = 0.05
-"""A model has to be this much better than a constant velocity for a DOF to count."""
+SETTLED = 1e-4  # relative change of the cost after which an iteration ends
+HUBER_LIMIT = 2.0  # residuals beyond this many median ones count less and less (Huber)
+MIN_INFORMATION = 1e-6  # of the largest: what the data do not show stays where it was
+MIN_TIME = 60.0  # [s] of steps, for less the blocks are too short to be predicted
+MIN_GAIN = 0.05  # a model has to be this much better than a constant velocity for a DOF to count
 
 
 @dataclass(frozen=True)
 class Models:
-    """
-    What was found for the candidates.
+    """What was found for the candidates."""
 
-    Attributes
-    ----------
-    theta : ndarray, shape (candidates, 4)
-        From all blocks, in units of typical force and velocity.
-    start : ndarray, shape (candidates, pieces)
-        Velocity at each piece's start, in typical ones.
-    scores : ndarray, shape (candidates, FOLDS)
-        Mean absolute error on each block of the model of the others [m/s or rad/s].
-
-    """
-
-    theta: Array
-    start: Array
+    theta: Array  # shape (candidates, 4); from all blocks, in units of typical force and velocity
+    start: Array  # shape (candidates, pieces); velocity at each piece's start, in typical ones
+    # shape (candidates, FOLDS); mean absolute error on each block of the model of the others [m/s
+    # or rad/s]
     scores: Array
 
 
 @dataclass
 class NormalEquations:
-    """
-    Errors of the candidates, and normal equations per piece without the start's velocity.
+    """Errors of the candidates, and normal equations per piece without the start's velocity."""
 
-    Attributes
-    ----------
-    limit : ndarray, shape (candidates,)
-        Beyond which residuals count less.
-    cost, before : ndarray, shape (candidates,)
-        With this limit, and with the one before.
-    inside, slope : ndarray, shape (candidates, pieces, 4, 4) and (candidates, pieces, 4)
-        Matrix and right-hand side.
-    cross, right : ndarray, shape (candidates, pieces, 4) and (candidates, pieces)
-        How the start's velocity follows the parameters, and its own step.
-
-    """
-
-    limit: Array
+    limit: Array  # shape (candidates,); beyond which residuals count less
+    # shape (candidates,); with this limit, and with the one before
     cost: Array
     before: Array
+    # shape (candidates, pieces, 4, 4) and (candidates, pieces, 4); matrix and right-hand side
     inside: Array
     slope: Array
+    # shape (candidates, pieces, 4) and (candidates, pieces); how the start's velocity follows the
+    # parameters, and its own step
     cross: Array
     right: Array
 
@@ -90,19 +60,7 @@ class NormalEquations:
 
 
 class OutputError:
-    """
-    The fit of one DOF's model.
-
-    Parameters
-    ----------
-    blocks : Blocks
-        The trial; its measured velocities may be replaced in ``fit``.
-    scales : Scales
-        Typical sizes and terms.
-    cutoff : float
-        Of the low-pass through which velocities are compared [Hz].
-
-    """
+    """The fit of one DOF's model, which compares velocities through a low-pass [Hz]."""
 
     def __init__(self, blocks: Blocks, scales: Scales, cutoff: float) -> None:
         self.blocks, self.scales = blocks, scales
@@ -159,13 +117,8 @@ class OutputError:
         """
         Return the mean absolute error on each fold, shape (candidates, FOLDS) [m/s or rad/s].
 
-        Parameters
-        ----------
-        theta : ndarray, shape (4, candidates, pieces or 1)
-        start : ndarray, shape (candidates or 1, pieces)
-        force, target : ndarray, shape (steps, candidates or 1, pieces)
-            All in typical sizes.
-
+        All is in typical sizes: ``theta`` of shape (4, candidates, pieces or 1), ``start`` of
+        (candidates or 1, pieces), ``force`` and ``target`` of (steps, candidates or 1, pieces).
         """
         errors, error = np.empty(target.shape), np.zeros(target.shape[1:])
         steps = midpoint_steps(theta, start, self._dt, force)
@@ -198,10 +151,9 @@ class OutputError:
         right = np.einsum('kicp,kcp->cpi', slopes, weight * errors, optimize=True)
         own = np.maximum(full[..., 4, 4], 1e-12)
         cross = full[..., :4, 4] / own[..., None]
-        return NormalEquations(
-            own_limit, self._huber(size, own_limit), self._huber(size, limit),
-            full[..., :4, :4] - cross[..., :, None] * full[..., None, :4, 4],
-            right[..., :4] - cross * right[..., 4:], cross, right[..., 4] / own)
+        return NormalEquations(own_limit, self._huber(size, own_limit), self._huber(size, limit),
+                               full[..., :4, :4] - cross[..., :, None] * full[..., None, :4, 4],
+                               right[..., :4] - cross * right[..., 4:], cross, right[..., 4] / own)
 
     def _huber(self, size: Array, limit: Array) -> Array:
         inner = np.minimum(size, limit[:, None])
@@ -229,8 +181,7 @@ class OutputError:
         return errors, slopes
 
     def _step(self, theta: Array, normal: NormalEquations, damping: Array) -> tuple[Array, Array]:
-        step = self._solved(
-            theta, normal.inside.sum(axis=1), normal.slope.sum(axis=1), damping)
+        step = self._solved(theta, normal.inside.sum(axis=1), normal.slope.sum(axis=1), damping)
         return step, -normal.right - np.einsum('cpi,ci->cp', normal.cross, step)
 
     def _solved(self, theta: Array, inside: Array, slope: Array, damping: Array) -> Array:
@@ -254,23 +205,9 @@ class OutputError:
 
 class Dof:
     """
-    One DOF that is tuned with.
+    One DOF that is tuned with: ``settings`` have typical sizes from the data.
 
-    Parameters
-    ----------
-    name : str
-        Of the DOF.
-    row : int
-        Of its force.
-    segments : list of Segment
-        Its motion.
-    blocks : Blocks
-        The same in blocks.
-    settings : DofSettings
-        With typical sizes from the data.
-    cutoff : float
-        Of the low-pass through which predictions are compared [Hz].
-
+    Predictions are compared through a low-pass of ``cutoff`` [Hz].
     """
 
     def __init__(self, name: str, row: int, segments: list[Segment], blocks: Blocks,

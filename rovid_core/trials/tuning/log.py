@@ -17,25 +17,16 @@ from rovid_core.thrust.thruster_curve import are_commands, wrench, wrench_model
 from rovid_core.trials.score import ScoreLog
 
 NS = 1e-9
-BEFORE = 60.0
-"""[s] The first command is taken to have stood this long, whatever the delay."""
+BEFORE = 60.0  # [s] the first command is taken to have stood this long, whatever the delay
 
 
 class CommandedForce:
     """
     The force that was commanded on each DOF, before delay and lag.
 
-    ``impulse`` is that of ``Thrust``, for all times of a log at once.
-
-    Parameters
-    ----------
-    times : ndarray of int64, shape (n,)
-        Of the commands [ns], increasing.
-    forces : ndarray, shape (dofs, n)
-        [N or N m]
-    linear : bool
-        Whether the force goes in a straight line from one command to the next.
-
+    ``impulse`` is that of ``Thrust``, for all times of a log at once. The times of the commands
+    [ns] increase; ``forces`` has shape (dofs, n) [N or N m]. ``linear`` lets the force go in a
+    straight line from one command to the next.
     """
 
     def __init__(self, times: NDArray[np.int64], forces: Array, linear: bool) -> None:
@@ -46,25 +37,11 @@ class CommandedForce:
         # after the last command its force stays
         self._slopes = np.concatenate([rise * linear, np.zeros((len(forces), 1))], axis=1)
 
-    def impulse(self, dof: int, times: NDArray[np.int64], delay: float,
-                lag: float) -> Array:
+    def impulse(self, dof: int, times: NDArray[np.int64], delay: float, lag: float) -> Array:
         """
-        Return the integral of the force on a DOF up to some times.
+        Return the integral [N s or N m s] of the force on a DOF up to some times [ns].
 
-        Parameters
-        ----------
-        dof : int
-            Row of the forces.
-        times : ndarray of int64
-            [ns]
-        delay, lag : float
-            Dead time and time constant [s].
-
-        Returns
-        -------
-        ndarray
-            [N s or N m s], from a start that is the same for all times.
-
+        It begins at the same time for all of them. Delay and lag are in seconds.
         """
         at, force, slope = self._at, self._forces[dof], self._slopes[dof]
         step = np.diff(at)
@@ -87,27 +64,14 @@ def _span(force: Array, slope: Array, behind: Array, x: Array, lag: float) -> Ar
 
 @dataclass(frozen=True)
 class Segment:
-    """
-    The motion of one DOF between two interruptions.
+    """The motion of one DOF between two interruptions."""
 
-    Attributes
-    ----------
-    start : int
-        Time from which the first step goes [ns].
-    velocity : float
-        Measured there [m/s or rad/s].
-    fixes, ends : ndarray of int64, shape (n,)
-        Where each step's measurement begins, and the step's end [ns].
-    means : ndarray, shape (n,)
-        Measured over each step, not filtered [m/s or rad/s].
-
-    """
-
-    start: int
-    velocity: float
+    start: int  # time from which the first step goes [ns]
+    velocity: float  # measured there [m/s or rad/s]
+    # shape (n,); where each step's measurement begins, and the step's end [ns]
     fixes: NDArray[np.int64]
     ends: NDArray[np.int64]
-    means: Array
+    means: Array  # shape (n,); measured over each step, not filtered [m/s or rad/s]
 
     @property
     def bounds(self) -> NDArray[np.int64]:
@@ -116,20 +80,7 @@ class Segment:
 
 
 class TuningLog(ScoreLog):
-    """
-    A score log that also keeps the commands; it is the stream's recorder and scorer in one.
-
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-
-    Attributes
-    ----------
-    jumped : bool
-        Whether time went back.
-
-    """
+    """A score log that also keeps the commands: the stream's recorder and scorer in one."""
 
     def __init__(self, settings: Settings) -> None:
         super().__init__(settings)
@@ -195,8 +146,7 @@ class TuningLog(ScoreLog):
         for run in self.runs[dof]:
             times, values = run.columns
             if run.count:
-                found.append(Segment(
-                    run.start, run.velocity, times[0], times[1], values[3]))
+                found.append(Segment(run.start, run.velocity, times[0], times[1], values[3]))
         return found
 
 

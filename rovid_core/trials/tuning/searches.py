@@ -32,8 +32,8 @@ from rovid_core.trials.tuning.dof_fit import Dof
 from rovid_core.trials.tuning.log import CommandedForce, Segment, TuningLog, turnable, turned
 
 HEADING_STEP = math.radians(15.0)
+# Around the best so far the grid of ``HEADING_STEP`` is refined to this share.
 HEADING_FINER = (0.25, 0.0625, 0.0156)
-"""Around the best so far the grid of ``HEADING_STEP`` is refined to this share."""
 
 
 def tune_heading(log: TuningLog, dofs: Sequence[Dof], commanded: CommandedForce,
@@ -96,11 +96,9 @@ class _Turned:
 
 
 DELAYS = (0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
-LAGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0)
-"""[s] where the search begins."""
-
+LAGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0)  # [s] where the search begins
+# Around the best so far the grid is refined to this share of its spacing.
 THRUST_FINER = (0.5, 0.125)
-"""Around the best so far the grid is refined to this share of its spacing."""
 
 
 def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settings,
@@ -146,40 +144,19 @@ def _near(value: float, grid: Sequence[float], finer: float) -> list[float]:
 
 
 KEY = 'thrusters.deadband'
-
+# Of a large command: the dead-bands that are tried first.
 SHARES = (0.0, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3)
-"""Of a large command: the dead-bands that are tried first."""
-
-LARGE = 0.95
-"""Quantile of the sizes of the commands that counts as a large one."""
-
+LARGE = 0.95  # quantile of the sizes of the commands that counts as a large one
+# Then these are tried around the best one, in shares of the way to its neighbours.
 DEADBAND_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
-"""Then these are tried around the best one, in shares of the way to its neighbours."""
 
 
 def tune_deadband(log: TuningLog, dofs: Sequence[Dof], settings: Settings,
                   pair: tuple[float, float]) -> tuple[Stage, CommandedForce]:
     """
-    Find the dead-band, which all thrusters share.
+    Find the dead-band, which all thrusters share; return also the force with it.
 
-    Parameters
-    ----------
-    log : TuningLog
-        Has the raw commands.
-    dofs : sequence of Dof
-        The DOFs whose models are to predict well.
-    settings : Settings
-        As they are.
-    pair : tuple of 2 floats
-        Delay and lag of the thrust [s].
-
-    Returns
-    -------
-    stage : Stage
-        What was found.
-    commanded : CommandedForce
-        The force with the dead-band that was found.
-
+    ``pair`` is delay and lag of the thrust [s].
     """
     present = settings.thrusters.deadband
     candidates = _Candidates(log, dofs, settings, pair)
@@ -232,29 +209,19 @@ class _Candidates:
         self.commanded += forces
 
 
+# A term has to lower the error by this share to be kept: without it the model is simpler.
 WORTH = 0.01
-"""A term has to lower the error by this share to be kept: without it the model is simpler."""
 
 
 @dataclass(frozen=True)
 class TermsChange:
-    """
-    The terms of one DOF.
+    """The terms of one DOF."""
 
-    Attributes
-    ----------
-    dof : str
-        Its name.
-    before, after : tuple of str
-        The same where nothing better was found.
-    gain, spread : float
-        Of those that predict best against the present ones on held-out blocks, as a share.
-
-    """
-
-    dof: str
+    dof: str  # its name
+    # the same where nothing better was found
     before: tuple[str, ...]
     after: tuple[str, ...]
+    # of those that predict best against the present ones on held-out blocks, as a share
     gain: float
     spread: float
 
@@ -275,8 +242,7 @@ def tune_terms(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -
     candidates = [before, *(
         ('alpha', *others) for count in range(len(PARAMETERS))
         for others in combinations(PARAMETERS[1:], count) if {'alpha', *others} != {*before})]
-    scores = np.concatenate([
-        dof.fit_terms(commanded, pair, terms).scores for terms in candidates])
+    scores = np.concatenate([dof.fit_terms(commanded, pair, terms).scores for terms in candidates])
     cost = scores.mean(axis=1) * [1.0 + WORTH * len(terms) for terms in candidates]
     best = int(np.where(np.isfinite(cost), cost, np.inf).argmin())
     gains = (scores[0] - scores[best]) / scores[0].mean()

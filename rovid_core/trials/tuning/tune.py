@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
 from rovid_core.trials.tuning.cross_validation import (
     blocks,
-    Change,
     fold_bounds,
     ParallelMap,
     Result,
@@ -30,11 +29,8 @@ from rovid_core.trials.tuning.searches import (
     tune_thrust,
 )
 
-UNUSED = DofSettings(1.0)
-"""A DOF that is only looked at."""
-
-DIGITS = 4
-"""What is written of a value; the data never tell more."""
+UNUSED = DofSettings(1.0)  # a DOF that is only looked at
+DIGITS = 4  # what is written of a value; the data never tell more
 
 
 class TuningError(ValueError):
@@ -43,27 +39,14 @@ class TuningError(ValueError):
 
 @dataclass(frozen=True)
 class Tuned:
-    """
-    What was found.
+    """What was found."""
 
-    Attributes
-    ----------
-    stages : tuple of Stage
-        Keys that were sought together.
-    terms : tuple of TermsChange
-        The terms of each DOF.
-    errors : dict
-        Per DOF before and after: mean absolute error of the velocity that models predict on
-        held-out blocks [m/s or rad/s].
-    left_out : dict
-        Why nothing was tuned with a DOF, by name.
-
-    """
-
-    stages: tuple[Stage, ...]
-    terms: tuple[TermsChange, ...]
+    stages: tuple[Stage, ...]  # keys that were sought together
+    terms: tuple[TermsChange, ...]  # the terms of each DOF
+    # per DOF before and after: mean absolute error of the velocity that models predict on held-out
+    # blocks [m/s or rad/s]
     errors: Mapping[str, tuple[float, float]]
-    left_out: Mapping[str, str]
+    left_out: Mapping[str, str]  # why nothing was tuned with a DOF, by name
 
     def changes(self) -> dict[str, float | tuple[str, ...]]:
         """Return the keys that have a better value, with that."""
@@ -96,24 +79,9 @@ def one_by_one(work: Callable[[int], Result], given: Sequence[int]) -> list[Resu
 def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lambda share: None,
          each: ParallelMap = one_by_one) -> Tuned:
     """
-    Tune with a log.
+    Tune with a log that was read with ``reading_settings``; TuningError if it tells nothing.
 
-    Parameters
-    ----------
-    log : TuningLog
-        Read with ``reading_settings`` settings.
-    settings : Settings
-        As they are.
-    done : callable
-        Told now and then which share of the work is done.
-    each : callable
-        Does work on each of some things, possibly at the same time.
-
-    Raises
-    ------
-    TuningError
-        If the log tells nothing.
-
+    ``done`` is told now and then which share of the work is done.
     """
     if log.jumped:
         raise TuningError('time jumps back in it: take a part of it with --start and --duration')
@@ -177,6 +145,3 @@ def _rounded(stage: Stage) -> Stage:
         key: change if change.after == change.before else
         replace(change, after=float(f'{change.after:.{DIGITS}g}'))
         for key, change in stage.keys.items()})
-
-
-__all__ = ['Change', 'reading_settings', 'Stage', 'TermsChange', 'tune', 'Tuned', 'TuningError']

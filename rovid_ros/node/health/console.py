@@ -30,29 +30,12 @@ class HealthMonitor:
     """
     Observes a stream and reports how it does.
 
-    Parameters
-    ----------
-    node : Node
-        Gives the log, the clock and the graph.
-    stream : Stream
-        The stream to observe.
-    recorder : Recorder, optional
-        Records what the stream consumes.
-    live : bool
-        False: the messages come from a log, so the publishers in the graph do not matter.
-    steady : callable
-        Returns the time [s] of a clock that is never set.
-
-    Attributes
-    ----------
-    arrivals : Arrivals
-        Counts the messages; the owner adds every one.
-
+    Unless ``live``, messages come from a log, so the publishers in the graph do not matter.
+    ``steady`` returns the time [s] of a clock that is never set.
     """
 
-    def __init__(self, node: Node, stream: Stream,
-                 recorder: Recorder | None = None, *, live: bool = True,
-                 steady: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, node: Node, stream: Stream, recorder: Recorder | None = None, *,
+                 live: bool = True, steady: Callable[[], float] = time.monotonic) -> None:
         self.arrivals = Arrivals()
         self._node = node
         self._log = node.get_logger()
@@ -85,9 +68,8 @@ class HealthMonitor:
         now = self._steady()
         self._recent.update(now)
         topics = graph_states(self._stream.settings, self._node) if self._live else {}
-        data = HealthData(
-            self._stream.settings, self._stream, self.arrivals, self._recent, topics,
-            self._node.get_clock().now().nanoseconds, now, self._steps)
+        data = HealthData(self._stream.settings, self._stream, self.arrivals, self._recent, topics,
+                          self._node.get_clock().now().nanoseconds, now, self._steps)
         if self._live and state == ACTIVE:
             self._report_inputs(data, now - self._expected_since)
         self._warn([], now)
@@ -123,23 +105,12 @@ class HealthMonitor:
             self._log.warning(line)
 
 
-SUMMARY_TIMEOUT = 5.0
-"""[s] The summary is logged after this time even if inputs are still missing."""
-
-RATE_MESSAGES = 5
-"""Messages that each topic needs before its rate goes into the summary."""
+SUMMARY_TIMEOUT = 5.0  # [s] the summary is logged after this time even if inputs are still missing
+RATE_MESSAGES = 5  # messages that each topic needs before its rate goes into the summary
 
 
 class StartupSummary:
-    """
-    One line about the inputs: which come, which are missing and why; again when one has come.
-
-    Parameters
-    ----------
-    settings : Settings
-        Which inputs there are.
-
-    """
+    """One line about the inputs, which come and which do not; again when one has come."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -149,13 +120,7 @@ class StartupSummary:
         """
         Return the line, '' while there is nothing to say, and whether all inputs are there.
 
-        Parameters
-        ----------
-        data : HealthData
-            What has come so far.
-        elapsed : float
-            Time since the start [s].
-
+        ``elapsed`` is the time since the start [s].
         """
         missing = {name for name in self._settings.used_inputs() if not _is_there(data, name)}
         if self._missing is None:
@@ -191,25 +156,13 @@ def _line(data: HealthData, missing: set[str]) -> str:
     return f'{line}; missing: {", ".join(lost)}' if lost else line
 
 
+# [s] Between two lines about what was refused; the limits of all lines are per period
 PERIOD = 10.0
-"""[s] Between two lines about what was refused; the limits of all lines are per period."""
-
-MAX_WARNINGS = 10
-"""Largest number of warnings in one period."""
+MAX_WARNINGS = 10  # largest number of warnings in one period
 
 
 class RefusalSummary:
-    """
-    One line per period about what was refused in it, none when nothing was.
-
-    Parameters
-    ----------
-    stream : Stream
-        Whose counters are read.
-    now : float
-        Time of a steady clock [s].
-
-    """
+    """One line per period about what was refused in it, none when nothing was."""
 
     def __init__(self, stream: Stream, now: float) -> None:
         self._stream = stream
@@ -235,17 +188,7 @@ class WarningLimiter:
         self._withheld = 0
 
     def allowed(self, lines: Sequence[str], now: float) -> list[str]:
-        """
-        Return those of the lines that may be logged.
-
-        Parameters
-        ----------
-        lines : sequence of str
-            What there is to warn of; none asks whether something is due.
-        now : float
-            Time of a steady clock [s].
-
-        """
+        """Return which of the lines may be logged at ``now`` [s], and how many were not before."""
         result: list[str] = []
         if now - self._since >= PERIOD:
             if self._withheld:

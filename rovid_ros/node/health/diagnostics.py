@@ -19,7 +19,7 @@ from rovid_core.model.dofs import PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_ros import __version__
 from rovid_ros.config.input_topics import topics_of
-from rovid_ros.files.whole_files import age
+from rovid_ros.files.whole_files import file_age
 from rovid_ros.node.health.levels import (
     dof_level,
     HealthData,
@@ -46,29 +46,13 @@ LEVEL_NAMES = ('OK', 'WARN', 'ERROR', 'STALE')
 
 @dataclass(frozen=True)
 class NodeState:
-    """
-    What the node says of itself.
+    """What the node says of itself."""
 
-    Attributes
-    ----------
-    name : str
-        Its full name.
-    state : str
-        Of its life cycle; only an ``active`` one takes data.
-    uptime : float
-        [s]
-    record : str
-        File that it records to, '' if none.
-    recording : bool
-        False: recording has ended by itself.
-
-    """
-
-    name: str
-    state: str = ACTIVE
-    uptime: float = 0.0
-    record: str = ''
-    recording: bool = True
+    name: str  # its full name
+    state: str = ACTIVE  # of its life cycle; only an ``active`` one takes data
+    uptime: float = 0.0  # [s]
+    record: str = ''  # file that it records to, '' if none
+    recording: bool = True  # False: recording has ended by itself
 
 
 def diagnostics(data: HealthData, node: NodeState) -> Output:
@@ -99,7 +83,7 @@ def _state(data: HealthData, node: NodeState, others: dict[str, LevelAndMessage]
     doing = 'adapting' if data.stream.adapting else 'frozen'
     problems = [(WARN if level == STALE else level, name)
                 for name, (level, _) in others.items() if level != OK]
-    saved = age(settings.checkpoint_path)
+    saved = file_age(settings.checkpoint_path)
     if node.record and not node.recording:
         problems.append((ERROR, 'recording has ended'))
     overdue = 3.0 * settings.checkpoint_period

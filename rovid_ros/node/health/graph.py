@@ -14,14 +14,10 @@ from rovid_ros.messages.converter import Converter
 from rovid_ros.node.transport.publishers import best_effort
 from rovid_ros.results.outputs import COUPLING_TOPICS, TOPICS
 
-LISTED = 3
-"""Largest number of type names in a line; there could be any number in the graph."""
-
+LISTED = 3  # largest number of type names in a line; there could be any number in the graph
+# What rmw calls a node of which only an endpoint has been discovered yet.
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
-"""What rmw calls a node of which only an endpoint has been discovered yet."""
-
-SIMILARITY = 0.5
-"""How similar the names of two topics have to be for a hint."""
+SIMILARITY = 0.5  # how similar the names of two topics have to be for a hint
 
 
 class Graph(Protocol):
@@ -51,33 +47,17 @@ class Graph(Protocol):
 
 @dataclass(frozen=True)
 class TopicState:
-    """
-    One topic of the configuration, as the graph has it.
+    """One topic of the configuration, as the graph has it."""
 
-    Attributes
-    ----------
-    topic, name : str
-        As configured, and in the graph after namespace and remapping.
-    inputs : tuple of str
-        What is read from it.
-    type : str
-        As configured.
-    publishers : int
-        How many can be heard.
-    problem : str
-        '' if some can; ``no_publisher``, ``type``, ``definition`` or ``qos``.
-    text : str
-        What is wrong, in one line, with a hint; also about publishers that are not heard
-        beside others that are, and about several that are heard as if they were one.
-
-    """
-
+    # as configured, and in the graph after namespace and remapping
     topic: str
     name: str
-    inputs: tuple[str, ...]
-    type: str
-    publishers: int
-    problem: str = ''
+    inputs: tuple[str, ...]  # what is read from it
+    type: str  # as configured
+    publishers: int  # how many can be heard
+    problem: str = ''  # '' if some can; ``no_publisher``, ``type``, ``definition`` or ``qos``
+    # what is wrong, in one line, with a hint; also about publishers that are not heard beside
+    # others that are, and about several that are heard as if they were one
     text: str = ''
 
     @property
@@ -88,21 +68,9 @@ class TopicState:
 
 def graph_states(settings: Settings, node: Graph) -> dict[str, TopicState]:
     """
-    Compare the graph with the configuration.
+    Compare the graph with the configuration; return the state of each configured topic.
 
-    Parameters
-    ----------
-    settings : Settings
-        Names the topics and types.
-    node : Graph
-        Asked for publishers, types and QoS. Where it has subscribed itself, its profile
-        counts, else the one that hears most.
-
-    Returns
-    -------
-    states : dict of str to TopicState
-        By topic as configured.
-
+    Where the node has subscribed itself, its profile counts, else the one that hears most.
     """
     converter = Converter(settings, lambda name, reason: None)
     return {topic: _state(topic, type_name, tuple(inputs_of(settings, topic)), node)

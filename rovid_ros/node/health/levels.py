@@ -38,23 +38,12 @@ from rovid_ros.config.input_topics import needs, topics_of
 from rovid_ros.node.health.graph import TopicState
 from rovid_ros.results.outputs import dof_message, ERROR, LEVELS, OK, STALE, WARN
 
-PERIODS = 5.0
-"""An input is late when it has been silent for this many of its periods."""
-
-ACCEPTABLE = 0.02
-"""Share of refused samples above which something is wrong with the data."""
-
-WINDOW = 10.0
-"""[s] How far back the recent counts go."""
-
-RATE_SAMPLES = 30
-"""Messages over which the rate of a topic is measured."""
-
-Counts = dict[tuple[str, str], int]
-"""(input or DOF, reason) -> how many."""
-
-LevelAndMessage = tuple[int, str]
-"""Level and short message of a status."""
+PERIODS = 5.0  # an input is late when it has been silent for this many of its periods
+ACCEPTABLE = 0.02  # share of refused samples above which something is wrong with the data
+WINDOW = 10.0  # [s] how far back the recent counts go
+RATE_SAMPLES = 30  # messages over which the rate of a topic is measured
+Counts = dict[tuple[str, str], int]  # (input or DOF, reason) -> how many
+LevelAndMessage = tuple[int, str]  # level and short message of a status
 
 
 class Arrivals:
@@ -90,17 +79,7 @@ class Arrivals:
 
 
 class RecentCounts:
-    """
-    What a stream used and refused over the last ``WINDOW``.
-
-    Parameters
-    ----------
-    stream : Stream
-        Whose counters are read.
-    now : float
-        Time of a steady clock [s].
-
-    """
+    """What a stream used and refused over the last ``WINDOW``."""
 
     def __init__(self, stream: Stream, now: float) -> None:
         self._stream = stream
@@ -145,30 +124,16 @@ def counts_text(counts: Counts, most: int = 8) -> str:
 
 @dataclass(frozen=True)
 class HealthData:
-    """
-    Everything that the levels are judged by.
-
-    Attributes
-    ----------
-    topics : mapping of str to TopicState
-        What the graph says; empty where the node is fed from a log.
-    now : int
-        Time of the node's clock [ns]; 0 before simulated time has begun.
-    steady : float
-        Time of a steady clock [s].
-    steps : mapping of str to float
-        When each DOF made its last step, by the steady clock.
-
-    """
+    """Everything that the levels are judged by."""
 
     settings: Settings
     stream: Stream
     arrivals: Arrivals
     recent: RecentCounts
-    topics: Mapping[str, TopicState]
-    now: int
-    steady: float
-    steps: Mapping[str, float]
+    topics: Mapping[str, TopicState]  # what the graph says; empty where the node is fed from a log
+    now: int  # time of the node's clock [ns]; 0 before simulated time has begun
+    steady: float  # time of a steady clock [s]
+    steps: Mapping[str, float]  # when each DOF made its last step, by the steady clock
 
 
 def input_level(data: HealthData, name: str) -> LevelAndMessage:

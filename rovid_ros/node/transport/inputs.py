@@ -22,20 +22,17 @@ from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.input_topics import inputs_of, section
-from rovid_ros.messages.converter import Converter, FieldError, Unpacker
+from rovid_ros.messages.converter import Converter, Unpacker
+from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import MAX_MESSAGE_SIZE, typestore, WireType
 from rovid_ros.node.recorder import Received
-from rovid_ros.node.transport.encoding import definition, import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import best_effort, DEPTH, latched, reliable
+from rovid_ros.node.transport.wire_encoding import definition, import_type, MessageTypeError
 
-LATE = 0.5
-"""[s] The node is behind when the oldest message of a batch has waited longer than this."""
-
-LARGEST_DECIMATION = 64
-"""At least one message in so many is always used."""
-
+LATE = 0.5  # [s] the node is behind when the oldest message of a batch has waited longer than this
+LARGEST_DECIMATION = 64  # at least one message in so many is always used
+# Gap between two used messages of an input, as a share of its timeout, that is never exceeded.
 SHARE_OF_TIMEOUT = 0.3
-"""Gap between two used messages of an input, as a share of its timeout, that is never exceeded."""
 
 
 def message_classes(settings: Settings, converter: Converter) -> dict[str, type[Any]]:
@@ -47,13 +44,8 @@ def message_class(settings: Settings, converter: Converter, topic: str) -> type[
     """
     Import the message class of a topic and check the field paths against it.
 
-    Raises
-    ------
-    SettingsError
-        If the name of the topic is invalid, or its type is not given or not installed.
-    FieldError
-        If the type does not have a configured field.
-
+    Raises SettingsError if the name of the topic is invalid, or its type is not given or not
+    installed, and FieldError if the type does not have a configured field.
     """
     name = converter.topics[topic]
     key = section(inputs_of(settings, topic)[0])
@@ -91,12 +83,6 @@ class LoadShedding:
     batches before it took longer to process than their messages took to come. The decimation
     is halved again once nothing is late. What comes late because the process was paused is all
     used, also when the pause fell into the processing.
-
-    Attributes
-    ----------
-    decimation : int
-        One message in so many is used, and one whenever the last used one is long ago.
-
     """
 
     def __init__(self) -> None:
@@ -151,10 +137,6 @@ class Subscriptions:
         Owns the subscriptions; its clock gives the receive time where it is simulated.
     settings : Settings
         The quality of service of the inputs.
-    classes : dict
-        Message class by topic.
-    types : dict
-        Name of the message type by topic.
     process : callable
         Gets what has come, by topic, each topic's messages in order of arrival.
     reject : callable
@@ -165,8 +147,7 @@ class Subscriptions:
     """
 
     def __init__(self, node: Node, settings: Settings, classes: dict[str, type[Any]],
-                 types: dict[str, str],
-                 process: Callable[[dict[str, list[Received]]], None],
+                 types: dict[str, str], process: Callable[[dict[str, list[Received]]], None],
                  reject: Callable[[str, str], None]) -> None:
         self._node = node
         self._types = types
@@ -214,8 +195,7 @@ class Subscriptions:
         incompatible = partial(self._count, inputs, 'incompatible_qos')
         lost: Callable[[Any], None] | None = partial(self._count, inputs, 'lost')
         while True:
-            events = SubscriptionEventCallbacks(
-                incompatible_qos=incompatible, message_lost=lost)
+            events = SubscriptionEventCallbacks(incompatible_qos=incompatible, message_lost=lost)
             try:
                 return self._node.create_subscription(
                     cls, topic, partial(self._on_message, topic), qos(settings, topic),
@@ -245,8 +225,7 @@ class Subscriptions:
     def _empty_batch(self) -> dict[str, list[Received]]:
         return {topic: [] for topic in self._topics}
 
-    def _process_batch(self, batch: dict[str, list[Received]], began: float, oldest: int
-                       ) -> None:
+    def _process_batch(self, batch: dict[str, list[Received]], began: float, oldest: int) -> None:
         """Process a batch whose oldest message came at a time [ns], 0 if that is not known."""
         self._load_shedding.start_batch(began - (1e-9 * oldest or began))
         came = time.time()
@@ -302,21 +281,7 @@ class InputDecoder:
     """
     Turns messages into events for the stream, or counts why they give none.
 
-    Parameters
-    ----------
-    stream : Stream
-        Told what is refused.
-    converter : Converter
-        Knows the fields.
-    classes : dict
-        Message class by topic.
-    arrivals : ArrivalCounter
-        Told of every message.
-    log : RcutilsLogger
-        Told of messages that are not of their type.
-    keep : bool
-        Whether events carry the bytes that they came from, for a record.
-
+    With ``keep``, events carry the bytes that they came from, for a record.
     """
 
     def __init__(self, stream: Stream, converter: Converter, classes: dict[str, type[Any]],

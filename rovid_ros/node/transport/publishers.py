@@ -19,11 +19,10 @@ from rclpy.qos import (
     ReliabilityPolicy,
 )
 from rovid_core.identify.estimate import Estimate
-from rovid_ros.node.transport.encoding import encoded, import_type
+from rovid_ros.node.transport.wire_encoding import encoded, import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, Outputs
 
-DEPTH = 1000
-"""Messages that are kept for a slow peer, so that none of a burst is lost."""
+DEPTH = 1000  # messages that are kept for a slow peer, so that none of a burst is lost
 
 
 def reliable(depth: int) -> QoSProfile:
@@ -46,24 +45,10 @@ def best_effort(depth: int) -> QoSProfile:
 
 
 class Publishers:
-    """
-    All that the node publishes.
-
-    Parameters
-    ----------
-    node : Node
-        Owns the publishers.
-    topics : mapping
-        Topic -> type of the outputs.
-
-    Attributes
-    ----------
-    incompatible : dict
-        Topic -> one line about a subscriber that its quality of service does not suit.
-
-    """
+    """All that the node publishes; ``topics`` are the outputs with their types."""
 
     def __init__(self, node: Node, topics: Mapping[str, str]) -> None:
+        # by topic, one line about a subscriber that its quality of service does not suit
         self.incompatible: dict[str, str] = {}
         self._node = node
         self._topics = topics

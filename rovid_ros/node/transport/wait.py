@@ -8,44 +8,25 @@ else (timers, services, parameters) is rare and is left to an executor.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 from rclpy.executors import Executor, TimeoutException
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.subscription import Subscription
 
 FOR_EVER = -1
-
+# Kinds of entities, in the order in which a wait set takes their numbers.
 Kind = Literal['subscription', 'guard_condition', 'timer', 'client', 'service']
-"""Kinds of entities, in the order in which a wait set takes their numbers."""
-
-
-class InputNode(Protocol):
-    """What the loop needs of a node besides the interface of rclpy's nodes."""
-
-    @property
-    def input_subscriptions(self) -> Iterable[Subscription[Any]]:
-        """Return the subscriptions of the inputs, none while the node is not active."""
-
-    def receive(self) -> None:
-        """Take and process all messages that wait on the inputs."""
 
 
 class WaitLoop:
     """
     Waits until something is ready for a node, and runs it.
 
+    Besides the interface of rclpy's nodes it needs ``input_subscriptions``, and ``receive``,
+    which processes all messages that wait on them.
+
     Events about quality of service are not waited for: the executor handles them whenever it
     runs, which it does at least with each of the node's timers.
-
-    Parameters
-    ----------
-    node : Node and InputNode
-        The node to run.
-    executor : Executor
-        Has the node, and runs everything except the inputs.
-
     """
 
     def __init__(self, node: Any, executor: Executor) -> None:

@@ -28,8 +28,7 @@ _FORMATS = {
     'uint16': 'H', 'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q', 'float32': 'f',
     'float64': 'd'}
 _ORDERS = {b'\0\0': '>', b'\0\1': '<'}  # of CDR: its other kinds are not of plain messages
-_MAX_ENTRIES = 1000
-"""Messages or texts in one array: a message with more is not worth a layout."""
+_MAX_ENTRIES = 1000  # messages or texts in one array: a message with more is not worth a layout
 
 
 class NoLayoutError(ValueError):
@@ -51,25 +50,14 @@ class Numbers(NamedTuple):
 
 @dataclass
 class Layout:
-    """
-    Where the values are in all messages that ``fits`` accepts.
+    """Where the values are in all messages that ``fits`` accepts."""
 
-    Attributes
-    ----------
-    order : str
-        ``<`` or ``>``.
-    shape : list of (int, int)
-        Offset and length [bytes] of what decides where the others are: encapsulation, counts,
-        and texts with their lengths.
-    places : dict
-        Numbers and texts (or the texts of an array) by path.
-
-    """
-
-    order: str
+    order: str  # ``<`` or ``>``
+    # offset and length [bytes] of what decides where the others are: encapsulation, counts, and
+    # texts with their lengths
     shape: list[tuple[int, int]] = field(default_factory=list)
-    places: dict[tuple[Step, ...], Numbers | str | tuple[str, ...]] = field(
-        default_factory=dict)
+    # numbers and texts (or the texts of an array) by path
+    places: dict[tuple[Step, ...], Numbers | str | tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def fits(self) -> Fetch:
@@ -82,15 +70,9 @@ class Layout:
 
     def fetch(self, paths: Sequence[Path]) -> Fetch:
         """
-        Return the function from a message to the values at some paths.
+        Return the function from a message to the values at some paths, an array as a tuple.
 
-        An array is a tuple of its numbers or texts.
-
-        Raises
-        ------
-        NoLayoutError
-            If one of them has no place of its own.
-
+        Raises NoLayoutError if one of them has no place of its own.
         """
         places = [self._place(path) for path in paths]
         if all(isinstance(place, Numbers) and place.length is None for place in places):
@@ -144,32 +126,24 @@ class Layout:
 
 
 def find_layout(wire: WireType, data: bytes) -> Layout:
-    """
-    Return the layout of a message.
-
-    Raises
-    ------
-    NoLayoutError
-        If it has none, or ends where it should not.
-
-    """
+    """Return the layout of a message; NoLayoutError if it has none, or has another end."""
     order, start = '<', 0
     if wire.encoding == 'cdr':
         order, start = _ORDERS.get(data[:2], ''), 4
         if not order:
             raise NoLayoutError
-    walker = _Walker(wire.store, data, Layout(order), start, aligned=wire.encoding == 'cdr')
+    reader = _LayoutReader(wire.store, data, Layout(order), start, aligned=wire.encoding == 'cdr')
     try:
-        walker.message(wire.name, ())
+        reader.message(wire.name, ())
     except (struct.error, UnicodeDecodeError, KeyError):
         raise NoLayoutError from None
     # behind the last field of a CDR message there can be up to three bytes of padding
-    if not 0 <= len(data) - walker.position <= (3 if start else 0):
+    if not 0 <= len(data) - reader.position <= (3 if start else 0):
         raise NoLayoutError
-    return walker.layout
+    return reader.layout
 
 
-class _Walker:
+class _LayoutReader:
     """Goes through a message from its first byte to its last."""
 
     def __init__(self, store: Typestore, data: bytes, layout: Layout, start: int,
@@ -220,7 +194,7 @@ class _Walker:
         return place
 
     def _length(self) -> int:
-        """Take a count, which is part of the shape."""
+        """Read a count, which is part of the shape."""
         self._align(4)
         count, = self._count.unpack_from(self._data, self.position)
         self.layout.shape.append((self.position, 4))
@@ -228,7 +202,7 @@ class _Walker:
         return int(count)
 
     def _text(self) -> str:
-        """Take a text, which is part of the shape: it is checked, and what follows moves."""
+        """Read a text; it is part of the shape, as its length moves all that follows."""
         length = self._length()
         self.layout.shape[-1] = (self.position - 4, 4 + length)
         raw = self._data[self.position:self.position + length]

@@ -25,10 +25,10 @@ WARN_AFTER = 50
 """Repeats in a row for a warning, while the vehicle is driven, but not by a thrust of its own."""
 
 WINDOW = 300
-"""Values of which it is asked whether most only repeat the one before, under thrust."""
+"""Values in a window, in which the repeats under thrust are counted."""
 
-MOST = 200
-"""Repeats in a window that are most of it."""
+MANY_REPEATS = 200
+"""Repeats in a window that are worth a warning."""
 
 RESTARTS = frozenset({'gap', 'shifted'})
 """Reasons with which a measurement is used all the same: the input goes on from it."""
@@ -50,7 +50,7 @@ class InputCheck:
     Attributes
     ----------
     gate : OutlierGate
-        Tells the outliers.
+        Refuses the outliers.
 
     """
 
@@ -164,7 +164,7 @@ class InputCheck:
 
     def _warn_if_repeated(self) -> None:
         """Warn once when most of the last values were only repeats."""
-        if self._window_repeats >= MOST and not self._has_warned:
+        if self._window_repeats >= MANY_REPEATS and not self._has_warned:
             self._has_warned = True
             self._warn(f'{self._input} mostly repeats its last value under new stamps: it is '
                        'published more often than it is measured, or in coarse steps')

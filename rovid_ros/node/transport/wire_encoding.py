@@ -12,13 +12,11 @@ import struct
 import sys
 from typing import Any
 
+# Primitive types whose name in rclpy is not that in a .msg file.
 DEFINITION_NAMES = {
     'boolean': 'bool', 'octet': 'byte', 'float': 'float32', 'double': 'float64'}
-"""Primitive types whose name in rclpy is not that in a .msg file."""
 
-Append = Callable[[bytearray, Any], None]
-"""Appends a value to the bytes of a message."""
-
+Append = Callable[[bytearray, Any], None]  # appends a value to the bytes of a message
 _LITTLE = sys.byteorder == 'little'
 _ENCAPSULATION = bytes((0, int(_LITTLE), 0, 0))  # of CDR; alignment counts from behind it
 _FORMATS = {
@@ -38,18 +36,13 @@ def import_type(name: str) -> type[Any]:
     """
     Return the message class of ``package/msg/Name`` (or ``package/Name``).
 
-    Raises
-    ------
-    MessageTypeError
-        If it is not the name of a type, or its package or itself is not installed.
-
+    Raises MessageTypeError if it is not the name of a type, or not installed.
     """
     parts = name.split('/')
     if len(parts) == 2:
         parts.insert(1, 'msg')
     if len(parts) != 3 or not all(part.isidentifier() for part in parts):
-        raise MessageTypeError(
-            f'got {name!r}, takes a message type such as sensor_msgs/msg/Imu')
+        raise MessageTypeError(f'got {name!r}, takes a message type such as sensor_msgs/msg/Imu')
     package, folder, short = parts
     try:
         module = import_module(f'{package}.{folder}')
@@ -108,15 +101,9 @@ def split_array(text: str) -> tuple[str, str]:
 
 def encoded(name: str, fields: Mapping[str, Any]) -> bytes:
     """
-    Encode a message of plain values to the bytes that rclpy would send.
+    Encode a message to the bytes that rclpy would send.
 
-    Parameters
-    ----------
-    name : str
-        Its type.
-    fields : mapping
-        Its nested fields, every one of the type.
-
+    ``fields`` are its nested fields, every one of the type.
     """
     out = bytearray(_ENCAPSULATION)
     _message(name)(out, fields)

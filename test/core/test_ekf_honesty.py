@@ -1,0 +1,238 @@
+"""The extended Kalman filter on vehicles that are not the model: intervals, names, doubts."""
+
+from dataclasses import replace
+import json
+from math import isfinite
+
+import numpy as np
+import pytest
+from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
+from rovid_core.identify.ekf.innovations import Innovations
+from rovid_core.identify.ekf.linearised_filter import Innovation
+from rovid_core.identify.ekf.score_blocks import f_tail, ScoreBlocks
+from rovid_core.identify.intervals import intervals
+from rovid_core.identify.status import DofStatus
+from rovid_core.model.samples import Step
+from rovid_core.settings.run import Scales
+from scipy.stats import f as f_distribution
+
+from test.support.real_vehicles import GUESS, MASS, pieces, TRUTH, Vehicle, VEHICLES
+
+SCALES = Scales.of(GUESS)
+
+
+class Drive:
+    """An identifier with its status, along the steps of one drive after the other."""
+
+    def __init__(self):
+        self.one, self.status, self.judged, self.notes = (
+            ExtendedKalman(SCALES), DofStatus(SCALES, 3.0), [], [])
+
+    def go(self, steps):
+        for piece in steps:
+            if not isinstance(piece, Step):
+                self.one.restart(piece)
+                continue
+            refused = self.one.step(piece)
+            self.judged.append(self.status.update(self.one, piece, refused, True).status)
+            self.notes.append(self.one.note)
+        return self
+
+    @property
+    def holds_mass(self):
+        low, high = intervals(self.one.parameters, self.one.covariance)['mass']
+        return low <= MASS <= high
+
+
+def driven(name, seed, duration=200.0):
+    return Drive().go(pieces(VEHICLES[name], seed, duration))
+
+
+@pytest.mark.parametrize('name', [
+    'dead-band 3 N', 'reverse thrust x 0.8', 'reverse drag x 1.3', 'unknown force 1 N'])
+def test_the_interval_of_the_mass_holds_where_the_model_does_not(name):
+    drives = [driven(name, seed) for seed in range(4)]
+    assert sum(drive.holds_mass for drive in drives) >= 3
+    wrong = [drive for drive in drives if drive.judged[-1] == 'converged'
+             and not drive.holds_mass]
+    assert wrong == []
+
+
+def test_an_exact_vehicle_converges_and_nothing_is_said_of_it():
+    for seed in range(3):
+        drive = driven('exact', seed)
+        assert 'converged' in drive.judged[:1200]
+        assert drive.judged[-1] == 'converged'
+        assert set(drive.notes) <= {''}
+        assert drive.one.doubt == ''
+
+
+@pytest.mark.parametrize(('name', 'said'), [
+    ('dead-band 3 N', 'dead band'), ('reverse thrust x 0.8', 'reverse'),
+    ('reverse drag x 1.3', 'reverse')])
+def test_what_is_missing_is_named(name, said):
+    drives = [driven(name, seed, 300.0) for seed in range(4)]
+    assert sum(any(said in note for note in drive.notes) for drive in drives) >= 2
+    assert all(drive.judged[-1] != 'converged' for drive in drives)
+
+
+def test_white_innovations_keep_the_gate_narrow_and_large_ones_widen_it():
+    quiet, loud = Innovations(1.0), Innovations(1.0)
+    random = np.random.default_rng(0)
+    for r in random.normal(size=100):
+        assert not quiet.is_outlier(float(r))
+        assert not loud.is_outlier(4.5 * float(np.sign(r)))
+    assert quiet.is_outlier(8.0)
+    assert not loud.is_outlier(8.0)
+    assert loud.is_outlier(30.0)
+
+
+@pytest.mark.parametrize('at', [100, 350, 1500])
+def test_a_shift_of_all_fixes_costs_little_and_is_no_change(at):
+    steps = pieces(VEHICLES['exact'], 0, 200.0)
+    # from there on every fix is 0.5 m further
+    steps[at] = steps[at]._replace(mean=steps[at].mean + 0.5 / steps[at].interval)
+    drive = Drive().go(steps)
+    assert not any('changed' in note for note in drive.notes)
+    assert drive.one.parameters == pytest.approx(TRUTH, rel=0.02, abs=2e-3)
+
+
+def test_the_start_keeps_what_it_has_until_it_knows():
+    """Forty seconds of thrust that shows little, then twenty that show all."""
+    little = pieces(Vehicle(), 0, 40.0)
+    scale = Drive().go([*little, *pieces(Vehicle(), 1, 25.0)])
+    alone = Drive().go(pieces(Vehicle(), 1, 25.0))
+    assert scale.one.std[0] < alone.one.std[0]
+    assert abs(scale.one.parameters[0] - TRUTH[0]) < 4.5 * scale.one.std[0]
+
+
+def without_thrust(steps, push=0.1):
+    """Return steps of a vehicle that something else moves."""
+    moved = [push * float(np.sin(0.3 * k)) for k in range(len(steps) + 1)]
+    return [step._replace(force=(0.0,) * 3, forces=(0.0, 0.0), mean=b,
+                          velocity=(a, 0.5 * (a + b), b))
+            for step, a, b in zip(steps, moved, moved[1:])]
+
+
+def test_without_thrust_nothing_is_learned():
+    drive = driven('exact', 0, 120.0)
+    rest = without_thrust(pieces(VEHICLES['exact'], 0, 300.0)[1:])
+    drive.go(rest[:600])
+    parameters, covariance = drive.one.parameters, drive.one.covariance
+    drive.go(rest[600:])
+    assert drive.one.parameters == parameters
+    assert drive.one.covariance == covariance
+    assert abs(drive.one.parameters[0] / TRUTH[0] - 1.0) < 0.1
+
+
+def test_a_change_of_the_vehicle_is_said_once_and_followed():
+    for seed in range(2):
+        drive = driven('mass +20 % at 200 s', seed, 340.0)
+        said = [k for k, note in enumerate(drive.notes) if 'changed' in note]
+        assert 2000 < said[0] < 2600
+        assert said[-1] - said[0] < 650
+        assert drive.judged[said[0] + 15] != 'converged'
+        assert 1.0 / drive.one.parameters[0] == pytest.approx(1.2 * MASS, rel=0.03)
+
+
+@pytest.mark.parametrize('name', ['exact', 'dead-band 3 N', 'unknown force 1 N', 'lag 0.15 s'])
+def test_another_excitation_is_no_change_of_the_vehicle(name):
+    first, second = pieces(VEHICLES[name], 0, 200.0), pieces(VEHICLES[name], 7, 200.0)
+    drive = Drive().go([*first, *second])
+    assert not any('changed' in note for note in drive.notes)
+
+
+def test_a_model_that_does_not_predict_is_not_converged_and_one_that_stops_is_no_longer():
+    steps = pieces(VEHICLES['exact'], 0, 160.0)
+    drive = Drive().go(steps)
+    assert drive.judged[-1] == 'converged'
+    # the thrust of another drive
+    other = [s for s in pieces(VEHICLES['exact'], 5, 160.0) if isinstance(s, Step)]
+    wrong = [step._replace(force=by.force, forces=by.forces)
+             for step, by in zip(steps[1:], other)]
+    drive.go(wrong)
+    assert drive.judged[-1] != 'converged'
+    assert drive.one.doubt
+    assert 'converged' not in Drive().go([steps[0], *wrong]).judged
+
+
+def test_what_the_blocks_say_goes_on_after_a_restore():
+    steps = pieces(VEHICLES['reverse thrust x 0.8'], 0, 200.0)
+    drive = Drive().go(steps[:1530])
+    new = ExtendedKalman(SCALES)
+    new.restore(json.loads(json.dumps(drive.one.state())))
+    for one in (drive.one, new):
+        for step in steps[1530:]:
+            one.step(step)
+    assert new.state() == drive.one.state()
+    assert (new.note, new.doubt, new.covariance) == (
+        drive.one.note, drive.one.doubt, drive.one.covariance)
+
+
+@pytest.mark.parametrize(('key', 'bad'), [
+    ('bank', {'members': [], 'best': 0}), ('free', {}), ('theta', [1.0]), ('losses', [1e999]),
+    ('clock', {'impulse': [[0.0], [0.0]], 'path': 1e999, 'fix': 0.0, 'ahead': 0.0})])
+def test_a_state_that_does_not_fit_is_refused(key, bad):
+    one = ExtendedKalman(SCALES)
+    state = {**one.state(), key: bad}
+    with pytest.raises((ValueError, KeyError)):
+        ExtendedKalman(SCALES).restore(state)
+
+
+@pytest.mark.parametrize(('top', 'bottom'), [(1, 1), (1, 14), (5, 9), (4, 40)])
+def test_the_tail_of_the_f_distribution(top, bottom):
+    for x in (0.01, 0.5, 1.0, 3.0, 30.0, 1000.0):
+        assert f_tail(x, top, bottom) == pytest.approx(
+            f_distribution.sf(x, top, bottom), rel=1e-8, abs=1e-300)
+
+
+def scored(scatter, count, seed=0):
+    """Return blocks of 100 measurements whose errors repeat within each block."""
+    random = np.random.default_rng(seed)
+    blocks = ScoreBlocks((1.0, 0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0, 1.0))
+    for _ in range(count):
+        common = scatter * random.normal()
+        for _ in range(100):
+            psi = [1.0, 0.0, 0.0, 0.0, float(random.normal()), *random.normal(size=4)]
+            error = float(common + random.normal())
+            blocks.add(Innovation(0, error, 1.0, 1.0, psi, []), 0.0, (1.0, 0, 0, 0, 0), 0.101)
+    return blocks
+
+
+def test_errors_that_repeat_within_a_block_widen_the_interval():
+    white, repeated = scored(0.0, 20).verdict(), scored(1.0, 20).verdict()
+    assert white.scatter < 2.0 < repeated.scatter
+    # of white errors the variance is one over their number
+    assert white.covariance[0][0] == pytest.approx(1 / 2000, rel=0.5)
+    # of errors that repeat it is that of the blocks, and beyond six they count no more
+    assert repeated.covariance[0][0] > 1 / 20
+    assert white.covariance[1] == [0.0] * 5
+
+
+def test_blocks_that_are_joined_say_the_same():
+    few, many = scored(0.0, 40), scored(0.0, 100)
+    assert many.count <= 48
+    assert scored(0.0, 5).verdict() is None
+    assert many.verdict().covariance[0][0] == pytest.approx(
+        0.4 * few.verdict().covariance[0][0], rel=0.5)
+    assert many.solution()[0][0] == pytest.approx(1.0, abs=4 / 100)
+
+
+def test_newer_blocks_that_contradict_are_a_change_of_what_scattered_little():
+    blocks = scored(0.0, 12)
+    assert not blocks.has_changed(2.0)
+    for _ in range(100):
+        found = Innovation(0, 2.0, 1.0, 1.0, [1.0, 0, 0, 0, 0.1, 0, 0, 0, 0], [])
+        blocks.add(found, 0.0, (1.0, 0, 0, 0, 0), 0.101)
+    assert blocks.has_changed(2.0)
+    assert not blocks.has_changed(0.5)
+
+
+def test_a_dof_with_a_left_out_term_is_honest_too():
+    scales = Scales.of(replace(GUESS, terms=('alpha', 'beta', 'delta')))
+    one = ExtendedKalman(scales)
+    for piece in pieces(VEHICLES['exact'], 0, 150.0):
+        one.step(piece) if isinstance(piece, Step) else one.restart(piece)
+    assert one.parameters[2] == 0.0
+    assert isfinite(one.std[0])
+    assert one.std[0] > 5.0 * driven('exact', 0, 150.0).one.std[0]

@@ -198,7 +198,7 @@ def _step(values: Sequence[Any]) -> Step:
         tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in rest]
     if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-2]):
         raise ValueError('a step does not fit')
-    step = Step(*numbers, pairs, tuple(map(_finite, filtered)))
+    step = Step(*[*numbers, pairs, tuple(map(_finite, filtered))])
     if not step.dt > 0.0:
         raise ValueError('a step takes no time')
     return step

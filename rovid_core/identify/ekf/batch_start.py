@@ -169,8 +169,9 @@ class BatchStart:
 
     def restore(self, state: Any) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        pieces = [(_step(piece) if isinstance(piece, list) else _finite(piece), int(use))
-                  for piece, use in state['pieces']]
+        couplings = self._new_clock().couplings
+        pieces = [(_step(piece, couplings) if isinstance(piece, list) else _finite(piece),
+                   int(use)) for piece, use in state['pieces']]
         self.clear()
         self.next = _finite(state['next'])
         for piece, use in pieces:
@@ -186,12 +187,16 @@ def _level(sizes: Sequence[float]) -> float:
     return level * sqrt(fsum(squares) / len(squares) / CLIPPED)
 
 
-def _step(values: Sequence[Any]) -> Step:
+def _step(values: Sequence[Any], couplings: int) -> Step:
+    *plain, pairs, filtered = values
     numbers = [
-        tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in values]
-    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)):
+        tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in plain]
+    regressors = (tuple([(_finite(a), _finite(b)) for a, b in pairs]),
+                  tuple(map(_finite, filtered)))
+    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-2]) or (
+            _sizes(regressors) not in ([0, 0], [couplings, couplings])):
         raise ValueError('a step does not fit')
-    step = Step(*numbers)  # type: ignore[arg-type]
+    step = Step._make([*numbers, *regressors])
     if not step.dt > 0.0:
         raise ValueError('a step takes no time')
     return step

@@ -211,8 +211,8 @@ class Stream:
         return {
             'version': STATE_VERSION, 'method': self.settings.identifier.method,
             'adapt': self.adapting,
-            'dofs': {name: {'terms': list(self.settings.dof[name].terms),
-                            **self.identifier(name).state()} for name in self.settings.dofs}}
+            'dofs': {name: {**self._terms(name), **self.identifier(name).state()}
+                     for name in self.settings.dofs}}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """
@@ -221,8 +221,8 @@ class Stream:
         Raises
         ------
         ValueError
-            If it was made by another version, method or set of DOFs or terms, or holds
-            values that are out of bounds.
+            If it was made by another version, method or set of DOFs, terms or couplings, or
+            holds values that are out of bounds.
 
         """
         version = state.get('version') if isinstance(state, Mapping) else None
@@ -237,7 +237,8 @@ class Stream:
         for dof in self.settings.dofs:
             if not isinstance(dofs[dof], Mapping):
                 raise ValueError(f'no state of {dof}')
-            if dofs[dof].get('terms') != list(self.settings.dof[dof].terms):
+            if {key: dofs[dof][key] for key in ('terms', 'couplings')
+                    if key in dofs[dof]} != self._terms(dof):
                 raise ValueError(f'other terms of {dof}')
         try:
             for dof in self.settings.dofs:
@@ -248,6 +249,12 @@ class Stream:
             raise ValueError(f'{dof}: {error}') from error
         self._adapt(bool(state.get('adapt', True)))
         self._pipeline.refresh()
+
+    def _terms(self, dof: str) -> dict[str, list[str]]:
+        """Return the terms of a DOF's model, with its couplings if it has any."""
+        couplings = list(self.settings.couplings(dof))
+        return {'terms': list(self.settings.dof[dof].terms),
+                **({'couplings': couplings} if couplings else {})}
 
     def _handle(self, events: list[Event]) -> list[Estimate]:
         estimates: list[Estimate] = []

@@ -200,9 +200,9 @@ def _fingerprint(settings: Settings) -> dict[str, Any]:
     """
     Return the keys that give the identified parameters their meaning, with their values.
 
-    These are the method, the degrees of freedom and their terms, what a force and a length are,
-    and the initial and typical values, which the identifiers count in. Topics, gains and limits
-    can change.
+    These are the method, the degrees of freedom, their terms and couplings, what a force and a
+    length are, and the initial and typical values, which the identifiers count in. Topics, gains
+    and limits can change.
     """
     values = {}
     for key in KEYS:
@@ -212,6 +212,9 @@ def _fingerprint(settings: Settings) -> dict[str, Any]:
             value = _value(settings, key.setting)
             if value is not None:
                 values[key.name] = value
+    for dof in settings.dofs:
+        if settings.couplings(dof):
+            values[f'{dof}.couplings'] = list(settings.couplings(dof))
     return values
 
 

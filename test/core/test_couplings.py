@@ -2,22 +2,29 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+import json
+import math
 
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
+from rovid_core.identify.estimate import Estimate
+from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.inputs import InputSettings, ThrusterSettings
 from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
+    Scales,
     Settings,
     SettingsError,
     SimulatedDof,
     SimulationSettings,
 )
 from rovid_core.simulation.sensors import simulate
+from rovid_core.trials.offline import METHODS
+from rovid_core.trials.score import ScoreLog
 
 TRUTH = {
     'surge': SimulatedDof(20.0, 40.0, 8.0, 0.0, (25.0,), (0.05,)),
@@ -161,3 +168,166 @@ def test_what_there_is_not_is_refused_by_its_key(
     with pytest.raises(SettingsError, match=f'{dof}.couplings.*{says}'):
         replace(settings, dof={
             **settings.dof, dof: replace(settings.dof[dof], couplings=couplings)}, **changes)
+
+
+def identified(settings: Settings, duration: float) -> tuple[Estimate, ScoreLog]:
+    scores = ScoreLog(settings)
+    stream = Stream(settings, scorer=scores)
+    for event in events(settings, duration):
+        stream.receive(event)
+    stream.finish()
+    assert stream.estimate is not None
+    return stream.estimate, scores
+
+
+NOISY = replace(
+    configured().simulation, position_noise=0.005, attitude_noise=0.002)
+
+WRONG = {'surge': (15.0, 30.0, 6.0), 'sway': (40.0, 60.0, 9.0), 'yaw': (2.0, 1.5, 0.3)}
+"""Guesses of mass, quadratic and linear drag."""
+
+
+def guessed(couplings: bool) -> Settings:
+    return configured(simulation=NOISY, dof={
+        d: DofSettings(*WRONG[d], couplings=(IDEAL[d][0],) if couplings else ()) for d in TRUTH})
+
+
+def test_the_filter_finds_masses_and_couplings_of_a_vehicle_that_moves_in_all_axes() -> None:
+    settings = guessed(couplings=True)
+    estimate, scores = identified(settings, 240.0)
+    for dof in estimate.dofs:
+        assert dof.status == 'converged', dof.judgement
+        assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.02)
+        kappa, std = dof.couplings[0], dof.couplings_std[0]
+        assert kappa == pytest.approx(IDEAL[dof.dof][1], rel=0.02)
+        assert 0.0 < std < 0.02 * abs(kappa)
+        assert abs(kappa - IDEAL[dof.dof][1]) < 4.0 * std
+    joint = scores.score_joint({d.dof: (*d.parameters, *d.couplings) for d in estimate.dofs})
+    for d in estimate.dofs:
+        alone = scores.score(d.dof, (*d.parameters, *d.couplings)).fit
+        assert alone > 0.93
+        assert joint[d.dof].fit > alone - 0.01
+
+
+def test_without_couplings_no_wrong_mass_is_said_to_have_converged() -> None:
+    estimate, _ = identified(guessed(couplings=False), 240.0)
+    off = {dof.dof: abs(1.0 / dof.parameters[0] / TRUTH[dof.dof].mass - 1.0)
+           for dof in estimate.dofs}
+    assert max(off.values()) > 0.5  # it is such a vehicle
+    assert not [d.dof for d in estimate.dofs if d.status == 'converged' and off[d.dof] > 0.1]
+
+
+def test_a_saved_state_goes_on_with_the_same_bits() -> None:
+    settings = guessed(couplings=True)
+    taken = list(events(settings, 60.0))
+    half = len(taken) // 2
+    for at in (half, 3 * half // 2):  # in the start, and after it
+        whole, first, second = Stream(settings), Stream(settings), Stream(settings)
+        for event in taken[:at]:
+            whole.receive(event)
+            first.receive(event)
+        second.restore(json.loads(json.dumps(first.state())))
+        assert first.estimate is not None
+        before = {d.dof: d.couplings for d in first.estimate.dofs}
+        assert before == {
+            d: second.identifier(d).couplings for d in settings.dofs} and all(before['surge'])
+        # both begin anew from the same measurement, and the saved one on another computer
+        identifiers = [[stream.identifier(d) for d in settings.dofs] for stream in (first, second)]
+        scorer = Steps()
+        helper = Stream(settings, scorer=scorer)
+        for event in taken[at:]:
+            helper.receive(event)
+        for dof, one, other in zip(settings.dofs, *identifiers):
+            one.restart(0.1)
+            other.restart(0.1)
+            for step in scorer.steps[dof]:
+                assert one.step(step) == other.step(step)
+            assert json.dumps(one.state()) == json.dumps(other.state())
+            assert one.couplings == other.couplings != before[dof]
+            assert one.uncertainty.couplings_std == other.uncertainty.couplings_std
+
+
+def test_a_state_of_other_couplings_is_refused() -> None:
+    settings = configured()
+    state = Stream(settings).state()
+    Stream(settings).restore(state)
+    for couplings in ((), ('wq',), ('vr', 'wq')):
+        other = replace(settings, dof={
+            **settings.dof, 'surge': replace(settings.dof['surge'], couplings=couplings)})
+        with pytest.raises(ValueError, match='other terms of surge'):
+            Stream(other).restore(state)
+
+
+def true_models() -> dict[str, tuple[float, ...]]:
+    return {d: (*lumped(t.mass, t.quadratic_drag, t.linear_drag, t.bias), IDEAL[d][1])
+            for d, t in TRUTH.items()}
+
+
+def score_log(settings: Settings, duration: float = 120.0) -> ScoreLog:
+    return identified(settings, duration)[1]
+
+
+def test_the_true_vehicle_predicts_all_of_its_motion_also_with_nothing_measured() -> None:
+    scores = score_log(configured())
+    models = true_models()
+    joint = scores.score_joint(models)
+    assert set(joint) == set(TRUTH)
+    for dof in TRUTH:
+        assert joint[dof].fit > 0.97
+        assert scores.score(dof, models[dof]).fit > 0.96
+        assert scores.score(dof, models[dof][:4]).fit < 0.8
+
+
+def test_only_all_together_feels_the_mistakes_of_the_others() -> None:
+    scores = score_log(configured())
+    models = true_models()
+    models['yaw'] = (2.0 * models['yaw'][0], *models['yaw'][1:])
+    assert scores.score('surge', models['surge']).fit > 0.96
+    assert scores.score_joint(models)['surge'].fit < 0.9
+
+
+def test_of_dofs_that_are_not_simulated_the_measured_regressors_are_taken() -> None:
+    scores = score_log(configured())
+    models = true_models()
+    models.pop('yaw')
+    found = scores.score_joint(models)
+    for dof in ('surge', 'sway'):  # vr and ur, with r as measured
+        assert found[dof].fit == pytest.approx(scores.score(dof, models[dof]).fit, abs=1e-4)
+
+
+def test_a_model_that_runs_away_has_no_fit() -> None:
+    scores = score_log(configured(), 30.0)
+    models = {d: (*m[:1], 0.0, 0.0, 0.0, 50.0) for d, m in true_models().items()}
+    assert {s.fit for s in scores.score_joint(models).values()} == {-math.inf}
+
+
+def test_a_score_of_all_together_needs_no_more_memory_than_a_block() -> None:
+    settings = configured()
+    whole, parts = ScoreLog(settings), ScoreLog(settings, block=50)
+    for scores in (whole, parts):
+        stream = Stream(settings, scorer=scores)
+        for event in events(settings, 40.0):
+            stream.receive(event)
+        stream.finish()
+    models = true_models()
+    expected = whole.score_joint(models)
+    for dof, found in parts.score_joint(models).items():
+        assert found.fit == pytest.approx(expected[dof].fit, abs=1e-12)
+
+
+@pytest.mark.parametrize('sensors', SENSORS)
+def test_output_error_finds_masses_and_couplings(sensors: str) -> None:
+    settings = replace(guessed(couplings=True), **SENSORS[sensors])
+    scores = score_log(settings)
+    for dof, truth in TRUTH.items():
+        scales = Scales.of(settings.dof[dof])
+        fit = METHODS['output_error'](scores.records(dof), scales, settings)
+        assert 1.0 / fit.parameters[0] == pytest.approx(truth.mass, rel=0.03), dof
+        assert fit.couplings[0] == pytest.approx(IDEAL[dof][1], rel=0.03)
+        assert 0.0 < fit.couplings_std[0] < 0.03 * abs(fit.couplings[0])
+        without = METHODS['output_error'](
+            scores.records(dof), replace(scales, couplings=()), settings)
+        assert without.couplings == ()
+        assert abs(truth.mass * without.parameters[0] - 1.0) > 0.05
+        quick = METHODS['least_squares'](scores.records(dof), scales, settings)
+        assert quick.couplings == ()

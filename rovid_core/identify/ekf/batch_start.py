@@ -173,8 +173,9 @@ class BatchStart:
 
     def restore(self, state: Any) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        pieces = [(_step(piece) if isinstance(piece, list) else _finite(piece), int(use))
-                  for piece, use in state['pieces']]
+        couplings = self._new_clock().couplings
+        pieces = [(_step(piece, couplings) if isinstance(piece, list) else _finite(piece),
+                   int(use)) for piece, use in state['pieces']]
         self.clear()
         self.next = _finite(state['next'])
         for piece, use in pieces:
@@ -190,15 +191,16 @@ def _level(sizes: Sequence[float]) -> float:
     return level * sqrt(fsum(squares) / len(squares) / CLIPPED)
 
 
-def _step(values: Sequence[Any]) -> Step:
-    """Return a step from its saved values; raise ValueError if they do not fit."""
-    *rest, couplings, filtered = values
-    pairs = tuple([(_finite(before), _finite(after)) for before, after in couplings])
-    numbers: list[Any] = [
-        tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in rest]
-    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-2]):
+def _step(values: Sequence[Any], couplings: int) -> Step:
+    *plain, pairs, filtered = values
+    numbers = [
+        tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in plain]
+    regressors = (tuple([(_finite(a), _finite(b)) for a, b in pairs]),
+                  tuple(map(_finite, filtered)))
+    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-2]) or (
+            _sizes(regressors) not in ([0, 0], [couplings, couplings])):
         raise ValueError('a step does not fit')
-    step = Step(*[*numbers, pairs, tuple(map(_finite, filtered))])
+    step = Step._make([*numbers, *regressors])
     if not step.dt > 0.0:
         raise ValueError('a step takes no time')
     return step

@@ -69,6 +69,7 @@ class MeasurementClock:
 
     def __init__(self, force: float, velocity: float, couplings: int) -> None:
         self._force, self._velocity = force, velocity
+        self.couplings = couplings
         self._no_couplings = (0.0,) * couplings
         self.restart()
 

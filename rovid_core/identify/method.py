@@ -29,10 +29,11 @@ class Identifier(Protocol):
     7. Reading an attribute changes nothing.
 
     ``converged_share`` is the relative uncertainty of acceleration and alpha below which a
-    model of the method has converged. ``uncertainty`` is an immutable value that says how well
-    the parameters are known. ``delay`` is the delay of the thrust [s], NaN if the method does
-    not estimate it. ``note`` says what the method has noticed about vehicle and model, '' if
-    nothing.
+    model of the method has converged. A method that ``judges_errors`` has looked at its own before
+    ``doubt`` is ''; of the others the status asks that they predict. ``uncertainty`` is an
+    immutable value that says how well the parameters are known. ``delay`` is the delay of the
+    thrust [s], NaN if the method does not estimate it. ``note`` says what the method has noticed
+    about vehicle and model, '' if nothing.
     """
 
     parameters: Four
@@ -42,6 +43,7 @@ class Identifier(Protocol):
     v_hat: float
     excitation: float
     converged_share: float = 0.05
+    judges_errors: bool = False
 
     @property
     def std(self) -> Four:

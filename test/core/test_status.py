@@ -20,6 +20,7 @@ class Known:
 
     note = doubt = ''
     converged_share = 0.05
+    judges_errors = True
 
     def __init__(self, model: float = 0.0, drag: float = 0.0, scale: float = 1.0) -> None:
         """Take the relative standard deviation of all at once (0: unknown) and of drag."""
@@ -80,6 +81,19 @@ def test_without_a_covariance_the_parameters_have_to_settle(status):
     assert name == 'converging'
     assert 'move by' in reasons[0]
     assert judge(status, other, 30.0)[0] == 'converged'
+
+
+@pytest.mark.parametrize('known', [0.0, 0.01])
+def test_a_method_that_does_not_judge_its_errors_has_to_predict_a_minute(status, known):
+    method = Known(known)
+    method.judges_errors = False
+    assert judge(status, method, 59.0) == (
+        'converging', ('the model has not predicted a minute yet',))
+    assert judge(status, method, 20.0)[0] == 'converged'
+    alpha, beta, gamma, delta = TRUTH
+    method.parameters = (0.45 * alpha, 0.4 * beta, gamma, delta)
+    name, reasons = judge(status, method, 70.0)
+    assert (name, reasons[0][:31]) == ('converging', 'without corrections it predicts')
 
 
 def test_refused_frozen_and_unexcited_come_first(status):

@@ -189,6 +189,7 @@ class ExtendedKalman(Identifier):
     """
 
     converged_share = 0.1
+    judges_errors = True
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales

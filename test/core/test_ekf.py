@@ -31,7 +31,7 @@ from test.support.online_trials import (
     trial,
 )
 from test.support.surge import HEAVY, LIGHT, SURGE_TRUTH, TRAINING
-from test.support.tank import LEAST, online_fits
+from test.support.tank import LEAST, online_fits, yaw_fit
 from test.support.trials import CONFIG
 
 TRUE = np.array(SURGE_TRUTH)
@@ -251,6 +251,15 @@ def test_the_tank_recordings_are_predicted(data):
         pytest.skip(f'no {logs}')
     found = online_fits(logs, 'ekf')
     assert {dof: fit for dof, fit in found.items() if not 100 * fit >= LEAST[dof]} == {}
+
+
+def test_a_coupling_predicts_the_tank_s_yaw_better(data):
+    logs = data / 'bluerov2_tank'
+    if not logs.is_dir():
+        pytest.skip(f'no {logs}')
+    coupled, alone = yaw_fit(logs, ('v',)), yaw_fit(logs, ())
+    assert coupled > 0.5
+    assert coupled > alone + 0.08
 
 
 def test_the_intervals_hold_for_every_dof_with_held_commands():

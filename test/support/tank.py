@@ -25,6 +25,12 @@ TANK_LENGTH = 165.395
 """[s] Of all_axes.mcap."""
 
 
+def with_couplings(settings: Settings, dof: str, couplings: tuple[str, ...]) -> Settings:
+    """Return settings with other couplings of a DOF."""
+    return replace(settings, dof={
+        **settings.dof, dof: replace(settings.dof[dof], couplings=couplings)})
+
+
 def replayed(logs: Path, name: str, settings: Settings, start: float = 0.0,
              duration: float | None = None) -> tuple[ScoreLog, Estimate]:
     """Return a part of a tank recording after the pipe, and the last estimate."""
@@ -45,7 +51,8 @@ def tank_scores(logs: Path) -> tuple[Estimate, dict[str, Score]]:
     settings = settings_from(load(CONFIG / 'bluerov2_tank.yaml'))
     _, trained = replayed(logs, 'surge_sway_heave.mcap', settings)
     validation, _ = replayed(logs, 'all_axes.mcap', settings)
-    return trained, {d.dof: validation.score(d.dof, d.parameters) for d in trained.dofs}
+    return trained, {
+        d.dof: validation.score(d.dof, (*d.parameters, *d.couplings)) for d in trained.dofs}
 
 
 def offline_fits(logs: Path) -> dict[str, tuple[float, float]]:
@@ -53,6 +60,7 @@ def offline_fits(logs: Path) -> dict[str, tuple[float, float]]:
     settings = settings_from(load(CONFIG / 'bluerov2_tank.yaml'))
     train = replayed(logs, 'surge_sway_heave.mcap', settings)[0]
     validate = replayed(logs, 'all_axes.mcap', settings)[0]
+    settings = with_couplings(settings, 'yaw', ())
     first = replayed(logs, 'all_axes.mcap', settings, 0.0, 0.6 * TANK_LENGTH)[0]
     rest = replayed(logs, 'all_axes.mcap', settings, 0.6 * TANK_LENGTH)[0]
     fits = {}
@@ -60,7 +68,7 @@ def offline_fits(logs: Path) -> dict[str, tuple[float, float]]:
                               ('heave', train, validate), ('yaw', first, rest)):
         fit = METHODS['output_error'](
             learn.records(dof), Scales.of(settings.dof[dof]), settings)
-        score = judge.score(dof, fit.parameters)
+        score = judge.score(dof, (*fit.parameters, *fit.couplings))
         fits[dof] = (score.mae, score.fit)
     return fits
 
@@ -70,14 +78,26 @@ def online_fits(logs: Path, method: str) -> dict[str, float]:
     Return the fit per DOF of what a method has in the end, on data it was not trained on.
 
     One set of settings, the default one, for all DOFs; ``surge_sway_heave`` is judged on
-    ``all_axes``, yaw on the last 40 % of ``all_axes`` from its first 60 %.
+    ``all_axes``, yaw on the last 40 % of ``all_axes`` from its first 60 %. These cannot tell what
+    a sideways motion does to yaw, so there yaw has no couplings.
     """
     settings = settings_from(load(CONFIG / 'bluerov2_tank.yaml'))
     settings = replace(settings, identifier=IdentifierSettings(method))
     _, trained = replayed(logs, 'surge_sway_heave.mcap', settings)
     judge, _ = replayed(logs, 'all_axes.mcap', settings)
+    settings = with_couplings(settings, 'yaw', ())
     _, first = replayed(logs, 'all_axes.mcap', settings, 0.0, 0.6 * TANK_LENGTH)
     rest, _ = replayed(logs, 'all_axes.mcap', settings, 0.6 * TANK_LENGTH)
-    models = {d.dof: d.parameters for d in trained.dofs}
-    models |= {d.dof: d.parameters for d in first.dofs if d.dof == 'yaw'}
+    models = {d.dof: (*d.parameters, *d.couplings) for d in (
+        *trained.dofs, *[d for d in first.dofs if d.dof == 'yaw'])}
     return {dof: (rest if dof == 'yaw' else judge).score(dof, models[dof]).fit for dof in LEAST}
+
+
+def yaw_fit(logs: Path, couplings: tuple[str, ...]) -> float:
+    """Return the fit of yaw on short_all_axes.mcap, trained on all_axes.mcap."""
+    settings = with_couplings(
+        settings_from(load(CONFIG / 'bluerov2_tank.yaml')), 'yaw', couplings)
+    trained = replayed(logs, 'all_axes.mcap', settings)[1]
+    yaw, = (d for d in trained.dofs if d.dof == 'yaw')
+    judge = replayed(logs, 'short_all_axes.mcap', settings)[0]
+    return judge.score('yaw', (*yaw.parameters, *yaw.couplings)).fit

@@ -142,7 +142,7 @@ def test_the_table_has_every_number_with_its_unit(
     out, err = capsys.readouterr()
     assert err == ''
     assert max(map(len, out.splitlines())) <= 100
-    for text in ('surge', 'converged', ' kg ', 'N s²/m²', 'N s/m', ' N\n', 'kg m²',
+    for text in ('surge', 'converging', ' kg ', 'N s²/m²', 'N s/m', ' N\n', 'kg m²',
                  'N m s²/rad²', 'm/s²', '1/(kg m²)', 'rad/s', ' %', 'refused   nothing'):
         assert text in out
 

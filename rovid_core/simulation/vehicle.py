@@ -18,8 +18,8 @@ from rovid_core.thrust.thruster_curve import thruster_model, wrench
 from rovid_core.velocity.attitude_history import product, rotate, rotate_back
 
 NS = 1e-9
-MAX_STEP = 5_000_000  # longest integration step [ns]; the mean force of a step is exact
-MAX_COUPLED_STEP = 10_000_000  # likewise [ns]; a step of the coupled plant costs more
+MAX_STEP = 5_000_000
+"""Longest integration step [ns]; the mean force of a step is exact."""
 
 
 class Vehicle:
@@ -54,9 +54,8 @@ class Vehicle:
 
     def advance(self, time: int) -> None:
         """Move on to ``time`` [ns]."""
-        longest = MAX_STEP if self._coupled is None else MAX_COUPLED_STEP
         while self.time < time:
-            step = min(longest, time - self.time)
+            step = min(MAX_STEP, time - self.time)
             dt = step * NS
             force = self._force(self.time, self.time + step)
             if self._coupled is not None:

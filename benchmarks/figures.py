@@ -59,7 +59,7 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
     'accuracy': ('How right the models are', {
         'adaptive': Section('The adaptive identifier', 'accuracy.adaptive_identifier',
                             '--seeds 20', '--seeds 1', 1.5, recordings=True),
-        'online': Section('The online methods', 'accuracy.online_methods', '--seeds 300',
+        'online': Section('The online methods', 'accuracy.online_methods', '--seeds 60',
                           '--seeds 2', 6.0, recordings=True),
         'real': Section('Vehicles that are not the model', 'accuracy.real_vehicles', '--seeds 20',
                         '--seeds 1 --duration 60', 5.0),

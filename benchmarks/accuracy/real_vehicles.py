@@ -26,6 +26,7 @@ from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import IdentifierSettings, Scales
 
+from benchmarks.markdown import table
 from test.support.real_vehicles import GUESS, MASS, pieces, Vehicle, VEHICLES
 
 
@@ -78,9 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--method', default='ekf')
     parser.add_argument('--only', default='')
     given = parser.parse_args(arguments)
-    print(f'{given.seeds} seeds of {given.duration:g} s, {given.method}\n'
-          f'{"":<26}{"mass off":>9}{"rms z":>7}{"held":>6}{"conv.":>6}{"120 s":>6}{"false":>6}'
-          f'{"chg.":>6}  changed after [s]; note')
+    rows = []
     with ProcessPoolExecutor(2) as pool:
         for name in VEHICLES:
             if given.only not in name:
@@ -88,18 +87,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
             found = list(pool.map(partial(case, given.method, given.duration, name),
                                   range(given.seeds)))
             errors = np.array([one.errors for one in found])
-            at = sorted(one.changed_at for one in found if one.changed_at < inf)
-            notes = [note for one in found for note in one.notes if note]
+            at = [one.changed_at for one in found if one.changed_at < inf]
+            # without the share, which is another one in each drive
+            notes = [note.split(' % of the error follows ')[-1].split(',')[0]
+                     for one in found for note in one.notes if note]
             most = max(set(notes), key=notes.count) if notes else ''
-            print(f'{name:<26}{100 * np.median(errors[:, 0]):>8.1f}%'
-                  f'{np.sqrt(np.mean(errors[:, 1]**2)):>7.2f}'
-                  + ''.join(f'{100 * np.mean(x):>6.0f}' for x in (
-                      [one.held for one in found], [one.converged for one in found],
-                      [one.by_120 for one in found],
-                      [one.converged and not one.held for one in found],
-                      [one.changed_at < inf for one in found]))
-                  + f'  {" ".join(f"{t:.0f}" for t in at[:4])}; {notes.count(most)} {most[:60]}',
-                  flush=True)
+            rows.append((
+                name, f'{100 * np.median(errors[:, 0]):+.1f}',
+                f'{np.sqrt(np.mean(errors[:, 1]**2)):.2f}',
+                *(f'{100 * np.mean(x):.0f}' for x in (
+                    [one.held for one in found], [one.converged for one in found],
+                    [one.by_120 for one in found],
+                    [one.converged and not one.held for one in found],
+                    [one.changed_at < inf for one in found])),
+                f'{np.median(at):.0f}' if at else '', most))
+    print(f'{given.method}, {given.seeds} seeds of {given.duration:g} s.\n')
+    print(table(('vehicle', 'mass off, median [%]', 'rms of alpha over its std',
+                 'interval holds the mass [%]', 'converged [%]', 'by 120 s [%]',
+                 'converged, mass outside [%]', 'said to have changed [%]',
+                 'at [s], median', 'noted most often'), rows))
 
 
 if __name__ == '__main__':

@@ -392,10 +392,11 @@ class ExtendedKalman(Identifier):
 
     def _note_loss(self, found: Sequence[int]) -> None:
         """Note if a filter that understood the vehicle has lost it: often is a change."""
-        understood = [
-            member.verdict for member, came in zip(self._bank.members, found) if came == LOST
-            and member.verdict is not None and member.verdict.scatter < RIGHT]
-        if not understood:
+        # after a change there is no verdict for a minute, and what changed may change back
+        if not any(came == LOST and (
+                self._changed_at > 0.0 if member.verdict is None
+                else member.verdict.scatter < RIGHT)
+                   for member, came in zip(self._bank.members, found)):
             return
         self._losses = [t for t in self._losses if t > self._time - LOST_WITHIN] + [self._time]
         if len(self._losses) >= LOSSES:
@@ -420,8 +421,10 @@ class ExtendedKalman(Identifier):
     def _note_change(self) -> None:
         for member in self._bank.members:
             filter = member.filter
-            filter.widen_parameters([(CHANGE * p)**2 if v else 0.0 for p, v in zip(
-                filter.theta[:-1], self._model.prior)])
+            # a parameter that a fault has led to 0 must find its way back, too
+            filter.widen_parameters([
+                (CHANGE * max(abs(p), abs(q)))**2 if v else 0.0
+                for p, q, v in zip(filter.theta[:-1], self._theta, self._model.prior)])
             member.blocks.clear(filter.theta, [
                 filter.theta_covariance[k][k] for k in range(len(filter.theta))])
             member.verdict = None

@@ -49,6 +49,7 @@ setup(
         (f'{share}/environment', ['resource/path.dsv']),  # colcon.pkg: puts rovid on PATH
         (f'{share}/config', sorted(glob('config/*.yaml') + glob('config/*_layout.*')
                                      + glob('config/sros2_*.xml'))),
+        (f'{share}/config/examples', sorted(glob('config/examples/*.yaml'))),
         (f'{share}/launch', sorted(glob('launch/*.launch.py'))),
     ],
     python_requires='>=3.10',

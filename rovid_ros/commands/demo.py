@@ -16,8 +16,9 @@ from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
 from rovid_ros.commands.replay import replay
-from rovid_ros.commands.running import CommandError, read_settings, run_to_exit_code
+from rovid_ros.commands.running import read_settings, run_to_exit_code
 from rovid_ros.commands.simulate import simulate_log, truth
+from rovid_ros.config.shipped_files import shipped_file
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.results.documents import dofs_document
 from rovid_ros.results.text import NONE, percent, quantity, table
@@ -39,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def demo(folder: Path, duration: float = DURATION) -> None:
     """Simulate ``duration`` [s], identify, and print what is true beside what was found."""
-    config = find_config()
+    config = shipped_file(CONFIG)
     settings = read_settings(config)
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / 'jhurov.mcap'
@@ -60,19 +61,6 @@ def demo(folder: Path, duration: float = DURATION) -> None:
     print(f'\nNext, your own vehicle: copy {_near(config)}, put in your topics,\n'
           'thrusters and a guess of the mass, and run\n\n'
           '   rovid replay YOUR_LOG --params-file YOUR_FILE.yaml')
-
-
-def find_config() -> Path:
-    """Return the example configuration, of the checkout or the installation, or CommandError."""
-    here = Path(__file__).resolve()
-    places = [here.parents[2] / 'config' / CONFIG]
-    places += [up / 'share' / 'rovid_ros' / 'config' / CONFIG
-               for up in (*here.parents, Path(sys.prefix))]
-    for place in places:
-        if place.is_file():
-            return place
-    raise CommandError(f'{CONFIG} is neither at {places[0]} nor in share/rovid_ros/config of '
-                       'the installation')
 
 
 def _near(path: Path) -> Path:

@@ -20,16 +20,20 @@ from rovid_core.simulation.profiles import Profile, ProfileError
 from rovid_core.simulation.sensors import Measurement, simulate
 from rovid_core.simulation.vehicle import profile_of, shortfall
 from rovid_ros.commands.arguments import add_params_file, duration, mcap, seed
+from rovid_ros.commands.examples import example_configuration, example_truth, EXAMPLES
 from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.profile_text import GRAMMAR, parse_profile, profile_text
 from rovid_ros.commands.running import (
     check_written,
+    CommandError,
     Interrupt,
     Interrupted,
     located_errors,
     read_settings,
+    UsageError,
     warn,
 )
+from rovid_ros.files.whole_files import write_text
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.simulated_messages import SensorMessage, SensorMessages, SimulationError
 
@@ -40,6 +44,7 @@ DESCRIPTION = (
     'Its parameters are those under "simulation" in the file; the log says them under the MCAP '
     'metadata rovid_truth. The same seed gives the same file.')
 
+DURATION = 600.0  # [s]
 NUMBER = re.compile(r'\{n?\}')  # where the number of a trial goes in the name of its file
 # Between two trials of one call [ns]: joined into one log, they follow one another.
 PAUSE = 60 * 1_000_000_000
@@ -49,14 +54,18 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add what ``rovid simulate`` takes."""
     command.formatter_class = argparse.RawDescriptionHelpFormatter
     command.description = textwrap.fill(str(command.description), 78)
-    command.epilog = GRAMMAR
-    add_params_file(command)
+    command.epilog = f'{_example_lines()}\n\n{GRAMMAR}'
+    add_params_file(command, required=False)
     command.add_argument(
-        '--output', type=mcap, required=True, metavar='OUT.mcap',
+        '--example', choices=EXAMPLES, metavar='NAME',
+        help='instead of a file: a vehicle that is not quite its model, as real ones are, with '
+             'the log and the configuration that its user has; see below')
+    command.add_argument(
+        '--output', type=mcap, metavar='OUT.mcap',
         help="{} in the name is the trial's number, such as trials/{}.mcap; without it, several "
-             'trials go to OUT-1.mcap, OUT-2.mcap, ...')
-    command.add_argument('--duration', type=duration, default=600.0, metavar='S',
-                         help='length of each trial [s] (default: 600)')
+             'trials go to OUT-1.mcap, OUT-2.mcap, ... (default with --example: NAME.mcap)')
+    command.add_argument('--duration', type=duration, metavar='S',
+                         help='length of each trial [s] (default: 600, or that of the example)')
     command.add_argument(
         '--seed', type=seed, default=1, metavar='N',
         help='of the noise (default: 1); of several trials the first has N, the next N+1, ...')
@@ -67,6 +76,12 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Run ``rovid simulate``."""
+    if args.example:
+        _write_example(args)
+        return
+    if not args.params_file or not args.output:
+        raise UsageError('takes --params-file FILE and --output OUT.mcap, or --example NAME')
+    args.duration = args.duration or DURATION
     trials = plan_trials(args.output, args.duration, args.seed, args.profile or [{}])
     paths = [trial.path for trial in trials]
     check_written(paths, [args.params_file])
@@ -82,6 +97,33 @@ def run(args: argparse.Namespace) -> None:
             print(f'{trial.path}: {args.duration:,.1f} s, {count:,} messages, seed {trial.seed}')
     does = 'identify it with: rovid replay' if len(paths) == 1 else 'compare them: rovid compare'
     print(f'{does} {" ".join(map(str, paths))} --params-file {args.params_file}')
+
+
+def _write_example(args: argparse.Namespace) -> None:
+    """Write the log and the configuration of an example."""
+    if args.params_file or args.profile:
+        raise UsageError('--example takes no --params-file and no --profile')
+    example = EXAMPLES[args.example]
+    log = args.output or Path(f'{args.example}.mcap')
+    configuration = log.with_suffix('.yaml')
+    check_written([log, configuration], [])
+    text = example_configuration(example)
+    if configuration.exists() and configuration.read_bytes() != text.encode():
+        raise CommandError(f'{configuration}: is there, and is another configuration; give '
+                           'another name with --output')
+    length = args.duration or example.duration
+    count = simulate_log(
+        example_truth(args.example), log, length, args.seed, example.profile)
+    write_text(configuration, text)
+    print(f'{log}: {length:,.1f} s, {count:,} messages, seed {args.seed}: {example.summary}')
+    print(f'{configuration}: what its user configured; the true parameters are in the metadata '
+          f'rovid_truth of {log}')
+    print(f'identify it with: rovid replay {log} --params-file {configuration}')
+
+
+def _example_lines() -> str:
+    return '\n'.join(['examples:', *(
+        f'  {name:<10} {example.summary}' for name, example in EXAMPLES.items())])
 
 
 def _profile(text: str) -> Profile:

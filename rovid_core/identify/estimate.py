@@ -9,6 +9,9 @@ from rovid_core.identify.intervals import Interval, intervals, NO_UNCERTAINTY, U
 from rovid_core.identify.status import Judgement, WAITING
 from rovid_core.model.dofs import Four
 
+CURRENT_STATUSES = ('off', 'unobservable', 'converging', 'known', 'inconsistent')
+"""What is known of the current; ``unobservable`` until the vehicle has turned."""
+
 
 class DofEstimate(NamedTuple):
     """
@@ -74,6 +77,25 @@ class DofEstimate(NamedTuple):
         return intervals(self.parameters, self.covariance)
 
 
+class Current(NamedTuple):
+    """
+    The horizontal current of the water in the ENU world, where it goes to.
+
+    ``chi2`` (two degrees of freedom) says how far what surge and sway tell of it lie apart.
+    """
+
+    x: float  # [m/s]
+    y: float
+    covariance: tuple[float, float, float]  # xx, xy, yy [m^2/s^2]
+    chi2: float = math.nan
+    status: str = 'converging'  # one of CURRENT_STATUSES
+
+    @property
+    def std(self) -> tuple[float, float]:
+        """Return the standard deviations of x and y [m/s]."""
+        return math.sqrt(self.covariance[0]), math.sqrt(self.covariance[2])
+
+
 class Estimate(NamedTuple):
     """All DOFs after a step of one or more of them."""
 
@@ -82,3 +104,4 @@ class Estimate(NamedTuple):
     time: int
     dofs: tuple[DofEstimate, ...]  # in the order of ``Settings.dofs``
     stepped: tuple[int, ...]  # indices into ``dofs`` of those that this step moved
+    current: Current | None = None  # None where it is not estimated

@@ -16,8 +16,8 @@ from rovid_core.model.plant import lumped
 from rovid_core.settings.inputs import InputSettings, SettingsError, ThrusterSettings
 
 __all__ = [
-    'INPUTS', 'DofSettings', 'IdentifierSettings', 'InputSettings', 'Scales', 'Settings',
-    'SettingsError', 'SimulatedDof', 'SimulationSettings', 'ThrusterSettings',
+    'INPUTS', 'CurrentSettings', 'DofSettings', 'IdentifierSettings', 'InputSettings', 'Scales',
+    'Settings', 'SettingsError', 'SimulatedDof', 'SimulationSettings', 'ThrusterSettings',
 ]
 
 INPUTS = (
@@ -28,6 +28,9 @@ INPUTS = (
 
 WITH_COUPLINGS = ('ekf',)
 """Methods that identify couplings; the others leave them out."""
+
+WITH_CURRENT: tuple[str, ...] = ()
+"""Methods that estimate the current of the water; the others assume that it is still."""
 
 TINY, HUGE = 1e-6, 1e12
 """What a mass, force or velocity can be in any unit; squares of it are far from overflow."""
@@ -42,6 +45,14 @@ class IdentifierSettings:
     adaptation_time: float = 3.0
     feedback_gain: float = 0.0  # a of eq. 7 [1/s], negative; 0: from adaptation_time
     adaptation_gains: tuple[float, ...] = ()  # 4, or 4 per DOF: the diagonal of Gamma
+
+
+@dataclass(frozen=True)
+class CurrentSettings:
+    """What is known of the horizontal current beforehand, on each axis of the world."""
+
+    prior: float = 0.3  # standard deviation [m/s]; 0: the water is still
+    change: float = 1.0e-5  # spectral density of its random walk [m^2/s^3]
 
 
 @dataclass(frozen=True)
@@ -208,7 +219,9 @@ class Settings:
     cutoff: float = 0.6
     max_speed: float = 10.0  # [m/s] or [rad/s]; faster measurements are refused
     gate: float = 8.0  # [std] of what is predicted of an input; 0: off
+    relative_to: str = 'ground'  # what a measured velocity is relative to: ground | water
     identifier: IdentifierSettings = IdentifierSettings()
+    current: CurrentSettings = CurrentSettings()
     simulation: SimulationSettings = SimulationSettings()
     record_path: str = ''
     checkpoint_path: str = ''
@@ -252,6 +265,19 @@ class Settings:
         """Return the couplings of a DOF that the method identifies."""
         identified = self.all_methods or self.identifier.method in WITH_COUPLINGS
         return self.dof[dof].couplings if identified else ()
+
+    @property
+    def estimates_current(self) -> bool:
+        """
+        Tell whether the method estimates the current of the water.
+
+        It takes surge or sway measured over ground, and an attitude to turn the current by.
+        """
+        if self.identifier.method not in WITH_CURRENT or not self.current.prior:
+            return False
+        over_ground = {'position'} | ({'velocity'} if self.relative_to == 'ground' else set())
+        return bool(self.attitude.topic) and any(
+            self.source(dof) in over_ground for dof in self.dofs if dof in ('surge', 'sway'))
 
     def timeout_of(self, name: str) -> float:
         """Return after how long [s] an input counts as silent; infinite for held thrust."""

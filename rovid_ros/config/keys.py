@@ -9,6 +9,7 @@ from typing import Any
 from rovid_core.identify import METHODS
 from rovid_core.model.dofs import COUPLINGS, DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import (
+    CurrentSettings,
     DofSettings,
     IdentifierSettings,
     InputSettings,
@@ -177,6 +178,9 @@ def _inputs() -> list[Key]:
                'measurements that miss their prediction by more are refused, if noise is alike on '
                'all axes; 0: none are',
                'std', 0.0, 1000.0, live=True),
+        key_of('velocity.relative_to', 'relative_to', Settings,
+               'what the velocity is relative to: ground (bottom lock) or water (water lock)',
+               choices=('ground', 'water')),
         *_source('reference', 'reference',
                  'topic of a body velocity to score against, never used to identify'),
     ]
@@ -228,6 +232,12 @@ def _identifier() -> list[Key]:
             live=True),
         key('adaptation_gains', 'diagonal of Gamma: 4 numbers (alpha, beta, gamma, delta), or 4 '
             'per DOF; none: from adaptation_time', low=0.0, live=True),
+        key_of('current.prior', 'current.prior', CurrentSettings,
+               'standard deviation of the current of the water before anything is known of it; '
+               '0: still water, as in a tank', 'm/s', 0.0, 10.0),
+        key_of('current.change', 'current.change', CurrentSettings,
+               'how fast the current changes: growth of its variance per second', 'm^2/s^3',
+               0.0, 1.0),
     ]
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import (
+    CurrentSettings,
     DofSettings,
     IdentifierSettings,
     INPUTS,
@@ -60,6 +61,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     return Settings(
         dofs=dofs, dof=known, thrusters=_thrusters(tree['thrusters'], given),
         identifier=IdentifierSettings(**tree['identifier']),
+        current=CurrentSettings(**tree['current']),
         simulation=SimulationSettings(dofs=dict(_simulated(truth, given)), **simulation), **inputs,
         **rest)
 

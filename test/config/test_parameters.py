@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import (
+    CurrentSettings,
     DofSettings,
     IdentifierSettings,
     INPUTS,
@@ -38,9 +39,9 @@ def settings(**changes: Any) -> Settings:
 
 def test_every_setting_has_exactly_one_key() -> None:
     places = {'thrusters': ThrusterSettings, 'identifier': IdentifierSettings,
-              'simulation': SimulationSettings}
+              'current': CurrentSettings, 'simulation': SimulationSettings}
     wanted = {f.name for f in fields(Settings)} - {
-        'dof', 'thrusters', 'identifier', 'simulation', *INPUTS,
+        'dof', 'thrusters', 'identifier', 'current', 'simulation', *INPUTS,
         'all_methods'}  # which only a comparison sets
     for place, owner in places.items():
         wanted |= {f'{place}.{f.name}' for f in fields(owner)} - {'simulation.dofs'}

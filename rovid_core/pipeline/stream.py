@@ -77,6 +77,8 @@ class Stream:
         The last one.
     inputs : dict
         Input name -> InputHealth.
+    reset_by_clock : bool
+        Whether a clock that went back has put the parameters to their initial values.
 
     """
 
@@ -85,6 +87,7 @@ class Stream:
         self.settings = settings
         self.rejected: dict[tuple[str, str], int] = {}
         self.estimate: Estimate | None = None
+        self.reset_by_clock = False
         self.inputs = {name: InputHealth() for name in settings.used_inputs()}
         self._recorder = recorder
         self._warnings = deque([
@@ -243,7 +246,7 @@ class Stream:
         try:
             for dof in self.settings.dofs:
                 self.identifier(dof).restore(dofs[dof])
-        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
+        except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
             for name in self.settings.dofs:
                 self.identifier(name).restore(mine['dofs'][name])
             raise ValueError(f'{dof}: {error}') from error
@@ -281,6 +284,7 @@ class Stream:
         self._restart()
         if self.settings.reset_on_time_jump:
             self._pipeline.reset()
+            self.reset_by_clock = True
 
     def _restart(self) -> None:
         self._pipeline.restart()

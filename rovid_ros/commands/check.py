@@ -27,7 +27,8 @@ from rovid_ros.commands.running import check_written, CommandError, print_writte
 from rovid_ros.config.input_topics import inputs_of, needs, section, topics_of
 from rovid_ros.config.parameter_file import ParameterFileError, read
 from rovid_ros.config.parameters import check as check_values, settings_from
-from rovid_ros.files.state_file import is_record, load as load_checkpoint
+from rovid_ros.files.checkpoint import is_record
+from rovid_ros.files.state_file import load as load_checkpoint
 from rovid_ros.files.whole_files import write_json
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.log import Log

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, ExitStack
 from functools import partial
 import json
 from pathlib import Path
+import sys
 import textwrap
 from typing import Any
 
@@ -36,8 +37,8 @@ from rovid_ros.commands.running import (
     UsageError,
     warn as warn_on_stderr,
 )
-from rovid_ros.files.state_file import restore, save
-from rovid_ros.files.whole_files import write_json
+from rovid_ros.files.state_file import place_for, restore, save
+from rovid_ros.files.whole_files import FileLock, write_json
 from rovid_ros.logs.log import Log, LogMessage, Maker, RECORD
 from rovid_ros.logs.player import CONTROL, PipelinePlayer, Player
 from rovid_ros.logs.writer import OutputLog, unfinished
@@ -82,8 +83,12 @@ def run(args: argparse.Namespace) -> None:
     part = unfinished(args.output) if args.output else None
     check_written([*{args.output, part}, args.json, args.state], [*args.logs, args.params_file])
     settings = read_settings(args.params_file, args.method)
-    begin = args.state if args.state and args.state.exists() else None
+    with _locked(args.state):
+        _run(args, settings)
 
+
+def _run(args: argparse.Namespace, settings: Settings) -> None:
+    begin = args.state if args.state and args.state.exists() else None
     with located_errors(args.params_file):
         player = _node(args, settings) if args.ros else PipelinePlayer(settings)
         result = replay(
@@ -95,9 +100,28 @@ def run(args: argparse.Namespace) -> None:
     print(report(result))  # first: it is not lost where the JSON cannot be written
     if args.json:
         write_json(args.json, result.document())
-    if args.state:  # last: a replay that fails can be run again from the same state
-        save(args.state, settings, player.stream.state())
-    print_written(args.output, args.json, args.state)
+    place = place_for(args.state, player.stream) if args.state else None
+    if place:  # last: a replay that fails can be run again from the same state
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        save(place, settings, player.stream.state())
+    print_written(args.output, args.json, place)
+
+
+@contextmanager
+def _locked(state: Path | None) -> Iterator[None]:
+    """Keep nodes and other replays from a saved state."""
+    if state is None:
+        yield
+        return
+    try:
+        lock = FileLock(state)
+    except BlockingIOError as error:
+        raise CommandError(f'{state}: {error.strerror}') from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def _node(args: argparse.Namespace, settings: Settings) -> Player:

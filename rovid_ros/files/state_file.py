@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 import hashlib
 import json
-import os
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings, SettingsError
+from rovid_core.settings.run import Settings
 from rovid_ros.config.keys import KEYS
-from rovid_ros.files.whole_files import create_unused, prepare_file, write_json
+from rovid_ros.files.whole_files import write_json
 
 VERSION = 2
 
@@ -30,15 +29,15 @@ class StateError(ValueError):
     """A saved state that a run cannot begin from; the text says which file and why."""
 
 
-def is_record(settings: Settings) -> bool:
-    """Tell whether ``checkpoint.path`` and ``record.path`` are one file."""
-    record, checkpoint = settings.record_path, settings.checkpoint_path
-    return bool(record and checkpoint) and os.path.realpath(record) == os.path.realpath(checkpoint)
+class DamagedStateError(StateError):
+    """A saved state of which something was changed since it was written."""
 
 
 def save(path: Path, settings: Settings, state: Mapping[str, Any]) -> None:
     """
     Write the state of a stream; at every moment the file is the old or the new one, whole.
+
+    The one before is kept as ``path`` with ``.1`` behind it.
 
     Raises
     ------
@@ -49,7 +48,18 @@ def save(path: Path, settings: Settings, state: Mapping[str, Any]) -> None:
     made_with = _fingerprint(settings)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_json(path, {'rovid_checkpoint': VERSION, 'settings': made_with, 'state': state,
-                      'sha256': _digest(made_with, state)}, indent=1)
+                      'sha256': _digest(made_with, state)}, indent=1, keep=True)
+
+
+def place_for(path: Path, stream: Stream) -> Path:
+    """
+    Return where the state of a stream goes that is kept in ``path``.
+
+    A state that begins anew because a clock went back is none to take the place of a learned one.
+    """
+    if stream.reset_by_clock and path.exists():
+        return path.with_name(f'{path.stem}-reset{path.suffix}')
+    return path
 
 
 def load(path: Path, settings: Settings) -> dict[str, Any]:
@@ -63,21 +73,16 @@ def load(path: Path, settings: Settings) -> dict[str, Any]:
         parameters another meaning; then it names the key.
 
     """
-    try:
-        content = json.loads(path.read_text(encoding='utf-8'))
-    except OSError as error:
-        raise StateError(f'{path}: {error.strerror or error}') from None
-    except (ValueError, RecursionError) as error:
-        raise StateError(f'{path}: is damaged: {error}') from None
-    if not isinstance(content, dict) or 'rovid_checkpoint' not in content:
-        raise StateError(f'{path}: is not a saved state')
+    content = _read(path)
     version, made_with, state = (
         content.get(key) for key in ('rovid_checkpoint', 'settings', 'state'))
     if version != VERSION:
         raise StateError(f'{path}: has version {version}, this program reads {VERSION}')
+    if unknown := content.keys() - {'rovid_checkpoint', 'settings', 'state', 'sha256'}:
+        raise DamagedStateError(f'{path}: is damaged: it has {_text(unknown.pop())}')
     # files of earlier releases have no digest
     if 'sha256' in content and content['sha256'] != _digest(made_with, state):
-        raise StateError(f'{path}: is damaged: its content does not fit its digest')
+        raise DamagedStateError(f'{path}: is damaged: its content does not fit its digest')
     differs = _difference(made_with, _fingerprint(settings))
     if differs:
         raise StateError(f'{path}: {differs}')
@@ -109,87 +114,29 @@ def restore(path: Path, stream: Stream) -> dict[str, Any]:
     return state
 
 
-class Log(Protocol):
-    """The log of a node, as far as it is needed here."""
+def _read(path: Path) -> dict[str, Any]:
+    """Return the document of a file that says that it is a saved state."""
+    try:
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise StateError(f'{path}: is not a regular file')
+        content = json.loads(path.read_text(encoding='utf-8'), parse_float=_exact)
+    except OSError as error:
+        raise StateError(f'{path}: {error.strerror or error}') from None
+    except StateError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise DamagedStateError(f'{path}: is damaged: {error}') from None
+    if not isinstance(content, dict) or 'rovid_checkpoint' not in content:
+        raise StateError(f'{path}: is not a saved state')
+    return content
 
-    def info(self, message: str) -> object:
-        """Log that something happened."""
 
-    def warning(self, message: str) -> object:
-        """Log what somebody should look at."""
-
-    def error(self, message: str) -> object:
-        """Log what went wrong."""
-
-
-class Checkpoint:
-    """
-    The node's saved state, in the file of ``checkpoint.path``.
-
-    A file that does not fit, such as another vehicle's, is kept under another name.
-
-    Parameters
-    ----------
-    settings : Settings
-        Of the run.
-    stream : Stream
-        Whose state it is.
-    log : Log
-        Gets a line for what happens to the file.
-
-    Raises
-    ------
-    SettingsError
-        If the file could not be written, or is the record of the node.
-
-    """
-
-    def __init__(self, settings: Settings, stream: Stream, log: Log) -> None:
-        self.path = Path(settings.checkpoint_path)
-        self._settings = settings
-        self._stream = stream
-        self._log = log
-        self._does_not_fit = False
-        if settings.checkpoint_path:
-            prepare_file('checkpoint.path', self.path)
-        if is_record(settings):
-            raise SettingsError('checkpoint.path', 'is record.path, takes another file')
-
-    def restore(self) -> dict[str, Any] | None:
-        """Go on from the file where there is one that fits; return its state."""
-        if not self._settings.checkpoint_path or not self.path.exists():
-            return None
-        try:
-            state = restore(self.path, self._stream)
-        except ValueError as error:
-            self._does_not_fit = True
-            self._log.error(
-                f'checkpoint.path: not restored, starting from the initial values: {error}')
-            return None
-        frozen = '' if self._stream.adapting else ', frozen'
-        self._log.info(f'going on from {self.path}{frozen}')
-        return state
-
-    def save(self) -> str:
-        """Write the file; return why not, or ''."""
-        if not self._settings.checkpoint_path:
-            return 'checkpoint.path is not set'
-        try:
-            state = self._stream.state()
-            if self._does_not_fit:
-                self._set_aside()
-            save(self.path, self._settings, state)
-        except (OSError, ValueError) as error:
-            self._log.error(f'checkpoint: {error}')
-            return str(error)
-        return ''
-
-    def _set_aside(self) -> None:
-        if self.path.exists():
-            kept = create_unused(self.path)
-            self.path.replace(kept)
-            self._log.warning(f'checkpoint: {self.path} was not restored; kept as {kept}')
-        self._does_not_fit = False
+def _exact(text: str) -> float:
+    """Return the number of a text that is how Python writes it: no other digit was put there."""
+    value = float(text)
+    if repr(value) != text:
+        raise ValueError(f'{_text(text)} is no number that was saved')
+    return value
 
 
 def _digest(made_with: object, state: object) -> str:

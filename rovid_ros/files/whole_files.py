@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+import errno
+import fcntl
 import json
 import os
 from pathlib import Path
@@ -17,7 +20,7 @@ from rovid_core.settings.run import SettingsError
 STDOUT = Path('/dev/stdout')
 
 
-def write_json(path: Path, document: Any, indent: int = 2) -> None:
+def write_json(path: Path, document: Any, indent: int = 2, keep: bool = False) -> None:
     """
     Write a document as :func:`write_text` writes a text.
 
@@ -29,12 +32,14 @@ def write_json(path: Path, document: Any, indent: int = 2) -> None:
         If there is a number that is not finite.
 
     """
-    write_text(path, json.dumps(document, indent=indent, allow_nan=False) + '\n')
+    write_text(path, json.dumps(document, indent=indent, allow_nan=False) + '\n', keep)
 
 
-def write_text(path: Path, text: str) -> None:
+def write_text(path: Path, text: str, keep: bool = False) -> None:
     """
     Write a text; at every moment the file is the old or the new one, whole.
+
+    With ``keep`` the old one stays as :func:`before`.
 
     What a symbolic link points to is replaced, not the link. A pipe or a device is written
     to as it is.
@@ -51,9 +56,14 @@ def write_text(path: Path, text: str) -> None:
         elif path.exists() and not path.is_file():
             path.write_text(text, encoding='utf-8')
         else:
-            _replace(Path(os.path.realpath(path)), text)
+            _replace(Path(os.path.realpath(path)), text, keep)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def before(path: Path) -> Path:
+    """Return where a file is kept that had this name before."""
+    return Path(f'{os.path.realpath(path)}.1')
 
 
 def sync_folder(folder: Path) -> None:
@@ -65,20 +75,82 @@ def sync_folder(folder: Path) -> None:
         os.close(directory)
 
 
-def _replace(path: Path, text: str) -> None:
+def _replace(path: Path, text: str, keep: bool) -> None:
     prefix = f'.{path.name}.'
     remove_stale_files(path.parent, prefix)
     temporary = path.with_name(f'{prefix}{os.getpid()}')
+    spare = path.with_name(f'{temporary.name}-1')
     try:
         with temporary.open('w', encoding='utf-8') as file:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        temporary.replace(path)
+        if keep and path.exists():
+            _link(path, spare)
+            os.replace(spare, before(path))
+        os.replace(temporary, path)
     except BaseException:
         temporary.unlink(missing_ok=True)
+        spare.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def _link(path: Path, other: Path) -> None:
+    """Give a file a second name, or a copy where the file system has no links."""
+    try:
+        os.link(path, other)
+    except OSError:
+        with path.open('rb') as old, other.open('wb') as new:
+            shutil.copyfileobj(old, new)
+            new.flush()
+            os.fsync(new.fileno())
+
+
+class FileLock:
+    """
+    The right to write a file, for one holder at a time; it ends with ``release`` or the process.
+
+    The lock is on a hidden file beside it, for the file itself is replaced with every save.
+
+    Raises
+    ------
+    OSError
+        BlockingIOError if another one holds it, others if the hidden file cannot be made.
+
+    """
+
+    def __init__(self, path: Path) -> None:
+        place = Path(os.path.realpath(path))
+        self._path = place.with_name(f'.{place.name}.lock')
+        while not self._acquire():
+            pass
+
+    def _acquire(self) -> bool:
+        """Lock the file that has the name; False if the holder before removed it meanwhile."""
+        self._file: int | None = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(self._file)
+            raise BlockingIOError(errno.EWOULDBLOCK, 'is in use by another process') from None
+        except OSError:  # a file system without locks
+            return True
+        try:
+            if os.path.samestat(os.fstat(self._file), os.stat(self._path)):
+                return True
+        except FileNotFoundError:
+            pass
+        os.close(self._file)
+        return False
+
+    def release(self) -> None:
+        """Let another one have it."""
+        if self._file is not None:
+            with suppress(OSError):  # its folder may be gone
+                os.unlink(self._path)
+            os.close(self._file)
+            self._file = None
 
 
 def remove_stale_files(folder: Path, prefix: str) -> None:

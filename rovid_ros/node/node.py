@@ -17,7 +17,7 @@ from rovid_core.pipeline.steps import Scorer
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import inputs_of
-from rovid_ros.files.state_file import Checkpoint
+from rovid_ros.files.checkpoint import Checkpoint
 from rovid_ros.logs.player import change_parameters, PARAMETERS, recorded_changes, repeat_control
 from rovid_ros.messages.converter import Converter
 from rovid_ros.node.health.console import HealthMonitor
@@ -49,6 +49,8 @@ class IdentifierNode(ParameterNode):
     ----------
     stream, converter
         What the node runs, once it is configured.
+    saved : bool
+        Whether the last save at the end of a run went well, or there was nothing to save.
 
     Raises
     ------
@@ -62,6 +64,7 @@ class IdentifierNode(ParameterNode):
                  scorer: Scorer | None = None) -> None:
         self._configured = False
         self._live = live
+        self.saved = True
         self._scorer = scorer
         self._save_timer: Timer | None = None
         super().__init__(NODE_NAME, values or {}, autostart=not live)
@@ -141,7 +144,8 @@ class IdentifierNode(ParameterNode):
         estimates = self._publish(self.stream.finish())
         self._output_topics.publish_latched(self._outputs)
         if self.settings.checkpoint_path:
-            self._checkpoint.save()
+            self.saved = not self._checkpoint.save()
+        self._checkpoint.close()
         if self._recorder:
             self._recorder.close()
         self._health.finish()
@@ -174,6 +178,7 @@ class IdentifierNode(ParameterNode):
             self.get_logger(), keep=self._recorder is not None)
         self._outputs = Outputs(settings)
         self._checkpoint = Checkpoint(settings, self.stream, self.get_logger())
+        self.resources.callback(self._checkpoint.close)
         restored = self._checkpoint.restore()
         if self._recorder:
             self._recorder.open(restored)
@@ -254,7 +259,7 @@ class IdentifierNode(ParameterNode):
     def _on_save(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         failed = self._checkpoint.save()
         response.success = not failed
-        response.message = failed or f'saved to {self.settings.checkpoint_path}'
+        response.message = failed or f'saved to {self._checkpoint.path}'
         self.get_logger().info(f'~/save: {response.message}')
         return response
 

@@ -34,8 +34,8 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
     """
     Run a node until a signal comes, and return the exit code.
 
-    It is 0 after SIGINT or SIGTERM, 1 for a wrong configuration, 2 for a command line that cannot
-    be read. Either error is printed as one line.
+    It is 0 after SIGINT or SIGTERM, 1 for a wrong configuration or where the last state could not
+    be saved, 2 for a command line that cannot be read. An error is printed as one line.
     """
     if stop.received:
         stop.ignore_signals()
@@ -58,7 +58,7 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
         _spin(node, stop)
     finally:
         rclpy.try_shutdown()
-    return DONE
+    return DONE if node.saved else AT_FAULT
 
 
 def read_files(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:

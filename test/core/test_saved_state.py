@@ -1,6 +1,7 @@
 """A stream's state that was damaged is refused, all of it, or it works."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 import json
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
 from rovid_ros.messages.converter import Converter
+
+from test.support.surge import HEAVY, LIGHT, run, surge_log, surge_settings
 
 METHODS = ('aid', 'ekf', 'rls')
 
@@ -102,3 +105,29 @@ def test_a_damaged_state_is_refused_or_works(
         for event in events[330:]:
             stream.receive(event)
         json.dumps(stream.state(), allow_nan=False)
+
+
+def two_dofs(method: str) -> Settings:
+    return replace(surge_settings(method=method), dofs=('surge', 'sway'),
+                   dof={'surge': HEAVY, 'sway': LIGHT})
+
+
+@pytest.mark.parametrize('method', METHODS)
+def test_a_state_is_restored_whole_or_not_at_all(method: str) -> None:
+    """What is wrong with the last DOF leaves also the first one as it was."""
+    learned = Stream(two_dofs(method))
+    run(learned, surge_log(1, 6.0))
+    learned.enable(False)
+    state = learned.state()
+    other = Stream(two_dofs(method))
+    run(other, surge_log(2, 4.0))
+    before = json.dumps(other.state()), other.estimate
+    for key in ('parameters', 'v_hat', 'excitation'):
+        last = {**state['dofs']['sway'], key: 'x'}
+        with pytest.raises(ValueError, match='sway'):
+            other.restore({**state, 'dofs': {**state['dofs'], 'sway': last}})
+        assert (json.dumps(other.state()), other.estimate) == before
+        assert other.adapting
+    other.restore(state)
+    assert json.dumps(other.state()) == json.dumps(state)
+    assert not other.adapting

@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 
 import pytest
-from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
@@ -14,7 +13,7 @@ from rovid_core.settings.run import (
     Settings,
     ThrusterSettings,
 )
-from rovid_ros.files.state_file import Checkpoint, load, save, StateError
+from rovid_ros.files.state_file import DamagedStateError, load, save, StateError
 
 STATE = {'a': [0.1 + 0.2, 5e-324], 'b': {'c': 'text'}}
 
@@ -28,10 +27,12 @@ def settings(**changes: object) -> Settings:
 
 def test_what_was_saved_comes_back_exactly(tmp_path: Path) -> None:
     path = tmp_path / 'folder' / 'checkpoint.json'
+    save(path, settings(), {'a': 'before'})
     save(path, settings(), STATE)
-    save(path, settings(), STATE)  # over the old one
     assert load(path, settings()) == STATE
-    assert [entry.name for entry in path.parent.iterdir()] == ['checkpoint.json']
+    assert load(path.with_name('checkpoint.json.1'), settings()) == {'a': 'before'}
+    assert {entry.name for entry in path.parent.iterdir()} == {
+        'checkpoint.json', 'checkpoint.json.1'}
     json.loads(path.read_text(), parse_constant=lambda text: pytest.fail(text))
 
 
@@ -60,6 +61,9 @@ THRUSTERS = settings().thrusters
     (settings(thrusters=replace(THRUSTERS, allocation=((1.0,),) * 5 + ((0.0,),))),
      'thrusters.allocation [[1.0], '),
     (settings(frames='ned'), 'frames enu, '),
+    (settings(depth_scale=2.0), 'depth.scale 1.0, '),
+    (settings(heading_unit='deg'), 'attitude.unit rad, '),
+    (settings(heading_frames='ned'), 'attitude.heading , '),
 ])
 def test_another_configuration_is_refused(other: Settings, text: str, tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
@@ -102,55 +106,32 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
         load(tmp_path / 'none.json', settings())
 
 
-class Lines:
-    """A log that keeps its lines."""
-
-    def __init__(self) -> None:
-        self.text = ''
-
-    def error(self, message: str) -> None:
-        self.text += f'{message}\n'
-
-    info = warning = error
-
-
-def checkpoint(path: Path, **changes: object) -> tuple[Checkpoint, Lines]:
-    """Return what keeps the state of a new stream in a file, and its log."""
-    run, lines = settings(checkpoint_path=str(path), **changes), Lines()
-    return Checkpoint(run, Stream(run), lines), lines
-
-
-def test_a_damaged_checkpoint_is_kept(tmp_path: Path) -> None:
+def test_a_state_with_another_digit_is_refused(tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
-    path.write_text('{"rovid')
-    (tmp_path / 'checkpoint-1.json').write_text('of before')
-    kept, lines = checkpoint(path)
-    assert kept.restore() is None
-    assert 'not restored' in lines.text
-    assert path.read_text() == '{"rovid'  # until there is another one
-    for _ in range(2):
-        assert kept.save() == ''
-    assert json.loads(path.read_text())['settings']['dofs'] == ['surge']
-    assert (tmp_path / 'checkpoint-1.json').read_text() == 'of before'
-    assert (tmp_path / 'checkpoint-2.json').read_text() == '{"rovid'
-    assert not (tmp_path / 'checkpoint-3.json').exists()
-    assert 'checkpoint-2.json' in lines.text
+    state = {'numbers': [1.0000000000000002, -0.1, 1e-300, 12345678, 0.30000000000000004] * 4}
+    save(path, settings(), state)
+    text = path.read_text()
+    places = [i for i, character in enumerate(text) if character.isdigit()]
+    assert len(places) > 200
+    for number, i in enumerate(places):
+        path.write_text(f'{text[:i]}{(int(text[i]) + 1 + number % 9) % 10}{text[i + 1:]}')
+        with pytest.raises(StateError):
+            load(path, settings())
+    path.write_text(text)
+    assert load(path, settings()) == state
 
 
-def test_a_checkpoint_of_other_settings_is_kept(tmp_path: Path) -> None:
+def test_a_digest_that_is_renamed_is_no_way_around_it(tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
-    first, _ = checkpoint(path)
-    assert first.save() == ''
-    saved = path.read_text()
-    again, lines = checkpoint(path)
-    assert again.restore() is not None
-    assert 'going on from' in lines.text
-    other, lines = checkpoint(path, dofs=('yaw',), dof={'yaw': DofSettings(20.0)})
-    assert other.restore() is None
-    assert 'not restored' in lines.text
-    assert 'dofs' in lines.text
-    assert path.read_text() == saved
-    assert other.save() == ''
-    assert json.loads(path.read_text())['settings']['dofs'] == ['yaw']
-    assert (tmp_path / 'checkpoint-1.json').read_text() == saved
-    assert 'checkpoint-1.json' in lines.text
+    save(path, settings(), STATE)
+    path.write_text(path.read_text().replace('"sha256"', '"sha255"'))
+    with pytest.raises(DamagedStateError, match='it has sha255'):
+        load(path, settings())
+
+
+def test_a_pipe_or_a_device_is_no_state(tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    os.mkfifo(path)
+    for name in (path, Path('/dev/zero'), tmp_path):
+        with pytest.raises(StateError, match=f'^{name}: is not a regular file$'):
+            load(name, settings())

@@ -24,6 +24,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameters import settings_from
+from rovid_ros.files.whole_files import FileLock
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.node.__main__ import StopRequest
@@ -323,15 +324,14 @@ def test_a_failed_save_is_not_the_end(peer: Peer, start: Start, tmp_path: Path) 
     folder = tmp_path / 'state'
     node = start({'checkpoint.path': str(folder / 'checkpoint.json'), 'checkpoint.period': 1.0})
     assert peer.call(Trigger, '/identifier_node/save').success
-    (folder / 'checkpoint.json').unlink()
-    folder.rmdir()
+    shutil.rmtree(folder)
     folder.write_text('in the way')
     answer = peer.call(Trigger, '/identifier_node/save')
     assert not answer.success
     assert 'state' in answer.message
     peer.until(lambda: node.output.count('[ERROR]') >= 2)  # the periodic save, too
     assert peer.call(Trigger, '/identifier_node/reset').success
-    assert node.stop() == 0
+    assert node.stop() == 1  # the last one, too
     assert 'Traceback' not in node.output
 
 
@@ -405,6 +405,16 @@ def test_wrong_parameters_are_one_line(case: str, refused: Refused) -> None:
         yaml.safe_dump({'/**': {'ros__parameters': changed(changes)}}))
     assert code == 1
     assert expected in line
+
+
+def test_a_second_node_on_a_checkpoint_is_one_line(refused: Refused, tmp_path: Path) -> None:
+    path = tmp_path / 'checkpoint.json'
+    lock = FileLock(path)
+    code, line = refused.with_file(yaml.safe_dump(
+        {'/**': {'ros__parameters': changed({'checkpoint.path': str(path)})}}))
+    lock.release()
+    assert code == 1
+    assert f'checkpoint.path: {path} is in use by another process' in line
 
 
 @pytest.mark.parametrize('text, expected', [

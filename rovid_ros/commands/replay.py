@@ -44,7 +44,8 @@ from rovid_ros.logs.player import CONTROL, PipelinePlayer, Player
 from rovid_ros.logs.writer import OutputLog, unfinished
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.types import Decoder, WireType
-from rovid_ros.results.documents import dofs_document, Result
+from rovid_ros.results.current import current_text
+from rovid_ros.results.documents import current_document, dofs_document, Result
 from rovid_ros.results.outputs import LATCHED, Output, Outputs
 from rovid_ros.results.text import NONE, number, percent, quantity, table
 
@@ -250,7 +251,7 @@ class _Replay:
         return Result(
             tuple(logs), self._settings, self._steps, self._messages, self.duration,
             dofs_document(self._settings, estimate, scores, verdicts, joint),
-            dict(stream.rejected))
+            dict(stream.rejected), current_document(self._settings, estimate.current))
 
     def _add_message(self, message: LogMessage) -> None:
         """Add one message and write what it released."""
@@ -349,6 +350,7 @@ def report(result: Result) -> str:
         f'{result.messages:,} messages, {result.steps:,} steps of {method}',
         table(_status_rows(dofs), left=2),
         _legend(dofs),
+        *([_filled(current_text(result.current))] if result.current else []),
         table(_physical_rows(dofs)),
         table(_lumped_rows(dofs)),
         _couplings_table(dofs),

@@ -14,13 +14,14 @@ import math
 from pathlib import Path
 from typing import Any
 
-from rovid_core.identify.estimate import DofEstimate, Estimate
+from rovid_core.identify.estimate import Current, DofEstimate, Estimate
 from rovid_core.identify.intervals import Interval
 from rovid_core.model.dofs import COUPLINGS, DOFS, Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.score import Score
 from rovid_ros.messages.field_paths import nearest
+from rovid_ros.results.current import current_values, told
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,8 @@ class Result:
         Per DOF, as in the JSON: see :func:`dofs_document`.
     rejected : dict
         (input, reason) -> how many.
+    current : dict, optional
+        Of the water, as in the JSON: see :func:`current_document`.
 
     """
 
@@ -54,6 +57,7 @@ class Result:
     duration: float
     dofs: Mapping[str, Mapping[str, Any]]
     rejected: Mapping[tuple[str, str], int]
+    current: Mapping[str, Any] | None = None
 
     def document(self) -> dict[str, Any]:
         """Return what ``--json`` writes."""
@@ -62,7 +66,8 @@ class Result:
             reasons[reason] = reasons.get(reason, 0) + count
         return {
             'method': self.settings.identifier.method, 'steps': self.steps,
-            'duration_s': self.duration, 'rejected': reasons, 'dofs': self.dofs}
+            'duration_s': self.duration, 'rejected': reasons, 'dofs': self.dofs,
+            'current': self.current}
 
 
 def dofs_document(settings: Settings, estimate: Estimate | None,
@@ -119,6 +124,15 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
             'verdict': (verdicts or {}).get(dof.dof, ''),
         }
     return result
+
+
+def current_document(settings: Settings, current: Current | None) -> dict[str, Any] | None:
+    """Return the ``current`` part of the JSON [m/s], None where it is not estimated."""
+    if not settings.estimates_current:
+        return None
+    values = current_values(told(current, settings.frames))
+    return {name: json_number(value) if isinstance(value, float) else value
+            for name, value in values.items()}
 
 
 def couplings_document(names: Sequence[str], couplings: Sequence[float],

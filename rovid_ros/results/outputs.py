@@ -16,6 +16,7 @@ from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.model.dofs import DOFS, Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
+from rovid_ros.results.current import current_message, current_values, told
 
 ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
 DIAGNOSTIC_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -32,15 +33,25 @@ TOPICS = {
 COUPLING_TOPICS = {'rov/couplings': ARRAY_TYPE, 'rov/couplings_std': ARRAY_TYPE}
 """Further ones where a DOF has couplings."""
 
+CURRENT_TOPICS = {'rov/current': 'geometry_msgs/msg/Vector3Stamped',
+                  'rov/current_covariance': ARRAY_TYPE}
+"""Further ones where the current of the water is estimated."""
+
 LATCHED = ('rov/params', 'rov/params_std', *COUPLING_TOPICS)
 """Those of which a late subscriber gets a message at once, the last or one of the last second."""
 
 FRAME = 'base_link'
+WORLD_FRAMES = {'enu': 'map', 'ned': 'map_ned'}
+"""Frames of what is told in the world, by ``frames``."""
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
 LEVELS = {'waiting': WARN, 'unexcited': WARN, 'converging': OK, 'converged': OK, 'frozen': OK,
           'invalid': ERROR}
 """Status of a DOF to level of a ``DiagnosticStatus``."""
+
+CURRENT_LEVELS = {'off': OK, 'unobservable': WARN, 'converging': OK, 'known': OK,
+                  'inconsistent': WARN}
+"""The same of the current."""
 
 
 _Kappas = dict[str, float]
@@ -70,8 +81,8 @@ class Outputs:
     Attributes
     ----------
     topics : dict
-        Topic -> type of all that there are: ``TOPICS``, and ``COUPLING_TOPICS`` where a DOF
-        has couplings.
+        Topic -> type of all that there are: ``TOPICS``, ``COUPLING_TOPICS`` where a DOF has
+        couplings, and ``CURRENT_TOPICS`` where the current is estimated.
 
     """
 
@@ -86,7 +97,10 @@ class Outputs:
         self._kappas = dict(self._initial_kappas)
         self._coupling_names = tuple(dict.fromkeys(
             name for names in self._couplings.values() for name in names))
-        self.topics = {**TOPICS, **(COUPLING_TOPICS if self._coupling_names else {})}
+        self._frames = settings.frames
+        self._has_current = settings.estimates_current
+        self.topics = {**TOPICS, **(COUPLING_TOPICS if self._coupling_names else {}),
+                       **(CURRENT_TOPICS if self._has_current else {})}
         self._latched: dict[str, Callable[[], dict[str, Any]]] = {
             topic: make for topic, make in zip(LATCHED, (
                 lambda: self._values(0), lambda: self._values(1),
@@ -94,7 +108,8 @@ class Outputs:
             if topic in self.topics}
         self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = {
             'rov/identifier_state': _state, 'rov/velocity': _twist,
-            'rov/estimate': self._diagnostics}
+            'rov/estimate': self._diagnostics,
+            'rov/current': self._current, 'rov/current_covariance': self._current_covariance}
         self._statuses: dict[str, tuple[DofEstimate, bool, dict[str, Any]]] = {}
 
     def messages(self, estimate: Estimate, topics: Collection[str] | None = None
@@ -137,9 +152,24 @@ class Outputs:
         return [Output(topic, self.topics[topic], self._latched[topic]()) for topic in topics]
 
     def _diagnostics(self, estimate: Estimate) -> dict[str, Any]:
-        return {'header': header(estimate.time),
-                'status': [self._status(dof, index in estimate.stepped)
-                           for index, dof in enumerate(estimate.dofs)]}
+        statuses = [self._status(dof, index in estimate.stepped)
+                    for index, dof in enumerate(estimate.dofs)]
+        if self._has_current:
+            current = told(estimate.current, self._frames)
+            statuses.append({
+                'level': CURRENT_LEVELS[current.status], 'name': 'current',
+                'message': current_message(current), 'hardware_id': '',
+                'values': key_values(current_values(current))})
+        return {'header': header(estimate.time), 'status': statuses}
+
+    def _current(self, estimate: Estimate) -> dict[str, Any]:
+        current = told(estimate.current, self._frames)
+        return {'header': header(estimate.time, WORLD_FRAMES[self._frames]),
+                'vector': {'x': current.x, 'y': current.y, 'z': 0.0}}
+
+    def _current_covariance(self, estimate: Estimate) -> dict[str, Any]:
+        xx, xy, yy = told(estimate.current, self._frames).covariance
+        return _array(['x', 'y'], ['x', 'y'], [(xx, xy), (xy, yy)])
 
     def _status(self, dof: DofEstimate, stepped: bool) -> dict[str, Any]:
         """Return the status of a DOF; without a step, only ``updated`` is another."""

@@ -84,7 +84,8 @@ def messages(path: Path, topic: str) -> Iterator[tuple[int, int, Any]]:
 
 def test_the_json_is_as_specified(written: tuple[Path, dict[str, Any]]) -> None:
     document = written[1]
-    assert list(document) == ['method', 'steps', 'duration_s', 'rejected', 'dofs']
+    assert list(document) == ['method', 'steps', 'duration_s', 'rejected', 'dofs',
+                              'current']
     assert document['method'] == 'ekf'
     assert document['duration_s'] == pytest.approx(DURATION, abs=0.1)
     assert document['rejected'] == {}

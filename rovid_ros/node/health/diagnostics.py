@@ -28,7 +28,9 @@ from rovid_ros.node.health.levels import (
     LevelAndMessage,
     rejected_level,
 )
+from rovid_ros.results.current import current_message, current_values, told
 from rovid_ros.results.outputs import (
+    CURRENT_LEVELS,
     DIAGNOSTIC_TYPE,
     ERROR,
     header,
@@ -63,6 +65,8 @@ def diagnostics(data: HealthData, node: NodeState) -> Output:
     parts.append(('rejected', rejected_level(data), {
         f'{name}.{reason}': n for (name, reason), n in sorted(data.stream.rejected.items())}))
     parts += [(dof, dof_level(data, dof), _dof(data, dof)) for dof in settings.dofs]
+    if settings.estimates_current:
+        parts.append(_current(data))
     if node.state != ACTIVE:
         parts = [(name, (STALE, f'the node is {node.state}'), values)
                  for name, _, values in parts]
@@ -137,6 +141,16 @@ def _dof(data: HealthData, name: str) -> dict[str, Any]:
         values['delay of the thrust [s]'] = _number(dof.delay)
         values['delay of the thrust, std [s]'] = _number(dof.delay_std)
     return {**values, **_refused(data, name)}
+
+
+def _current(data: HealthData) -> tuple[str, LevelAndMessage, dict[str, Any]]:
+    """Return the part about the current of the water."""
+    estimate = data.stream.estimate
+    current = told(estimate.current if estimate else None, data.settings.frames)
+    values = {name if name in ('chi2', 'status') else f'{name} [m/s]':
+              _number(value) if isinstance(value, float) else value
+              for name, value in current_values(current).items()}
+    return 'current', (CURRENT_LEVELS[current.status], current_message(current)), values
 
 
 def _refused(data: HealthData, name: str) -> dict[str, Any]:

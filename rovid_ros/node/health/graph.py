@@ -12,7 +12,7 @@ from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import inputs_of
 from rovid_ros.messages.converter import Converter
 from rovid_ros.node.transport.publishers import best_effort
-from rovid_ros.results.outputs import COUPLING_TOPICS, TOPICS
+from rovid_ros.results.outputs import COUPLING_TOPICS, CURRENT_TOPICS, TOPICS
 
 LISTED = 3  # largest number of type names in a line; there could be any number in the graph
 # What rmw calls a node of which only an endpoint has been discovered yet.
@@ -146,7 +146,7 @@ def _differs(one: Any, other: Any) -> bool:
 
 def _hint(name: str, type_name: str, node: Graph) -> str:
     """Return a topic that could be meant, '' if none is near."""
-    own = {name, *map(node.resolve_topic_name, (*TOPICS, *COUPLING_TOPICS))}
+    own = {name, *map(node.resolve_topic_name, (*TOPICS, *COUPLING_TOPICS, *CURRENT_TOPICS))}
     topics: Mapping[str, Sequence[str]] = {
         other: types for other, types in node.get_topic_names_and_types()
         if other not in own and node.count_publishers(other)}

@@ -1,0 +1,53 @@
+"""The current of the water as it is told: in the world frame of the messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import Any
+
+from rovid_core.identify.estimate import Current
+from rovid_ros.results.text import number
+
+UNSEEN = Current(math.nan, math.nan, (math.nan, math.nan, math.nan), status='unobservable')
+
+ADVICE = {
+    'unobservable': 'cannot be told from drag and bias yet: turn by 45 degrees or more',
+    'inconsistent': 'surge and sway disagree about it: a tether, a heading error or a model that '
+                    'does not fit looks like a current',
+}
+"""What else to say of a status of the current."""
+
+
+def told(current: Current | None, frames: str) -> Current:
+    """Return a current in the ``frames`` of the messages, NaN while it cannot be seen."""
+    if current is None:
+        return UNSEEN
+    if current.status in ('off', 'unobservable'):
+        return UNSEEN._replace(status=current.status)
+    if frames == 'enu':
+        return current
+    xx, xy, yy = current.covariance
+    return current._replace(x=current.y, y=current.x, covariance=(yy, xy, xx))
+
+
+def current_values(current: Current) -> dict[str, float | str]:
+    """Return all numbers of a current by name [m/s], and its status."""
+    x_std, y_std = current.std
+    return {'x': current.x, 'y': current.y, 'x_std': x_std, 'y_std': y_std,
+            'chi2': current.chi2, 'status': current.status}
+
+
+def current_message(current: Current) -> str:
+    """Return status and advice in one line."""
+    advice = ADVICE.get(current.status)
+    return f'{current.status}: {advice}' if advice else current.status
+
+
+def current_text(values: Mapping[str, Any]) -> str:
+    """Return the line about a current in the summary of a replay, from its JSON."""
+    status = values['status']
+    numbers = [f'{axis} {number(values[axis])} ± {number(values[f"{axis}_std"])} m/s'
+               for axis in 'xy' if values[axis] is not None]
+    return f'current of the water: {", ".join([*numbers, status])}' + (
+        f' ({ADVICE[status]})' if status in ADVICE else '')

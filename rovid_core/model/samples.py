@@ -118,6 +118,9 @@ class Step(NamedTuple):
         Mean of each regressor of the DOF's couplings over each part, not filtered.
     filtered_couplings : tuple of float
         The same over the step, filtered like the velocity.
+    pieces : tuple of (float, float)
+        Lengths of the pieces [s] in which the force is held over the step, and the force of
+        each [N or N m]; empty where it is not held, or where the method has no use for it.
 
     """
 
@@ -132,6 +135,7 @@ class Step(NamedTuple):
     path_noise: float = 0.0
     couplings: tuple[tuple[float, float], ...] = ()
     filtered_couplings: tuple[float, ...] = ()
+    pieces: tuple[tuple[float, float], ...] = ()
 
 
 def finite(values: tuple[float, ...]) -> bool:

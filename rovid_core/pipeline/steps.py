@@ -93,6 +93,7 @@ class Pipeline:
                         if name in used}
         self.dofs = [Identification(settings, i, self._commands.unsigned, reject, warn)
                      for i in range(len(settings.dofs))]
+        self._with_pieces = any(dof.identifier.uses_pieces for dof in self.dofs)
         self.adapt = settings.enable
 
     def change(self, settings: Settings) -> None:
@@ -293,6 +294,7 @@ class Pipeline:
             filtered = source.regressors.step(
                 dt, tuple([(lead * x + rest * y) / dt for x, y in couplings]))
             source.last_regressors = new
+        pieces = self._forces.pieces(begin, time, source.indices) if self._with_pieces else ()
         for j, i in enumerate(source.indices):
             v, w, f, p, q = before[j], after[j], forces[j], first[j], second[j]
             step = Step(
@@ -307,7 +309,8 @@ class Pipeline:
                 turn=motion.turn,
                 path_noise=motion.path_noise[j] if motion.path_noise else 0.0,
                 couplings=tuple([couplings[k] for k in source.coupling_indices[j]]),
-                filtered_couplings=tuple([filtered[k] for k in source.coupling_indices[j]]))
+                filtered_couplings=tuple([filtered[k] for k in source.coupling_indices[j]]),
+                pieces=pieces[j] if pieces else ())
             self.dofs[i].add_step(time, step, self.adapt)
             if self._scorer is not None:
                 self._scorer.add_step(self._settings.dofs[i], span, step)

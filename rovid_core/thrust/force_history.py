@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Sequence
 import math
 from typing import Any
@@ -18,6 +18,9 @@ from rovid_core.thrust.thruster_curve import are_commands, wrench_model
 NS = 1e-9
 MAX_FORCE = 1e12
 """[N or N m] Beyond any vehicle in any unit, and far from overflow."""
+
+MAX_PIECES = 16
+"""Pieces of a held force above which it is as good as smooth."""
 
 MAX_KEPT = 65536
 """Commands that are kept, however close their stamps are."""
@@ -188,6 +191,34 @@ class ForceHistory:
                 slope = None if i == len(nodes) else self._slope(i - 1, nodes[i], self._forces[i])
                 integrals = self._at(i - 1, time, slope)[1]
                 found.append([integrals[j] for j in dofs])
+        return found
+
+    def pieces(self, start: int, end: int,
+               dofs: Iterable[int]) -> list[tuple[tuple[float, float], ...]]:
+        """
+        Return in which pieces the force is held over ``[start, end]`` [ns], per DOF.
+
+        Returns
+        -------
+        list of tuples of (float, float)
+            Length [s] and force of each piece; no pieces where a force is not held, or has
+            more than ``MAX_PIECES``. The span begins after the first command.
+
+        """
+        if self._lag or self._linear:
+            return [() for _ in dofs]
+        times, forces = self._times, self._forces
+        first, last = bisect_right(times, start) - 1, bisect_left(times, end)
+        found: list[tuple[tuple[float, float], ...]] = []
+        for j in dofs:
+            pieces = []
+            since, force = start, forces[first][j]
+            for i in range(first + 1, last):
+                if forces[i][j] != force:
+                    pieces.append(((times[i] - since) * NS, force))
+                    since, force = times[i], forces[i][j]
+            pieces.append(((end - since) * NS, force))
+            found.append(tuple(pieces) if len(pieces) <= MAX_PIECES else ())
         return found
 
     def missing(self, start: int, end: int) -> str:

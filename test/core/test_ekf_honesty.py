@@ -110,7 +110,7 @@ def without_thrust(steps, push=0.1):
     """Return steps of a vehicle that something else moves."""
     moved = [push * float(np.sin(0.3 * k)) for k in range(len(steps) + 1)]
     return [step._replace(force=(0.0,) * 3, forces=(0.0, 0.0), mean=b,
-                          velocity=(a, 0.5 * (a + b), b))
+                          velocity=(a, 0.5 * (a + b), b), pieces=())
             for step, a, b in zip(steps, moved, moved[1:])]
 
 
@@ -148,7 +148,7 @@ def test_a_model_that_does_not_predict_is_not_converged_and_one_that_stops_is_no
     assert drive.judged[-1] == 'converged'
     # the thrust of another drive
     other = [s for s in pieces(VEHICLES['exact'], 5, 160.0) if isinstance(s, Step)]
-    wrong = [step._replace(force=by.force, forces=by.forces)
+    wrong = [step._replace(force=by.force, forces=by.forces, pieces=by.pieces)
              for step, by in zip(steps[1:], other)]
     drive.go(wrong)
     assert drive.judged[-1] != 'converged'
@@ -171,7 +171,8 @@ def test_what_the_blocks_say_goes_on_after_a_restore():
 
 @pytest.mark.parametrize(('key', 'bad'), [
     ('bank', {'members': [], 'best': 0}), ('free', {}), ('theta', [1.0]), ('losses', [1e999]),
-    ('clock', {'impulse': [[0.0], [0.0]], 'path': 1e999, 'fix': 0.0, 'ahead': 0.0})])
+    ('clock', {'recent': {'times': [0.0, 1.0], 'means': [], 'slopes': [], 'held': False},
+               'path': 0.0, 'fix': 0.0, 'ahead': 0.0})])
 def test_a_state_that_does_not_fit_is_refused(key, bad):
     one = ExtendedKalman(SCALES)
     state = {**one.state(), key: bad}

@@ -2,37 +2,53 @@
 
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.linearised_filter import ForceImpulse, LinearisedFilter
+from rovid_core.identify.ekf.linearised_filter import LinearisedFilter
+from rovid_core.identify.ekf.recent_force import RecentForce
 
 
 def parabola(times, values, i, time):
     return np.polyval(np.polyfit(times[i - 1:i + 2], values[i - 1:i + 2], 2), time)
 
 
-def test_an_impulse_is_the_mean_of_the_parabolas_on_either_side():
-    random, impulses = np.random.default_rng(0), ForceImpulse()
+def test_the_impulse_of_a_smooth_force_is_the_mean_of_the_parabolas_on_either_side():
+    random, recent = np.random.default_rng(0), RecentForce()
     spans, forces = random.uniform(0.02, 0.1, 400), random.normal(size=400)
-    for span, force in zip(spans.tolist(), forces.tolist()):
-        impulses.add((span,), (force,))
+    for piece in zip(spans.tolist(), forces.tolist()):
+        recent.add([piece])
     times = np.concatenate([[0.0], np.cumsum(spans)])
     values = np.concatenate([[0.0], np.cumsum(spans * forces)])
     for i in range(380, 399):
-        for share in (0.0, 0.3, 0.9):
+        for share in (0.3, 0.9, 1.0):
             time = times[i] + share * (times[i + 1] - times[i])
             both = [parabola(times, values, k, time) for k in (i, i + 1)]
-            assert impulses.at([time])[0] == pytest.approx(np.mean(both), abs=1e-9)
+            impulse, *_ = recent.over(times[i], time)
+            assert impulse == pytest.approx(np.mean(both) - values[i], abs=1e-9)
     # the last span has nothing after it, and then the force stays as it is
     time = 0.5 * (times[399] + times[400])
-    assert impulses.at([time])[0] == pytest.approx(parabola(times, values, 399, time), abs=1e-9)
-    assert impulses.at([times[400] + 2.0])[0] == pytest.approx(values[400] + 2.0 * forces[399])
-    same = ForceImpulse()
-    same.restore(impulses.state())
-    several = [times[398], times[400] + 1.0, times[390], times[395] + 0.01]
-    assert impulses.at(several) == [impulses.at([time])[0] for time in several]
-    begin = impulses.state()[0][0]
-    for time in np.linspace(begin - 0.1, times[400] + 0.1, 1000).tolist():
-        assert same.at([time]) == impulses.at([time])
-    assert begin > times[400] - 9.0  # it does not grow
+    assert recent.over(times[399], time)[0] == pytest.approx(
+        parabola(times, values, 399, time) - values[399], abs=1e-9)
+    assert recent.over(times[399], times[400] + 2.0)[0] == pytest.approx(
+        values[400] - values[399] + 2.0 * forces[399])
+    assert recent.state()['times'][0] > times[400] - 9.0  # it does not grow
+
+
+@pytest.mark.parametrize(('start', 'end'), [
+    (0.1, 0.2), (0.1, 0.75), (0.3, 0.7), (-0.4, 0.1), (-0.4, 1.4), (0.7, 1.9), (1.2, 1.3),
+    (-0.5, -0.2)])
+def test_a_held_force_moves_a_body_as_its_pieces_do(start, end):
+    recent, edges, forces = RecentForce(), [0.0, 0.3, 0.7, 1.0], [2.0, -1.0, 0.5]
+    for k in range(3):
+        recent.add([(edges[k + 1] - edges[k], forces[k])], held=True)
+    time = np.linspace(start, end, 20_001)
+    middle, dt = 0.5 * (time[1:] + time[:-1]), np.diff(time)
+    force = np.array(forces)[np.clip(np.searchsorted(edges, middle) - 1, 0, 2)]
+    impulse, moment, first, last = recent.over(start, end)
+    assert impulse == pytest.approx(force @ dt, abs=1e-4)
+    assert moment == pytest.approx(((end - middle) * force) @ dt, abs=1e-4)
+    assert (first, last) == (force[0], force[-1])
+    same = RecentForce()
+    same.restore(recent.state())
+    assert same.over(start, end) == (impulse, moment, first, last)
 
 
 THETA = (0.5, -0.5, -0.2, 0.01, 0.05)
@@ -43,20 +59,20 @@ def test_the_force_ends_where_the_step_begins():
     """As at 20 Hz, with the delay at its lower bound because commands are stamped late."""
     filter = LinearisedFilter((*THETA[:4], -0.05), VARIANCES, 0.0)
     filter.set_motion(0.0, (1e-4, 1.0))
-    impulse = ForceImpulse()
-    impulse.add([0.05, 0.05], [1.0, 0.5])
-    assert impulse.end - 0.05 == 0.05
-    filter.move(impulse, 0.05, 0.1)
+    force = RecentForce()
+    force.add([(0.05, 1.0), (0.05, 0.5)])
+    assert force.end - 0.05 == 0.05
+    filter.move(force, 0.05, 0.1)
     assert filter.motion[1] == pytest.approx(0.5 * 0.05 * 0.5, rel=0.1)
     assert filter.covariance[0] > 0.0
 
 
 def sines(duration, dt=0.1):
-    impulse = ForceImpulse()
-    impulse.add([dt] * 3, [0.0] * 3)
+    force = RecentForce()
+    force.add([(dt, 0.0)] * 3)
     for k in range(round(duration / dt)):
-        impulse.add([dt], [float(np.sin(0.5 * k * dt) + 0.5 * np.sin(1.3 * k * dt))])
-        yield impulse, (k + 2) * dt, (k + 3) * dt
+        force.add([(dt, float(np.sin(0.5 * k * dt) + 0.5 * np.sin(1.3 * k * dt)))])
+        yield force, (k + 2) * dt, (k + 3) * dt
 
 
 @pytest.mark.parametrize('i', range(5))
@@ -73,6 +89,30 @@ def test_sensitivities_are_derivatives_of_the_motion(i):
     for k in range(2):
         derivative = (ends[2][0][k] - ends[0][0][k]) / (2.0 * small)
         assert ends[1][1][k] == pytest.approx(derivative, rel=0.05, abs=0.01)
+
+
+def staircase(duration, dt=0.1):
+    """Commands that jump at every fix and once between two, as those of a controller do."""
+    random, force = np.random.default_rng(3), RecentForce()
+    force.add([(dt, 0.0)] * 3, held=True)
+    for k in range(round(duration / dt)):
+        force.add([(0.4 * dt, float(random.normal())), (0.6 * dt, float(random.normal()))],
+                  held=True)
+        yield force, (k + 2) * dt, (k + 3) * dt
+
+
+@pytest.mark.parametrize('delay', [-0.012, 0.001, 0.05])
+def test_the_delay_feels_every_jump_of_held_commands(delay):
+    ends, small = [], 1e-5
+    for one in (delay - small, delay, delay + small):
+        filter = LinearisedFilter((*THETA[:4], one), VARIANCES, 0.0)
+        ends.append([])
+        for force, start, end in staircase(10.0):
+            filter.move(force, start, end)
+            ends[-1].append((filter.motion[0], filter.sensitivities[0][4]))
+    low, middle, high = np.array(ends)
+    derivative = (high[:, 0] - low[:, 0]) / (2.0 * small)
+    assert np.std(middle[:, 1] - derivative) < 0.1 * np.std(derivative)
 
 
 @pytest.mark.parametrize('force_std', [0.0, 0.1])
@@ -116,13 +156,13 @@ def test_the_covariance_stays_symmetric_and_positive_over_very_many_updates():
     random = np.random.default_rng(0)
     filter = LinearisedFilter(THETA, VARIANCES, 0.05)
     filter.set_motion(0.0, (1e-4, 1.0))
-    impulse, time, h = ForceImpulse(), 0.0, 0.1
-    impulse.add([h, h], [0.0, 0.0])
+    force, time, h = RecentForce(), 0.0, 0.1
+    force.add([(h, 0.0)] * 2)
     box = [(0, 1e-3, 1e3), (1, -1e3, 0.0), (2, -1e3, 0.0), (4, -0.05, 0.6)]
     for k in range(50_000):
         # long rests, and a change of the noise now and then
-        impulse.add([h], [0.0 if k % 3000 > 2000 else float(np.sin(0.05 * k))])
-        filter.move(impulse, time, time + h)
+        force.add([(h, 0.0 if k % 3000 > 2000 else float(np.sin(0.05 * k)))])
+        filter.move(force, time, time + h)
         time += h
         noise = (1e-9, 1e-5, 1.0)[k // 500 % 3]
         value = filter.motion[0] + float(random.normal()) * noise**0.5

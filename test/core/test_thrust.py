@@ -62,6 +62,21 @@ def test_impulse_is_the_exact_integral(hold, delay, lag):
         assert [y - x for x, y in zip(a, b)] == pytest.approx(expected, abs=5e-3)
 
 
+def test_a_held_force_comes_in_pieces_that_add_up_to_its_integral():
+    thrust = chain()
+    for start, end in ((50, 120), (110, 300), (50, 500), (60, 61)):
+        a, b = thrust.integrals((start * MS, end * MS))
+        for pieces, p, q in zip(thrust.pieces(start * MS, end * MS, (0, 1)), a, b):
+            assert sum(length for length, _ in pieces) == pytest.approx((end - start) * 1e-3)
+            assert sum(length * force for length, force in pieces) == pytest.approx(q - p)
+            assert all(x != y for (_, x), (_, y) in zip(pieces, pieces[1:]))
+    for k in range(1000):
+        thrust.add_commands((500 + k) * MS, (0.1, math.sin(0.1 * k)))
+    # one per command is as good as smooth, and what stays the same is one piece
+    assert [len(pieces) for pieces in thrust.pieces(600 * MS, 700 * MS, (1,))] == [0]
+    assert chain(time_constant=0.1).pieces(50 * MS, 120 * MS, (0,)) == [()]
+
+
 def test_no_force_before_the_first_command_nor_after_the_timeout():
     thrust = chain(delay=0.02, timeout=0.2)
     assert thrust.missing(10 * MS, 50 * MS) == 'no_thrust'

@@ -151,6 +151,7 @@ def pieces(vehicle: Vehicle, seed: int, duration: float) -> list[Step | float]:
     velocity = filtered(CUTOFF, np.full(len(mean), dt), mean)
     force = filtered(CUTOFF, np.full(len(forces), dt), forces.mean(axis=1))
     return [float(mean[0]), *(
-        Step(dt, (a, 0.5 * (a + b), b), (f, f, f), m, dt, (dt / 2, dt / 2), (p, q), 0.0)
+        Step(dt, (a, 0.5 * (a + b), b), (f, f, f), m, dt, (dt / 2, dt / 2), (p, q),
+             pieces=((dt / 2, p), (dt / 2, q)))
         for a, b, f, m, (p, q) in zip(velocity.tolist(), velocity[1:].tolist(), force.tolist(),
                                       mean[1:].tolist(), forces.tolist()))]

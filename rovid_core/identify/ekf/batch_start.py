@@ -147,7 +147,7 @@ class BatchStart:
                 member.restart(piece / self._velocity)
                 continue
             span = clock.add_step(piece)
-            member.move(clock.impulse, span)
+            member.move(clock.recent, span)
             if span.value is None or use == OUTLIER:
                 continue
             variance = innovations.noise**2
@@ -192,15 +192,16 @@ def _level(sizes: Sequence[float]) -> float:
 
 
 def _step(values: Sequence[Any], couplings: int) -> Step:
-    *plain, pairs, filtered = values
+    *plain, pairs, filtered, pieces = values
     numbers = [
         tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in plain]
     regressors = (tuple([(_finite(a), _finite(b)) for a, b in pairs]),
                   tuple(map(_finite, filtered)))
-    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-2]) or (
+    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-3]) or (
             _sizes(regressors) not in ([0, 0], [couplings, couplings])):
         raise ValueError('a step does not fit')
-    step = Step._make([*numbers, *regressors])
+    held = tuple([(_finite(a), _finite(b)) for a, b in pieces])
+    step = Step._make([*numbers, *regressors, held])
     if not step.dt > 0.0:
         raise ValueError('a step takes no time')
     return step

@@ -190,6 +190,7 @@ class ExtendedKalman(Identifier):
 
     converged_share = 0.1
     judges_errors = True
+    uses_pieces = True
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
@@ -273,7 +274,7 @@ class ExtendedKalman(Identifier):
         beginning = start is not None and start.duration < SOON
         self._time += step.dt
         span = clock.add_step(step)
-        self._free.move(clock.impulse, span)
+        self._free.move(clock.recent, span)
         found = [self._update(member, span, adapt, beginning) for member in self._bank.members]
         came = found[self._bank.number]
         if adapt:
@@ -296,7 +297,7 @@ class ExtendedKalman(Identifier):
             self._publish()
 
     def _update(self, member: Member, span: Measurement, adapt: bool, beginning: bool) -> int:
-        member.move(self._clock.impulse, span)
+        member.move(self._clock.recent, span)
         if span.value is None:
             return 0
         return member.update(span.i, span.value, span.dt, adapt, beginning)

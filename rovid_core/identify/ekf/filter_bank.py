@@ -7,8 +7,9 @@ import math
 from typing import Any
 
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.linearised_filter import Bounds, ForceImpulse, LinearisedFilter
+from rovid_core.identify.ekf.linearised_filter import Bounds, LinearisedFilter
 from rovid_core.identify.ekf.measurements import Measurement
+from rovid_core.identify.ekf.recent_force import RecentForce
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks, Verdict
 
 FORCES = (0.0, 0.05)
@@ -62,11 +63,11 @@ class Member:
             max(-1.0, min(1.0, velocity)), (self.innovations.noise**2, 1.0))
         self.innovations.forget_outliers()
 
-    def move(self, impulse: ForceImpulse, span: Measurement) -> None:
+    def move(self, recent: RecentForce, span: Measurement) -> None:
         """Predict to the time of a measurement."""
         filter = self.filter
         if span.end > span.start:
-            filter.move(impulse, span.start, span.end, span.couplings)
+            filter.move(recent, span.start, span.end, span.couplings)
         if span.turn or span.slip:
             # the noise of the fix between two intervals does not cancel when they are turned
             filter.widen_motion((span.turn * self.innovations.noise)**2 + span.slip**2)

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 import math
 from typing import Any
 
-from rovid_core.identify.ekf.linearised_filter import floats, ForceImpulse, LinearisedFilter
+from rovid_core.identify.ekf.linearised_filter import floats, LinearisedFilter
 from rovid_core.identify.ekf.measurements import Measurement
+from rovid_core.identify.ekf.recent_force import RecentForce
 
 SPAN = 1.0
 """[s] over which velocities are taken from the path."""
@@ -43,7 +44,7 @@ class FreePrediction:
         """Wait for the end of the block: the path begins anew."""
         self._theta, self._mark, self._time = [], [], -1.0
 
-    def move(self, impulse: ForceImpulse, span: Measurement) -> None:
+    def move(self, recent: RecentForce, span: Measurement) -> None:
         """Go on to the next measurement and compare."""
         if not self._theta:
             return
@@ -59,11 +60,10 @@ class FreePrediction:
         h /= pieces
         push = delta + math.fsum([
             kappa * x for kappa, x in zip(self._theta[4:], span.couplings)])
-        before, *impulses = impulse.at(
-            [start + k * h - delay for k in range(pieces + 1)])
-        for after in impulses:
-            u = alpha * (after - before) / h + push
-            before = after
+        start -= delay
+        for k in range(pieces):
+            impulse, *_ = recent.over(start + k * h, start + (k + 1) * h)
+            u = alpha * impulse / h + push
             w = v + 0.5 * h * (u + (beta * abs(v) + gamma) * v)
             x += h * w
             v += h * (u + (beta * abs(w) + gamma) * w)

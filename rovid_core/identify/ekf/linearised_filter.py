@@ -15,11 +15,12 @@ small.
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 import math
 from operator import add, mul
 from typing import Any, NamedTuple
+
+from rovid_core.identify.ekf.recent_force import RecentForce
 
 ALPHA, BETA, GAMMA, DELTA = range(4)
 """Where the parameters stand; the last one is the delay, before it come those of couplings."""
@@ -44,9 +45,6 @@ LONGEST = 0.3
 
 LARGEST_SUBSTEPS = 50
 
-LEAST_SHIFT = 1e-6
-"""[s] Least shift that a slope of the force is told from."""
-
 LARGEST_SPEED = 1e4
 """Typical velocities beyond which the state means nothing."""
 
@@ -58,101 +56,6 @@ Matrix = list[list[float]]
 
 class DivergenceError(ArithmeticError):
     """The state of a filter means nothing any more."""
-
-
-KEPT = 4.0
-"""[s] that are kept, at least."""
-
-
-class ForceImpulse:
-    """
-    The integral of a force from spans of known mean.
-
-    Between the nodes it is interpolated by a parabola, for a force that changes smoothly is
-    not constant over a span; after the newest the force stays as it is.
-    """
-
-    def __init__(self) -> None:
-        self._begin(0.0, 0.0)
-
-    def _begin(self, time: float, value: float) -> None:
-        self._times, self._values = [time], [value]
-        self._slopes: list[float] = []  # of the spans
-        self._bends: list[float] = []  # of the parabolas
-
-    @property
-    def end(self) -> float:
-        """Return the newest time that is known [s]."""
-        return self._times[-1]
-
-    def add(self, spans: Sequence[float], forces: Sequence[float]) -> None:
-        """Take the lengths of the next spans [s] and the mean force over each."""
-        for span, force in zip(spans, forces):
-            time = self._times[-1] + span
-            if time > self._times[-1]:
-                self._append(time, self._values[-1] + span * force)
-        times = self._times
-        if times[-1] - times[0] > 2.0 * KEPT:
-            cut = bisect_right(times, times[-1] - KEPT)
-            for nodes in (times, self._values, self._slopes, self._bends):
-                del nodes[:cut]
-            if len(times) > 2:  # there is nothing any more before the first span
-                self._bends[0] = (self._slopes[1] - self._slopes[0]) / (times[2] - times[0])
-
-    def _append(self, time: float, value: float) -> None:
-        times, values, slopes, bends = self._times, self._values, self._slopes, self._bends
-        slope = (value - values[-1]) / (time - times[-1])
-        bend = 0.0
-        if slopes:
-            # the parabola of a span is the mean of those through three nodes on either side
-            bend = (slope - slopes[-1]) / (time - times[-2])
-            bends[-1] = 0.5 * (bends[-1] + bend) if len(slopes) > 1 else bend
-        times.append(time)
-        values.append(value)
-        slopes.append(slope)
-        bends.append(bend)
-
-    def _restart(self, times: Sequence[float], values: Sequence[float]) -> None:
-        """Take nodes anew."""
-        self._begin(times[0], values[0])
-        for time, value in zip(times[1:], values[1:]):
-            self._append(time, value)
-
-    def at(self, times: Sequence[float]) -> list[float]:
-        """Return the impulse up to each of some times [s]."""
-        nodes, values, slopes, bends = self._times, self._values, self._slopes, self._bends
-        last = len(nodes) - 1
-        if last == 0:
-            return [0.0] * len(times)
-        found = []
-        i = bisect_right(nodes, times[0]) - 1
-        for time in times:
-            # the times are close together
-            while i < last - 1 and nodes[i + 1] <= time:
-                i += 1
-            while i > 0 and nodes[i] > time:
-                i -= 1
-            if i < 0:
-                i = 0
-            elif i >= last:
-                i = last - 1
-            a, b = nodes[i], nodes[i + 1]
-            past = time - a
-            line = values[i] + slopes[i] * past
-            found.append(line + bends[i] * past * (time - b) if a <= time <= b else line)
-        return found
-
-    def state(self) -> list[list[float]]:
-        """Return all that is needed to go on from here."""
-        return [list(self._times), list(self._values)]
-
-    def restore(self, state: Sequence[Sequence[float]]) -> None:
-        """Go on from ``state``; raises ValueError if it does not fit."""
-        times, values = ([float(x) for x in column] for column in state)
-        if not len(times) == len(values) > 0 or sorted(set(times)) != times or not all(
-                map(math.isfinite, (*times, *values))):
-            raise ValueError('the impulse do not fit')
-        self._restart(times, values)
 
 
 class LinearisedFilter:
@@ -199,15 +102,16 @@ class LinearisedFilter:
         q = len(self.theta) + len(CANDIDATES)
         self.sensitivities: Matrix = [[0.0] * q, [0.0] * q, [0.0] * q]
         self._lagged = 0.0
+        self._force: float | None = None  # at the end of the last step
 
-    def move(self, impulse: ForceImpulse, start: float, end: float,
+    def move(self, recent: RecentForce, start: float, end: float,
              couplings: Sequence[float] = ()) -> None:
         """
         Predict from ``start`` to ``end`` [s], in steps that resolve the drag.
 
         Parameters
         ----------
-        impulse : ForceImpulse
+        recent : RecentForce
             Of the force.
         start, end : float
             [s]
@@ -218,27 +122,24 @@ class LinearisedFilter:
         turn = (end - start) * max(
             2.0 * abs(self.theta[BETA] * self.motion[1]) + abs(self.theta[GAMMA]), 1.0 / LONGEST)
         if turn < 1.000001:
-            self._predict(impulse, start, end, couplings)
+            self._predict(recent, start, end, couplings)
             return
         pieces = min(int(turn), LARGEST_SUBSTEPS - 1) + 1
         for k in range(pieces):
-            self._predict(impulse, start + (end - start) * k / pieces,
+            self._predict(recent, start + (end - start) * k / pieces,
                           start + (end - start) * (k + 1) / pieces, couplings)
 
-    def _predict(self, impulse: ForceImpulse, start: float, end: float,
+    def _predict(self, recent: RecentForce, start: float, end: float,
                  couplings: Sequence[float]) -> None:
         h = end - start
         theta = self.theta
         x, v, f = self.motion
         alpha, beta, gamma, delta, delay = (
             theta[0], theta[1], theta[2], theta[3], theta[-1])
-        top = min(end + h, impulse.end + delay)
-        earlier, begin, half, last, late, latest = impulse.at((
-            start - h - delay, start - delay, start + 0.5 * h - delay, end - delay,
-            top - h - delay, top - delay))
-        force = (last - begin) / h
-        # the force is taken as a straight line over the step; this is half its rise
-        du = alpha * (2.0 * (begin + last - 2.0 * half) / h)
+        impulse, moment, first, last = recent.over(start - delay, end - delay)
+        force = impulse / h
+        # a straight line with the same integral and the same way; this is half its rise
+        du = alpha * (3.0 * force - 6.0 * moment / (h * h))
         u = alpha * force + delta + f
         for kappa, regressor in zip(theta[4:], couplings):
             u += kappa * regressor
@@ -253,21 +154,31 @@ class LinearisedFilter:
         v += h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         if not abs(v) < LARGEST_SPEED:
             raise DivergenceError(f'a speed of {v}')
-        decay = h * (2.0 * beta * size + gamma)
-        s, b, keep = h * (1.0 + 0.5 * decay), 0.5 * h * h, 1.0 + decay * (1.0 + 0.5 * decay)
-        # held commands are a staircase: its slope inside a step says nothing of the delay
-        later = (latest - late) - (begin - earlier)
-        shift = top - start
-        # where the newest command came that late there is nothing to tell a slope from
-        slope = later / (h * shift) if abs(shift) > LEAST_SHIFT else 0.0
+        rate = 2.0 * beta * size + gamma
+        decay = h * rate
+        s, b = h * (1.0 + decay * (0.5 + decay / 6.0)), h * h * (0.5 + decay / 6.0)
+        keep = 1.0 + decay * (1.0 + 0.5 * decay)
+        # where in the step the force acts counts; a delay feels by how much it has risen since
+        # the last step, which is all of its jumps, each of them once
+        before = first if self._force is None else self._force
+        self._force = last
+        late = 2.0 * moment - before * h * h
+        way = impulse - h * before + 0.5 * rate * late
+        of_delay = alpha / s * (last - before + rate * way), alpha * way
+        way = moment + rate * h * (0.5 * moment - h * impulse / 12.0)
+        of_alpha = (impulse + rate * way) / s, way
         drag = w * size
         gone = -math.expm1(-h / LAG)
         lag = (force - self._lagged) * gone * LAG / h
         self._lagged += gone * (force - self._lagged)
-        phi = [force, drag, w, 1.0, *couplings, -alpha * slope,
+        phi = [of_alpha[0], drag, w, 1.0, *couplings, -of_delay[0],
                force if force < 0.0 else 0.0, drag if w < 0.0 else 0.0,
                max(-DEAD_BAND, min(DEAD_BAND, force)), lag]
         xs, vs, fs = self.sensitivities
+        d = len(theta) - 1
+        xs = [*xs]
+        xs[ALPHA] += of_alpha[1] - b * of_alpha[0]
+        xs[d] -= of_delay[1] - b * of_delay[0]
         if self.force_std:
             e = math.exp(-h / FORCE_TIME)
             self.motion = [x + h * (self.motion[1] + h / 6.0 * (k1 + k2 + k3)), v, e * f]
@@ -416,7 +327,7 @@ class LinearisedFilter:
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'theta': list(self.theta), 'motion': list(self.motion),
-                'covariance': list(self.covariance), 'lagged': self._lagged,
+                'covariance': list(self.covariance), 'lagged': self._lagged, 'force': self._force,
                 'sensitivities': [list(x) for x in self.sensitivities],
                 'theta_covariance': [list(x) for x in self.theta_covariance]}
 
@@ -429,6 +340,7 @@ class LinearisedFilter:
         a, b, c, d, e, f = floats(state['covariance'], 6)
         self.covariance = (a, b, c, d, e, f)
         self._lagged, = floats([state['lagged']], 1)
+        self._force = None if state['force'] is None else floats([state['force']], 1)[0]
         xs, vs, fs = state['sensitivities']
         self.sensitivities = [floats(x, q) for x in (xs, vs, fs)]
         rows = [floats(row, p) for row in state['theta_covariance']]

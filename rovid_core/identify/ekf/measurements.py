@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from rovid_core.identify.ekf.linearised_filter import floats, ForceImpulse, POSITION, VELOCITY
+from rovid_core.identify.ekf.linearised_filter import floats, POSITION, VELOCITY
+from rovid_core.identify.ekf.recent_force import RecentForce
 from rovid_core.model.samples import Step
 
 
@@ -60,8 +61,8 @@ class MeasurementClock:
 
     Attributes
     ----------
-    impulse : ForceImpulse
-        Of the force.
+    recent : RecentForce
+        The force.
     ahead : float
         [s] from the last measurement to the end of the last step.
 
@@ -75,19 +76,21 @@ class MeasurementClock:
 
     def restart(self) -> None:
         """Begin a new path."""
-        self.impulse = ForceImpulse()
+        self.recent = RecentForce()
         self._path = 0.0
-        self._fix = -1.0  # [s] time of the last measurement, by the impulse's clock
+        self._fix = -1.0  # [s] time of the last measurement, by the force's clock
         self.ahead = 0.0
 
     def add_step(self, step: Step) -> Measurement:
         """Return what a step measures."""
-        impulse, first = self.impulse, self._fix < 0.0
-        spans = step.parts if step.interval else (step.dt,)
-        at = impulse.end + spans[0]
-        one, other = step.forces
-        impulse.add(spans, (one / self._force, other / self._force))
-        end = impulse.end
+        recent, first, unit = self.recent, self._fix < 0.0, self._force
+        at = recent.end + (step.parts[0] if step.interval else step.dt)
+        if step.pieces:
+            recent.add([(length, force / unit) for length, force in step.pieces], held=True)
+        else:
+            recent.add([(length, force / unit) for length, force in zip(
+                step.parts if step.interval else (step.dt,), step.forces)])
+        end = recent.end
         start = end - step.dt if first else self._fix
         self._fix, self.ahead = at, end - at
         couplings = tuple([before for before, _ in step.couplings]) or self._no_couplings
@@ -101,11 +104,11 @@ class MeasurementClock:
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return {'impulse': self.impulse.state(), 'path': self._path, 'fix': self._fix,
+        return {'recent': self.recent.state(), 'path': self._path, 'fix': self._fix,
                 'ahead': self.ahead}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         path, fix, ahead = floats([state[name] for name in ('path', 'fix', 'ahead')], 3)
-        self.impulse.restore(state['impulse'])
+        self.recent.restore(state['recent'])
         self._path, self._fix, self.ahead = path, fix, ahead

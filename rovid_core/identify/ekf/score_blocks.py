@@ -30,8 +30,8 @@ LARGEST_COUNT, SINGLE = 48, 8
 LEAST_COUNT = 6
 """Blocks below which they say nothing."""
 
-WEIGHT = 4.0
-"""Blocks that the model's own covariance counts as."""
+WEIGHT = 6.0
+"""Blocks that the model's own covariance counts as where newer ones are compared."""
 
 REPEATED = 2.0
 """Excess scatter above which an error repeats from block to block and does not average out."""
@@ -293,8 +293,14 @@ class _Fit:
 
     def verdict(self, counts: Array, wrong_model: bool) -> Verdict:
         n, a, scatter = self.n, self.active, self.scatter()
-        mixed = (WEIGHT * scatter * self.total[np.ix_(a, a)] + n * n / (n - 1) * self.v) / (
-            WEIGHT + n)
+        known, seen = scatter * self.total[np.ix_(a, a)], n / max(n - len(a), 0.5) * self.v
+        # how far what is seen lies from what the model says, and how far chance alone puts it;
+        # what is no more than chance is left out (O. Ledoit and M. Wolf, Journal of Multivariate
+        # Analysis 88(2), 2004)
+        off = self.c @ seen - scatter * np.eye(len(a))
+        chance = scatter * scatter * len(a) * (len(a) + 1) / n
+        share = min(chance / max(float(np.einsum('ij,ji', off, off)), chance), 1.0)
+        mixed = share * known + (1.0 - share) * seen
         covariance = self.c @ (mixed + self.prior) @ self.c
         if wrong_model or scatter > REPEATED:
             covariance = covariance * max(1.0, n / LEAST_COUNT)
@@ -335,10 +341,9 @@ class _Fit:
         scatter = self.scatter()
         if scatter > largest_scatter:
             return False
-        mean = (WEIGHT + 2.0) * scatter * self.total[np.ix_(a, a)] / n
-        b = (mean + self.v) / (WEIGHT + 2.0 + n)
-        known = self.c @ (((WEIGHT + 2.0) * scatter * self.h + n * self.v)
-                          / (WEIGHT + 2.0 + n)) @ self.c
+        mean = WEIGHT * scatter * self.total[np.ix_(a, a)] / n
+        b = (mean + self.v) / (WEIGHT + n)
+        known = self.c @ ((WEIGHT * scatter * self.h + n * self.v) / (WEIGHT + n)) @ self.c
         if scatter > SCATTERED:
             spread = 0.5 * scatter * own + 0.5 * w * b
         else:

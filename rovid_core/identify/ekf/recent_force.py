@@ -1,0 +1,126 @@
+"""The force of the last seconds, as a function of time."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+import math
+from typing import Any
+
+KEPT = 4.0
+"""[s] that are kept, at least."""
+
+
+class RecentForce:
+    """
+    A force in spans that follow each other, each of them a straight line.
+
+    Where commands are held the force is known exactly: it stays the same over a span and jumps
+    between two. Of a force that changes smoothly only the means over spans are known; there the
+    line leans by what the means on either side say. After the newest span, and before the
+    oldest, the force is the mean of that span.
+    """
+
+    def __init__(self) -> None:
+        self._times = [0.0]
+        self._means: list[float] = []
+        self._slopes: list[float] = []
+        self._held = False  # the newest span
+
+    @property
+    def end(self) -> float:
+        """Return the newest time that is known [s]."""
+        return self._times[-1]
+
+    def add(self, spans: Sequence[tuple[float, float]], held: bool = False) -> None:
+        """Take length [s] and mean force of the next spans; ``held`` if it stays the same."""
+        times, means, slopes = self._times, self._means, self._slopes
+        for length, mean in spans:
+            begin = times[-1]
+            time = begin + length
+            if not time > begin:
+                continue
+            if held and self._held and mean == means[-1]:
+                times[-1] = time
+                continue
+            slope = 0.0
+            if means and not (held or self._held):
+                slope = 2.0 * (mean - means[-1]) / (time - times[-2])
+                slopes[-1] = 0.5 * (slopes[-1] + slope) if len(means) > 1 else slope
+            times.append(time)
+            means.append(mean)
+            slopes.append(slope)
+            self._held = held
+        if times[-1] - times[0] > 2.0 * KEPT:
+            cut = bisect_right(times, times[-1] - KEPT) - 1
+            for column in (times, means, slopes):
+                del column[:cut]
+
+    def over(self, start: float, end: float) -> tuple[float, float, float, float]:
+        """
+        Return what a body feels of the force from ``start`` to ``end`` [s], the later one.
+
+        Returns
+        -------
+        impulse, moment, first, last : float
+            The integral of the force, that of the force times the time left to ``end``, which
+            is how far the impulse has moved a unit mass by then, and the force at both times.
+
+        """
+        times, means = self._times, self._means
+        if not means:
+            return 0.0, 0.0, 0.0, 0.0
+        if start < times[0] or end > times[-1]:
+            return self._beyond(start, end)
+        slopes = self._slopes
+        i = min(bisect_right(times, start), len(means)) - 1
+        slope, mean = slopes[i], means[i]
+        first = mean + slope * (start - 0.5 * (times[i] + times[i + 1])) if slope else mean
+        impulse = moment = 0.0
+        while True:
+            stop = times[i + 1]
+            if stop > end:
+                stop = end
+            length, middle = stop - start, 0.5 * (start + stop)
+            if slope:
+                mean += slope * (middle - 0.5 * (times[i] + times[i + 1]))
+                moment -= slope * length * length * length / 12.0
+            part = mean * length
+            impulse += part
+            moment += part * (end - middle)
+            if stop == end:
+                break
+            i += 1
+            start, slope, mean = stop, slopes[i], means[i]
+        return impulse, moment, first, mean + 0.5 * slope * length
+
+    def _beyond(self, start: float, end: float) -> tuple[float, float, float, float]:
+        """Return the same where the span leaves what is known."""
+        oldest, newest = self._times[0], self._times[-1]
+        before, after = self._means[0], self._means[-1]
+        a, b = min(max(start, oldest), newest), max(min(end, newest), oldest)
+        impulse, moment, first, last = self.over(a, b) if b > a else (0.0, 0.0, after, before)
+        if start < oldest:
+            first, early = before, min(end, oldest) - start
+            moment += before * early * (min(end, newest) - start - 0.5 * early)
+            impulse += before * early
+        if end > newest:
+            last, late = after, end - max(start, newest)
+            moment += impulse * late + 0.5 * after * late * late
+            impulse += after * late
+        return impulse, moment, first, last
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'times': list(self._times), 'means': list(self._means),
+                'slopes': list(self._slopes), 'held': self._held}
+
+    def restore(self, state: Any) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        times, means, slopes = ([float(x) for x in state[name]]
+                                for name in ('times', 'means', 'slopes'))
+        if not len(times) - 1 == len(means) == len(slopes) or sorted(set(times)) != times or (
+                not all(map(math.isfinite, (*times, *means, *slopes)))):
+            raise ValueError('the recent force does not fit')
+        self._times, self._means, self._slopes = times, means, slopes
+        self._held = bool(state['held'])

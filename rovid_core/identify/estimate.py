@@ -35,6 +35,7 @@ class DofEstimate(NamedTuple):
     W: float = math.nan  # Lyapunov function, where the truth is known
     delay: float = math.nan  # of the thrust [s], where it is estimated
     couplings: tuple[float, ...] = ()  # kappa of each of the DOF's ``couplings`` settings
+    stale_for: float = 0.0  # [s] since the last step where that is too long ago, otherwise 0
 
     @property
     def std(self) -> Four:
@@ -59,11 +60,14 @@ class DofEstimate(NamedTuple):
     @property
     def status(self) -> str:
         """Return one of ``status.STATUSES``."""
-        return self.judgement.status
+        return 'stale' if self.stale_for else self.judgement.status
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Return why the status is no better."""
+        if self.stale_for:
+            return (f'no step for {self.stale_for:.1f} s' if math.isfinite(self.stale_for)
+                    else 'no step since time jumped back',)
         return self.judgement.reasons
 
     @property
@@ -105,3 +109,5 @@ class Estimate(NamedTuple):
     dofs: tuple[DofEstimate, ...]  # in the order of ``Settings.dofs``
     stepped: tuple[int, ...]  # indices into ``dofs`` of those that this step moved
     current: Current | None = None  # None where it is not estimated
+    # event time [ns] of the sample that completed the step, which is what ages count up to
+    now: int = 0

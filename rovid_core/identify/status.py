@@ -12,7 +12,9 @@ from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
-STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invalid')
+STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invalid', 'stale')
+"""Of a DOF; the last one is what an estimate is called that has made no step for too long."""
+
 # A converged model is converging again above this times the limit to become converged.
 HYSTERESIS = 2.0
 PERIOD = 1.0  # event time [s] from one judgement to the next

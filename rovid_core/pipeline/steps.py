@@ -108,9 +108,8 @@ class Pipeline:
             check.change(settings)
         for source in self._sources:
             source.change(settings)
-        if gains_change:
-            for dof in self.dofs:
-                dof.change(settings)
+        for dof in self.dofs:
+            dof.change(settings, gains_change)
         if self._scorer is not None:
             self._scorer.set_cutoff(settings.cutoff)
 
@@ -126,6 +125,8 @@ class Pipeline:
         for source in self._sources:
             source.restart()
             source.interrupt()
+        for dof in self.dofs:
+            dof.interrupt()
 
     def reset(self) -> None:
         """Go back to the initial parameters; filters and histories stay."""
@@ -140,10 +141,14 @@ class Pipeline:
         for dof in self.dofs:
             dof.refresh()
 
-    def estimate(self, time: int, stepped: tuple[int, ...] = ()) -> Estimate:
-        """Return all DOFs as they are now."""
-        return Estimate(
-            time=time, dofs=tuple([dof.estimate for dof in self.dofs]), stepped=stepped)
+    def estimate(self, time: int, now: int, stepped: tuple[int, ...]) -> Estimate:
+        """Return all DOFs after a step to ``time`` that was completed at ``now`` [ns]."""
+        return Estimate(time, tuple([dof.at(now) for dof in self.dofs]), stepped, now=now)
+
+    def silent_estimate(self, now: int, ended: bool) -> Estimate:
+        """Return all DOFs as they are at ``now`` [ns] if nothing has come for a while."""
+        silent = ended or self._commands.silent(now)
+        return Estimate(now, tuple([dof.at(now, silent) for dof in self.dofs]), (), now=now)
 
     def add_sample(self, time: int, sample: Sample) -> list[Estimate] | None:
         """
@@ -234,7 +239,7 @@ class Pipeline:
                     return
                 self._interrupt(source, 'no_coupling')
             else:
-                self._make_step(source, motion, estimates)
+                self._make_step(source, motion, now, estimates)
 
     def _missing_couplings(self, source: FilteredSource, motion: Motion) -> str:
         """Return '' if the regressors of a motion's couplings are known, or why not."""
@@ -260,7 +265,7 @@ class Pipeline:
         if reason != 'too_fast':  # one wild fix costs one step; the state is still good
             source.interrupt()
 
-    def _make_step(self, source: FilteredSource, motion: Motion,
+    def _make_step(self, source: FilteredSource, motion: Motion, now: int,
                    estimates: list[Estimate]) -> None:
         """Make one step of all DOFs of a source, from the velocity before to this one."""
         last = source.last
@@ -316,7 +321,7 @@ class Pipeline:
                 self._scorer.add_step(self._settings.dofs[i], span, step)
         source.last = motion
         source.warn_if_clamped()
-        estimates.append(self.estimate(time, source.indices))
+        estimates.append(self.estimate(time, now, source.indices))
 
     def _begin(self, source: FilteredSource, motion: Motion) -> None:
         """Start the filters and v_hat from a measurement."""
@@ -477,19 +482,45 @@ class Identification:
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
         self._truth = None if true is None else lumped(
             true.mass, true.quadratic_drag, true.linear_drag, true.bias)
+        self._largest_age = round(settings.largest_age(name) / NS)
         self.refresh()
 
-    def change(self, settings: Settings) -> None:
-        """Use other gains from the next step on; the parameters stay."""
+    def change(self, settings: Settings, gains_change: bool) -> None:
+        """Use other timeouts, and from the next step on other gains; the parameters stay."""
+        self._largest_age = round(settings.largest_age(self._name) / NS)
+        if not gains_change:
+            return
         method = settings.identifier
         self.identifier = retuned_identifier(
             self.identifier, method, settings.dof[self._name], _raw_gains(method, self._i))
         self._status.retune(getattr(self.identifier, 'adaptation_time', method.adaptation_time))
 
+    def at(self, now: int, silent: bool = False) -> DofEstimate:
+        """
+        Return the estimate at an event time [ns], stale if its last step is too long ago.
+
+        It is stale at once if it is ``silent``: an input without which there is no step has been
+        so for its timeout, or the histories were started anew.
+        """
+        estimate = self.estimate
+        age = now - estimate.time
+        if -self._largest_age <= age <= self._largest_age and not (silent or self._interrupted):
+            return estimate
+        if estimate.judgement.status == 'waiting':  # for its first step
+            return estimate
+        nan = math.nan
+        return estimate._replace(stale_for=max(age, 1) * NS if age >= 0 else math.inf,
+                                 velocity=nan, v_hat=nan, force=nan, W=nan)
+
+    def interrupt(self) -> None:
+        """Have no present velocity until the next step; the parameters stay."""
+        self._interrupted = True
+
     def refresh(self) -> None:
         """Let the estimate say what the identifier holds by now, without a step."""
         self._status.reset()
         self._steps = 0
+        self._interrupted = False
         identifier = self.identifier
         self.estimate = DofEstimate(
             dof=self._name, parameters=identifier.parameters, uncertainty=identifier.uncertainty,
@@ -508,6 +539,7 @@ class Identification:
             self._reject(self._name, refused)
         else:
             self._steps += 1
+        self._interrupted = False
         judgement = self._status.update(identifier, step, refused, adapt)
         velocity, v_hat = step.velocity[2], identifier.v_hat
         self._sizes.add_step(step)

@@ -155,6 +155,16 @@ class Stream:
         self._restart()
         return estimates
 
+    def silent_estimate(self, now: int, ended: bool = False) -> Estimate | None:
+        """
+        Return what is left of the last estimate at a time [ns] up to which no step was made.
+
+        None before the first step. Nothing is changed. It is for those who have a clock; a stream
+        knows only how old a DOF is when another one makes a step. Where no more steps can come,
+        it has ``ended``, and all DOFs are stale.
+        """
+        return self._pipeline.silent_estimate(now, ended) if self.estimate else None
+
     @property
     def adapting(self) -> bool:
         """Tell whether the parameters are being adapted."""

@@ -261,6 +261,18 @@ class Settings:
         assert isinstance(found, InputSettings)
         return found
 
+    def needs(self, dof: str) -> tuple[str, ...]:
+        """Return the inputs without which a DOF makes no step, its source first."""
+        source = self.source(dof)
+        turned = source in ('position', 'depth') and self.attitude.topic
+        needed = (source, 'attitude' if turned else '', 'sign', 'thrusters')
+        return tuple(name for name in needed if name in self.used_inputs())
+
+    def largest_age(self, dof: str) -> float:
+        """Return how old [s] a DOF's last step may be: the longest timeout of its sensors."""
+        return max(self.timeout_of(name) for name in self.needs(dof)
+                   if name not in ('sign', 'thrusters'))
+
     def couplings(self, dof: str) -> tuple[str, ...]:
         """Return the couplings of a DOF that the method identifies."""
         identified = self.all_methods or self.identifier.method in WITH_COUPLINGS

@@ -295,6 +295,12 @@ class CommandIntake:
         """Add the direction of the commands from ``time`` [ns] on."""
         self._signs = time, value
 
+    def silent(self, now: int) -> bool:
+        """Tell whether nothing is known of the force at ``now`` [ns] if no command comes."""
+        if self._signs is not None and now - self._signs[0] > self._timeout:
+            return True
+        return bool(self._history.missing(now, now))
+
     def add_commands(self, time: int, value: tuple[float, ...], part: int) -> str:
         """Add commands at ``time`` [ns]; return why they were refused, or ''."""
         if not self._is_signed:

@@ -24,7 +24,7 @@ from rovid_ros.commands.arguments import add_json, add_logs, add_part, positive
 from rovid_ros.commands.check_data import check_data, ERROR, Findings, Observation
 from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.running import check_written, CommandError, print_written, UsageError
-from rovid_ros.config.input_topics import inputs_of, needs, section, topics_of
+from rovid_ros.config.input_topics import inputs_of, section, topics_of
 from rovid_ros.config.parameter_file import ParameterFileError, read
 from rovid_ros.config.parameters import check as check_values, settings_from
 from rovid_ros.files.checkpoint import is_record
@@ -390,7 +390,7 @@ def _input_table(settings: Settings) -> str:
     for name in settings.used_inputs():
         given = settings.thrusters if name == 'thrusters' else settings.input(name)
         topics = topics_of(settings, name)
-        dofs = [dof for dof in settings.dofs if name in needs(settings, dof)]
+        dofs = [dof for dof in settings.dofs if name in settings.needs(dof)]
         drives = 'the score' if name == 'reference' else ', '.join(dofs) or '-'
         rows.append([section(name), topics[0] + (f' and {len(topics) - 1} more' if topics[1:]
                                                  else ''),

@@ -1,4 +1,4 @@
-"""What is read from which topic, which inputs a topic feeds, and what a DOF needs."""
+"""What is read from which topic, and which inputs a topic feeds."""
 
 from __future__ import annotations
 
@@ -52,11 +52,3 @@ def inputs_of(settings: Settings, topic: str) -> list[str]:
 def section(name: str) -> str:
     """Return the section of an input in the parameter file."""
     return 'thrusters.sign' if name == 'sign' else name
-
-
-def needs(settings: Settings, dof: str) -> tuple[str, ...]:
-    """Return the inputs without which a DOF makes no step, its source first."""
-    source = settings.source(dof)
-    turned = source in ('position', 'depth') and settings.attitude.topic
-    needed = (source, 'attitude' if turned else '', 'sign', 'thrusters')
-    return tuple(name for name in needed if name in settings.used_inputs())

@@ -23,6 +23,7 @@ from rovid_ros.messages.converter import Converter
 from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import NODE_NAME, ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
+from rovid_ros.node.silence import PERIOD, SilenceWatch
 from rovid_ros.node.transport.inputs import InputDecoder, message_classes, Subscriptions
 from rovid_ros.node.transport.publishers import Publishers
 from rovid_ros.node.transport.wire_encoding import definition
@@ -101,6 +102,7 @@ class IdentifierNode(ParameterNode):
         """Publish what is held and unsubscribe; the estimate stays."""
         self._inputs.receive_all()
         self._publish(self.stream.interrupt())
+        self._publish_end()
         self._output_topics.publish_latched(self._outputs)
         self._inputs.close()
         if self.settings.checkpoint_path:
@@ -142,6 +144,8 @@ class IdentifierNode(ParameterNode):
         if self.active:
             self._inputs.receive_all()
         estimates = self._publish(self.stream.finish())
+        if self.active and self._live:
+            self._publish_end()
         self._output_topics.publish_latched(self._outputs)
         if self.settings.checkpoint_path:
             self.saved = not self._checkpoint.save()
@@ -173,6 +177,7 @@ class IdentifierNode(ParameterNode):
         self.converter = Converter(settings, self.stream.reject)
         self._classes = message_classes(settings, self.converter) if self._live else {}
         self._health = HealthMonitor(self, self.stream, self._recorder, live=self._live)
+        self._silence = SilenceWatch(self, self.stream)
         self._decoder = InputDecoder(
             self.stream, self.converter, self._classes, self._health.arrivals,
             self.get_logger(), keep=self._recorder is not None)
@@ -190,6 +195,8 @@ class IdentifierNode(ParameterNode):
         self._output_topics = Publishers(self, self._outputs.topics)
         self.resources.callback(self._output_topics.close)
         self._add_timer(1.0, self._on_second)
+        if self._live:
+            self._add_timer(PERIOD, self._on_silence)
         self._start_saving()
         self._add_service(Trigger, '~/reset', self._on_reset)
         self._add_service(SetBool, '~/enable', self._on_enable)
@@ -225,7 +232,16 @@ class IdentifierNode(ParameterNode):
     def _publish(self, estimates: list[Estimate]) -> list[Estimate]:
         self._output_topics.publish_estimates(self._outputs, estimates)
         self._health.add_estimates(estimates)
+        if estimates:
+            self._silence.note_estimate()
         return estimates
+
+    def _publish_end(self) -> None:
+        """Say that no DOF has a present velocity any more."""
+        last = self.stream.estimate
+        end = self.stream.silent_estimate(last.now, ended=True) if last else None
+        if end:
+            self._output_topics.publish_estimates(self._outputs, [end])
 
     def _publish_initial(self) -> None:
         """Latch the initial parameters after a reset."""
@@ -237,6 +253,12 @@ class IdentifierNode(ParameterNode):
         self._output_topics.publish(self._health.update(self.label))
         if self._recorder:
             self._recorder.flush()
+
+    def _on_silence(self) -> None:
+        """Publish which DOFs have become stale while no step was made."""
+        estimate = self._silence.due() if self.active else None
+        if estimate:
+            self._output_topics.publish_estimates(self._outputs, [estimate])
 
     def _on_save_timer(self) -> None:
         self._checkpoint.save()

@@ -119,8 +119,9 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
             **({'fit_joint': json_number(joint[dof.dof].fit)}
                if joint and dof.dof in joint else {}),
             'steps': dof.steps,
-            'status': dof.status,
-            'reasons': list(dof.reasons),
+            # of the model: that the log of a sensor ended earlier takes nothing from it
+            'status': dof.judgement.status,
+            'reasons': list(dof.judgement.reasons),
             'verdict': (verdicts or {}).get(dof.dof, ''),
         }
     return result

@@ -40,18 +40,24 @@ CURRENT_TOPICS = {'rov/current': 'geometry_msgs/msg/Vector3Stamped',
 LATCHED = ('rov/params', 'rov/params_std', *COUPLING_TOPICS)
 """Those of which a late subscriber gets a message at once, the last or one of the last second."""
 
+OF_STEPS = ('rov/params', 'rov/params_std', *COUPLING_TOPICS)
+"""Those in which only a step or a reset changes anything."""
+
 FRAME = 'base_link'
 WORLD_FRAMES = {'enu': 'map', 'ned': 'map_ned'}
 """Frames of what is told in the world, by ``frames``."""
 
 OK, WARN, ERROR, STALE = 0, 1, 2, 3
 LEVELS = {'waiting': WARN, 'unexcited': WARN, 'converging': OK, 'converged': OK, 'frozen': OK,
-          'invalid': ERROR}
+          'invalid': ERROR, 'stale': WARN}
 """Status of a DOF to level of a ``DiagnosticStatus``."""
 
 CURRENT_LEVELS = {'off': OK, 'unobservable': WARN, 'converging': OK, 'known': OK,
                   'inconsistent': WARN}
 """The same of the current."""
+
+LONG = 10.0
+"""[s] What has been stale for so long is an ERROR."""
 
 
 _Kappas = dict[str, float]
@@ -132,7 +138,7 @@ class Outputs:
     def each(self, estimate: Estimate, topics: Collection[str]) -> Iterator[Output]:
         """Yield the same one by one, so that the first is out before the next is made."""
         for dof in estimate.dofs:
-            if dof.status != 'invalid':
+            if dof.status not in ('invalid', 'stale'):
                 self._rows[dof.dof] = (dof.parameters, dof.std)
                 names = self._couplings[dof.dof]
                 self._kappas[dof.dof] = (
@@ -271,8 +277,10 @@ def _status(dof: DofEstimate, couplings: Sequence[str], stepped: bool) -> dict[s
             values[name] = getattr(dof, name)
     for name, kappa, std in zip(couplings, dof.couplings, dof.couplings_std):
         values[f'kappa_{name}'], values[f'kappa_{name}_std'] = kappa, std
+    if dof.stale_for:
+        values['age'] = dof.stale_for
     return {
-        'level': LEVELS[dof.status],
+        'level': ERROR if dof.stale_for > LONG else LEVELS[dof.status],
         'name': dof.dof,
         'message': dof_message(dof),
         'hardware_id': '',

@@ -20,7 +20,6 @@ from rovid_ros.logs.player import CONTROL
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.transport.publishers import latched
 from rovid_ros.node.transport.wire_encoding import import_type
-from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
@@ -61,7 +60,7 @@ def are_matched(peer: Peer) -> bool:
 def test_through_all_states(messages: list[Raw], peer: Peer, start: Start,
                             tmp_path: Path) -> None:
     record, checkpoint = tmp_path / 'record.mcap', tmp_path / 'checkpoint.json'
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start({**WAITING, 'record.path': str(record), 'checkpoint.path': str(checkpoint)})
     assert state(peer) == 'unconfigured'
     assert not record.exists()
@@ -132,7 +131,7 @@ def parameters(estimate: Any) -> list[float]:
 def test_shut_down_while_active(messages: list[Raw], peer: Peer, start: Start,
                                 tmp_path: Path) -> None:
     record = tmp_path / 'record.mcap'
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start({'record.path': str(record)})
     peer.advertise(TYPES)
     peer.publish(messages[:300])
@@ -149,7 +148,7 @@ def test_the_record_of_pauses_replays_to_the_same_bits(
         peer: Peer, start: Start, environment: dict[str, str], tmp_path: Path) -> None:
     """Unstamped commands, and a vehicle that moves on while nobody listens."""
     record = tmp_path / 'record.mcap'
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start({**UNSTAMPED, 'record.path': str(record)})
     peer.advertise(UNSTAMPED_TYPES)
     for _ in range(3):

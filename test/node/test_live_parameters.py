@@ -20,7 +20,6 @@ from rovid_ros.config.parameters import changed as changed_settings, settings_fr
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.player import change_parameters, repeat_control
 from rovid_ros.node.node import IdentifierNode
-from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_srvs.srv import SetBool, Trigger
 
 from test.support.live_drive import (
@@ -196,7 +195,7 @@ def test_the_service_and_the_parameter_are_one(peer: Peer, start: Start, tmp_pat
 def test_the_record_of_changes_replays_to_the_same_bits(
         peer: Peer, start: Start, environment: dict[str, str], tmp_path: Path) -> None:
     record = tmp_path / 'record.mcap'
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start({**UNSTAMPED, 'record.path': str(record), 'velocity.cutoff': 2})
     peer.advertise(UNSTAMPED_TYPES)
     for values in ({'identifier.adaptation_time': 10}, RAW, {'velocity.cutoff': 0.8},
@@ -225,7 +224,7 @@ def test_what_was_set_before_is_in_the_next_record(
     """A parameter lasts as long as the process, whatever its states; a replay has to know."""
     from test.node.test_lifecycle import ask
 
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start({**UNSTAMPED, 'autostart': False, 'record.path': str(tmp_path / 'record.mcap')})
     assert put(peer, {'velocity.cutoff': 3.0, **RAW}) == ''
     assert put(peer, {'velocity.cutoff': -3.0}).startswith('velocity.cutoff: got -3.0')

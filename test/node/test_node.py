@@ -115,7 +115,7 @@ def test_fed_from_a_log_it_publishes_what_the_pipe_says(
         ros: None, log: Path, messages: list[Raw], tmp_path: Path) -> None:
     record, checkpoint = tmp_path / 'record.mcap', tmp_path / 'checkpoint.json'
     run = Running({'record.path': str(record), 'checkpoint.path': str(checkpoint)}, live=False)
-    estimates = run.peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = run.peer.listen_to_steps()
     run.peer.until(lambda: all(publisher.get_subscription_count() for publisher in
                                run.node.publishers if publisher.topic_name == '/rov/estimate'))
     given = []

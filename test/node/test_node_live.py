@@ -77,7 +77,7 @@ def test_live_gives_the_bits_of_a_replay(
         start: Start) -> None:
     settings = settings_from(VALUES)
     expected = told(settings, replayed(settings, messages))
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start()
     peer.advertise(TYPES)
     peer.publish(order(messages))
@@ -102,7 +102,7 @@ def test_all_outputs_of_a_step_agree(messages: list[Raw], peer: Peer, start: Sta
         '/rov/velocity': 'geometry_msgs/msg/TwistStamped',
         '/rov/estimate': DIAGNOSTIC_TYPE}
     received = {topic: peer.listen(topic, name) for topic, name in topics.items()}
-    node = start()
+    node = start({'max_gap': 60.0})  # so that nothing becomes stale
     peer.advertise(TYPES)
     peer.publish(messages[:300])
     peer.settle(received['/rov/estimate'], 100)
@@ -198,7 +198,7 @@ def test_save_without_a_path(quiet: NodeProcess, peer: Peer) -> None:
 def test_a_clean_end(signals: tuple[int, ...], messages: list[Raw], peer: Peer, start: Start,
                      tmp_path: Path) -> None:
     record = tmp_path / 'record.mcap'
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start({'record.path': str(record)})
     peer.advertise(TYPES)
     peer.publish(messages[:300])
@@ -216,7 +216,7 @@ def test_a_clean_end(signals: tuple[int, ...], messages: list[Raw], peer: Peer, 
 def test_the_record_replays_to_the_same_bits(peer: Peer, start: Start, tmp_path: Path) -> None:
     """Also with commands that have no stamp and with services called in between."""
     record = tmp_path / 'record.mcap'
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start({**UNSTAMPED, 'record.path': str(record)})
     peer.advertise(UNSTAMPED_TYPES)
     drive(peer, 1.5)
@@ -240,7 +240,7 @@ def test_a_killed_node_leaves_a_record(messages: list[Raw], peer: Peer, start: S
                                        tmp_path: Path) -> None:
     record = tmp_path / 'record.mcap'
     record.write_bytes(b'older')
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     diagnostics = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
     node = start({'record.path': str(record)})
     peer.advertise(TYPES)
@@ -258,7 +258,7 @@ def test_a_killed_node_leaves_a_record(messages: list[Raw], peer: Peer, start: S
 def test_save_and_go_on(messages: list[Raw], peer: Peer, start: Start, tmp_path: Path) -> None:
     path = tmp_path / 'state' / 'checkpoint.json'
     changes = {'checkpoint.path': str(path)}
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start(changes)
     peer.advertise(TYPES)
     peer.publish(messages[:300])
@@ -292,7 +292,7 @@ def test_dives_live_and_replayed_go_on_from_each_other(
     dive('first', messages[:300], live)
     shutil.copy(live, same)
 
-    estimates = peer.listen('/rov/estimate', DIAGNOSTIC_TYPE)
+    estimates = peer.listen_to_steps()
     node = start({'checkpoint.path': str(live)})
     peer.advertise(TYPES)
     peer.publish(messages[300:600])

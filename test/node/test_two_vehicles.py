@@ -58,7 +58,7 @@ def test_crossing_traffic(logs: dict[str, list[Raw]], peer: Peer, environment: d
     alone = {name: told(settings, replayed(settings, messages))
              for name, messages in logs.items()}
     assert alone['a'] != alone['b']
-    estimates = {name: peer.listen(f'/{name}/rov/estimate', DIAGNOSTIC_TYPE) for name in logs}
+    estimates = {name: peer.listen_to_steps(f'/{name}/rov/estimate') for name in logs}
     health = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
     nodes = {}
     for name in logs:

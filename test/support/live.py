@@ -50,6 +50,11 @@ def heard(messages: Iterable[Any]) -> list[list[Status]]:
              for status in message.status] for message in messages]
 
 
+def made_step(values: Mapping[str, str]) -> bool:
+    """Tell whether the values of a status say that its DOF has made a step."""
+    return values['updated'] == 'true'
+
+
 def level(value: Any) -> int:
     return value[0] if isinstance(value, bytes) else value
 
@@ -74,6 +79,17 @@ class Peer:
         """Subscribe; the list grows with what comes, as it was on the wire if ``raw``."""
         messages: list[Any] = []
         self.tap(topic, type_name, messages.append, qos, raw=raw)
+        return messages
+
+    def listen_to_steps(self, topic: str = '/rov/estimate') -> list[Any]:
+        """Subscribe to the estimates of steps, which alone are in a replay too."""
+        messages: list[Any] = []
+
+        def take(message: Any) -> None:
+            if any(made_step(values) for _, _, _, values in heard([message])[0]):
+                messages.append(message)
+
+        self.tap(topic, 'diagnostic_msgs/msg/DiagnosticArray', take, raw=False)
         return messages
 
     def tap(self, topic: str, type_name: str, take: Callable[[Any], object],

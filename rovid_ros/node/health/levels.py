@@ -34,7 +34,7 @@ from rovid_core.inputs.refusals import STILL_USED
 from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
-from rovid_ros.config.input_topics import needs, topics_of
+from rovid_ros.config.input_topics import topics_of
 from rovid_ros.node.health.graph import TopicState
 from rovid_ros.results.outputs import dof_message, ERROR, LEVELS, OK, STALE, WARN
 
@@ -194,7 +194,7 @@ def dof_level(data: HealthData, dof: str) -> LevelAndMessage:
         why = _obstacle(data, dof)
         return WARN, f'no step yet: {why}' if why else 'no step yet'
     age = data.steady - data.steps.get(dof, data.steady)
-    limits = [allowed_silence(data, name) for name in needs(data.settings, dof)]
+    limits = [allowed_silence(data, name) for name in data.settings.needs(dof)]
     limit = max(filter(math.isfinite, limits))
     if age > limit + data.settings.max_wait:
         why = _obstacle(data, dof)
@@ -210,7 +210,7 @@ def last_estimate(stream: Stream, dof: str) -> DofEstimate | None:
 
 def _obstacle(data: HealthData, dof: str) -> str:
     """Return what keeps a DOF from its steps, '' if nothing seems to."""
-    names = needs(data.settings, dof)
+    names = data.settings.needs(dof)
     verdicts = {name: input_level(data, name) for name in names}
     silent = [name for name, (level, _) in verdicts.items() if level == STALE]
     if silent:

@@ -20,7 +20,7 @@ from rclpy.qos import (
 )
 from rovid_core.identify.estimate import Estimate
 from rovid_ros.node.transport.wire_encoding import encoded, import_type
-from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, Output, Outputs
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, OF_STEPS, Output, Outputs
 
 DEPTH = 1000  # messages that are kept for a slow peer, so that none of a burst is lost
 
@@ -75,7 +75,8 @@ class Publishers:
         wanted = [topic for topic in self._topics
                   if self._publishers[topic].get_subscription_count()]
         for estimate in estimates:
-            for output in outputs.each(estimate, wanted):
+            topics = wanted if estimate.stepped else [t for t in wanted if t not in OF_STEPS]
+            for output in outputs.each(estimate, topics):
                 self.publish(output)
         self._unsent.update(set(LATCHED).intersection(self._topics).difference(wanted))
 

@@ -49,7 +49,8 @@ def add_logs(command: argparse.ArgumentParser, nargs: str = '+') -> None:
     """Let a command take logs that are parts of one."""
     command.add_argument(
         'logs', nargs=nargs, default=[], type=Path, metavar='LOG',
-        help='.mcap, .db3 or .bag file or rosbag2 directory; several are joined in time order')
+        help='.mcap, .db3, .bag or .BIN file, or rosbag2 directory; several are joined in time '
+             'order')
 
 
 def add_part(command: argparse.ArgumentParser) -> None:

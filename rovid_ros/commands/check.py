@@ -31,6 +31,7 @@ from rovid_ros.files.checkpoint import is_record
 from rovid_ros.files.state_file import load as load_checkpoint
 from rovid_ros.files.whole_files import write_json
 from rovid_ros.logs.container import LogError
+from rovid_ros.logs.dataflash import PACKAGE as DATAFLASH
 from rovid_ros.logs.log import Log
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError, nearest
@@ -213,6 +214,8 @@ def _check_type(converter: Converter, topic: str, type_name: str, key: str,
                 findings: Findings, installed: bool) -> bool:
     """Check a type and the field paths into it; return whether all is well."""
     blank = None
+    if type_name.startswith(f'{DATAFLASH}/'):  # no ROS type, and none to be installed
+        return True
     if type_name in standard_types().fielddefs:
         blank = build(standard_types(), type_name, {})
     if installed:

@@ -100,7 +100,8 @@ def _source(name: str, setting: str, what: str, owner: type = InputSettings) -> 
         key_of(f'{name}.type', f'{setting}.type', owner,
                'message type, package/msg/Type; a log knows its own'),
         key_of(f'{name}.field', f'{setting}.field', owner,
-               'field path in the message, dotted, with [i] for an index; empty: all of it'),
+               'field path in the message, dotted, with [i] for an index, or several with commas; '
+               'empty: all of it'),
         key_of(f'{name}.stamp', f'{setting}.stamp', owner,
                'time of the data: header stamp or receive time; empty: header where there is one',
                choices=('', 'header', 'receive')),
@@ -160,11 +161,12 @@ def _inputs() -> list[Key]:
         *_source('attitude', 'attitude', 'topic of the attitude or of a scalar heading'),
         key_of('attitude.yaw_offset', 'yaw_offset', Settings,
                'added to the heading, about z up', 'rad', -6.3, 6.3),
-        key_of('attitude.unit', 'heading_unit', Settings, 'unit of a scalar heading',
-               choices=('rad', 'deg')),
+        key_of('attitude.unit', 'heading_unit', Settings,
+               'unit of a heading, or of roll, pitch and yaw', choices=('rad', 'deg')),
         key_of('attitude.heading', 'heading_frames', Settings,
-               'sense of a scalar heading: enu, from x of the world to y; ned, from north '
-               'clockwise, as a compass; empty: as frames', choices=('', 'enu', 'ned')),
+               'sense of a heading, or of roll, pitch and yaw: enu, from x of the world to y; '
+               'ned, from north clockwise, as a compass; empty: as frames',
+               choices=('', 'enu', 'ned')),
         *_source('angular_velocity', 'angular_velocity',
                  'topic of a gyro; replaces the attitude for roll, pitch and yaw'),
         *_source('velocity', 'velocity',

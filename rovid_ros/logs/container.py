@@ -72,6 +72,8 @@ class Container(ABC):
     A file without an end, as a power failure leaves it, gives what comes before the cut.
     """
 
+    own_clock = False  # whether its times are of no use in other files
+
     def __init__(self, path: Path, name: str) -> None:
         self.path = path
         self.name = name  # what to call it in messages

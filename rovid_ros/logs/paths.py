@@ -8,7 +8,7 @@ from pathlib import Path
 import shutil
 from typing import Any
 
-from rovid_ros.logs import mcap, ros1, sqlite
+from rovid_ros.logs import dataflash, mcap, ros1, sqlite
 from rovid_ros.logs.container import Container, LogError, MALFORMED
 import yaml
 import zstandard
@@ -23,6 +23,7 @@ _FORMATS: dict[bytes, type[Container]] = {
     mcap.MAGIC: mcap.McapFile,
     sqlite.MAGIC: sqlite.SqliteFile,
     ros1.MAGIC: ros1.BagFile,
+    dataflash.MAGIC: dataflash.DataflashFile,
 }
 
 
@@ -52,6 +53,10 @@ def open_all(paths: Sequence[Path], scratch: Path) -> tuple[list[Container], lis
         if place in places:
             raise LogError(f'{container.name}: is given twice')
         places.add(place)
+    alone = next((one for one in containers if one.own_clock), None)
+    if alone is not None and len(containers) > 1:
+        raise LogError(f'{alone.name}: counts its time from the start of the autopilot, so it '
+                       'cannot be joined with other logs; give it alone')
     return containers, warnings
 
 
@@ -111,7 +116,8 @@ def _open_file(path: Path, scratch: Path) -> Container:
             return _open_format(format, path, name)
         if magic.startswith(head):
             raise LogError(f'{name}: cut off before its first message')
-    raise LogError(f'{name}: is not a log (MCAP, sqlite3 of rosbag2, or ROS 1 bag 2.0)')
+    raise LogError(f'{name}: is not a log (MCAP, sqlite3 of rosbag2, ROS 1 bag 2.0, or '
+                   'ArduPilot .BIN)')
 
 
 def _open_format(format: type[Container], path: Path, name: str) -> Container:

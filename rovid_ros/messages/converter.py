@@ -25,6 +25,7 @@ from rovid_ros.messages.field_paths import (
     MissingIndexError,
     nearest,
     resolve,
+    resolve_all,
     Step,
     walk,
 )
@@ -303,8 +304,16 @@ def _type_conflict(one: Source, other: Source) -> SettingsError:
 def _reading(source: Source, message: Any, settings: Settings, blank: bool = False) -> Reading:
     """Return how to read a source's value from messages like this, ``blank`` or with data."""
     key = f'{source.section}.field'
+    if ',' in source.field:
+        ways = resolve_all(source.input, source.field, message, key)
+        make = _of_array(source, tuple(range(len(ways))), settings)
+        return Reading(tuple(map(tuple, ways)), lambda *values: make(values))
     steps, value, shape = resolve(source.input, source.field, message, key)
-    if source.input in ('thrusters', 'sign'):
+    commands = source.input in ('thrusters', 'sign')
+    if shape == 'array' and not (commands and settings.thrusters.names):
+        make = _of_array(source, value if blank else (), settings)
+        return _unless_not_estimated(message, steps, Reading((tuple(steps),), make))
+    if commands:
         count = _command_count(source, shape, value if blank else (), settings)
         return _commands(source, shape, steps, _names_path(source, steps, message, settings),
                          count, settings)
@@ -316,15 +325,31 @@ def _reading(source: Source, message: Any, settings: Settings, blank: bool = Fal
             return Reading((tuple(steps),), _heading(settings))
         attitude = Reading(_component_paths(steps, 'xyzw'), _quaternion(settings))
         return _unless_not_estimated(message, steps, attitude)
-    ned = settings.frames == 'ned'
-    if source.input == 'position':
-        return _vector(steps, shape, _ned_to_enu if ned else _floats)
-    turn = _frd_to_flu if ned else _floats
+    turn = _turn(source.input, settings)
     if shape == 'twist':
         return _pair(steps, ('linear', 'angular'), turn)
+    vector = _component_paths(steps, 'xyz')
     if source.input == 'reference':
-        return Reading(_component_paths(steps, 'xyz'), lambda x, y, z: turn(x, y, z) + _NAN3)
-    return _unless_not_estimated(message, steps, _vector(steps, shape, turn))
+        return Reading(vector, lambda x, y, z: turn(x, y, z) + _NAN3)
+    return _unless_not_estimated(message, steps, Reading(vector, turn))
+
+
+def _of_array(source: Source, value: Any, settings: Settings) -> Callable[[Any], Floats]:
+    """Return how to make a value of an array; ``value`` is one, or () if its length is open."""
+    if source.input in ('thrusters', 'sign'):
+        count = _command_count(source, 'array', value, settings)
+        return lambda value: _numbers(value, count)
+    if source.input == 'attitude':
+        return _attitude_of_numbers(settings)
+    turn = _turn(source.input, settings)
+    return lambda value: turn(*_numbers(value, 3))
+
+
+def _turn(name: str, settings: Settings) -> Turn:
+    """Return the turn of a vector to ENU (of a position) or FLU (of all others)."""
+    if settings.frames != 'ned':
+        return _floats
+    return _ned_to_enu if name == 'position' else _frd_to_flu
 
 
 def _unless_not_estimated(message: Any, steps: Sequence[Step], reading: Reading) -> Reading:
@@ -345,12 +370,6 @@ def _unless_not_estimated(message: Any, steps: Sequence[Step], reading: Reading)
 
 def _component_paths(steps: Sequence[Step], names: Sequence[str]) -> tuple[tuple[Step, ...], ...]:
     return tuple([(*steps, name) for name in names])
-
-
-def _vector(steps: Sequence[Step], shape: str, turn: Turn) -> Reading:
-    if shape == 'vector':
-        return Reading(_component_paths(steps, 'xyz'), turn)
-    return Reading((tuple(steps),), lambda value: turn(*_numbers(value, 3)))
 
 
 def _pair(steps: Sequence[Step], names: tuple[str, str], turn: Turn) -> Reading:
@@ -387,6 +406,25 @@ def _quaternion(settings: Settings) -> Callable[[Any, Any, Any, Any], Quaternion
     return read
 
 
+def _attitude_of_numbers(settings: Settings) -> Callable[[Any], Quaternion]:
+    """Return the conversion of a quaternion x, y, z, w, or of roll, pitch and yaw."""
+    quaternion = _quaternion(settings)
+    turned = _quaternion(replace(settings, frames=settings.heading_frames or settings.frames))
+    half = 0.5 * (math.pi / 180.0 if settings.heading_unit == 'deg' else 1.0)
+
+    def read(value: Any) -> Quaternion:
+        if len(value) == 4:
+            return quaternion(*_numbers(value, 4))
+        roll, pitch, yaw = [half * angle for angle in _numbers(value, 3)]
+        if not math.isfinite(roll + pitch + yaw):
+            return _NO_ATTITUDE
+        return turned(*product((0.0, 0.0, math.sin(yaw), math.cos(yaw)), product(
+            (0.0, math.sin(pitch), 0.0, math.cos(pitch)),
+            (math.sin(roll), 0.0, 0.0, math.cos(roll)))))
+
+    return read
+
+
 def _heading(settings: Settings) -> Callable[[Any], Quaternion]:
     """Return the conversion of a heading; a compass counts clockwise from north, as NED does."""
     unit = math.pi / 180.0 if settings.heading_unit == 'deg' else 1.0
@@ -409,7 +447,7 @@ def _commands(source: Source, shape: str, steps: Sequence[Step],
                      _frd_to_flu if settings.frames == 'ned' else _floats)
     if shape == 'number':
         return Reading((tuple(steps),), lambda value: (float(value),))
-    if joint_names is None:
+    if joint_names is None:  # a sign without names beside it
         return Reading((tuple(steps),), lambda value: _numbers(value, count))
     return Reading((joint_names, tuple(steps)), _pick_by_name(settings.thrusters.names))
 

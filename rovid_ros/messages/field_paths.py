@@ -1,7 +1,8 @@
 """
 Field paths, such as ``pose.pose.position`` or ``channels[0:8]``, into messages of any type.
 
-They work alike on rclpy's message objects and on the dataclasses that a log is decoded to.
+Several with commas between them, such as ``C1, C2``, are an array of the numbers there. They work
+alike on rclpy's message objects and on the dataclasses that a log is decoded to.
 """
 
 from __future__ import annotations
@@ -85,6 +86,11 @@ def walk(message: Any, steps: Sequence[Step], path: str, key: str) -> Any:
     return value
 
 
+def parse_all(path: str, key: str) -> list[list[Step]]:
+    """Return the steps of each path of a list; a path alone is a list of one."""
+    return [parse(part.strip(), key) for part in path.split(',')]
+
+
 def getter(steps: Sequence[Step]) -> Callable[[Any], Any]:
     """Return a fast function from a message to the value at the end of the steps."""
     gets: list[Callable[[Any], Any]] = []
@@ -155,7 +161,7 @@ def _no_field(value: Any, name: str, path: str) -> str:
 _ACCEPTED = {
     'position': ('vector', 'array'),
     'depth': ('number',),
-    'attitude': ('quaternion', 'number'),
+    'attitude': ('quaternion', 'number', 'array'),
     'angular_velocity': ('vector', 'array'),
     'velocity': ('vector', 'array'),
     'reference': ('twist', 'vector'),
@@ -200,6 +206,20 @@ def resolve(input: str, path: str, message: Any, key: str) -> tuple[list[Step], 
         steps.append(name)
         value = getattr(value, name)
     return steps, value, shape
+
+
+def resolve_all(input: str, path: str, message: Any, key: str) -> list[list[Step]]:
+    """Return the ways to the numbers of a list of paths, which together are an array."""
+    if 'array' not in _ACCEPTED[input]:
+        wanted = ' or '.join(_WANTED[kind] for kind in _ACCEPTED[input])
+        raise FieldError(key, f'{path!r} is a list; {input} takes {wanted}')
+    ways = parse_all(path, key)
+    for steps in ways:
+        value = walk(message, steps, path, key)
+        if _shape(value) != 'number':
+            raise FieldError(key, f'{path!r}: a list of paths takes a number at each, '
+                                  f'got {describe(value)}')
+    return ways
 
 
 def _shape(value: Any) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import Any
 
@@ -13,7 +13,7 @@ from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.velocity.attitude_history import from_yaw, product
 from rovid_ros.config.input_topics import sources
 from rovid_ros.messages.converter import Converter
-from rovid_ros.messages.field_paths import parse, resolve, Step
+from rovid_ros.messages.field_paths import getter, parse_all, resolve, resolve_all, Step
 from rovid_ros.messages.types import build, standard_types
 
 Values = tuple[float, ...]
@@ -41,7 +41,7 @@ class _Place:
 
     input: str
     part: int | None
-    steps: tuple[Step, ...]
+    ways: tuple[tuple[Step, ...], ...]  # one, or one to each number
     shape: str  # as resolve calls it
     whole: bool  # takes whole numbers only
 
@@ -99,7 +99,8 @@ class SensorMessages:
                 'that comes with ROS 2: rovid simulate knows no others')
         skeleton: dict[str, Any] = {}
         for source in read:
-            _put(skeleton, parse(source.field, f'{source.section}.field'), None)
+            for way in parse_all(source.field, f'{source.section}.field'):
+                _put(skeleton, way, None)
         store = standard_types()
         # there and back, for only a decoded message tells whole numbers from others
         blank = store.deserialize_cdr(
@@ -111,13 +112,19 @@ class SensorMessages:
                 raise SimulationError(
                     f'{source.section}.latency', f'differs from that of {read[0].input}, which '
                     f'comes in the same message on {topic}; rovid simulate sends them at one time')
-            steps, like, shape = resolve(
-                source.input, source.field, blank, f'{source.section}.field')
+            key = f'{source.section}.field'
+            if ',' in source.field:
+                ways = resolve_all(source.input, source.field, blank, key)
+                like, shape = getter(ways[0])(blank), 'array'
+            else:
+                way, like, shape = resolve(source.input, source.field, blank, key)
+                ways = [way]
             whole = isinstance(like, int) or (
                 isinstance(like, np.ndarray) and like.dtype.kind in 'iu')
             is_part = source.input == 'thrusters' and len(self._settings.thrusters.topics) > 1
             places.append(_Place(
-                source.input, source.part if is_part else None, tuple(steps), shape, whole))
+                source.input, source.part if is_part else None, tuple(map(tuple, ways)), shape,
+                whole))
         return _Topic(topic, type_name, read[0].latency, hasattr(blank, 'header'),
                       hasattr(blank, 'name'), tuple(places))
 
@@ -125,7 +132,9 @@ class SensorMessages:
         fields: dict[str, Any] = {}
         names = self._settings.thrusters.names
         for place in topic.places:
-            _put(fields, place.steps, self._leaf(place, values[place.input]))
+            leaf = self._leaf(place, values[place.input])
+            for way, value in zip(place.ways, leaf if len(place.ways) > 1 else [leaf]):
+                _put(fields, way, value)
             if topic.named and names and place.input in ('thrusters', 'sign'):
                 fields['name'] = [*names] if place.part is None else [names[place.part]]
         if topic.stamped:
@@ -149,6 +158,9 @@ class SensorMessages:
             numbers: Sequence[float] = _vector(settings, place.input, value)
         elif place.input in ('thrusters', 'sign'):
             numbers = value if place.part is None else (value[place.part],)
+        elif place.input == 'attitude' and place.shape == 'array':
+            numbers = _quaternion(settings, value) if (
+                len(place.ways) == 4) else _angles(settings, value)
         else:
             convert = _heading if place.input == 'attitude' else _depth
             numbers = (convert(settings, value),)
@@ -188,6 +200,16 @@ def _quaternion(settings: Settings, value: Values) -> Quaternion:
     if settings.frames == 'enu':
         return turned
     return product(product(NED_TO_ENU, turned), FRD_TO_FLU)
+
+
+def _angles(settings: Settings, value: Values) -> Values:
+    """Return roll, pitch and yaw in the message's unit and sense."""
+    x, y, z, w = _quaternion(replace(
+        settings, frames=settings.heading_frames or settings.frames), value)
+    angles = (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
+              math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))),
+              math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    return tuple(map(math.degrees, angles)) if settings.heading_unit == 'deg' else angles
 
 
 def _heading(settings: Settings, value: Values) -> float:

@@ -81,6 +81,9 @@ def round_trip(settings: Settings, values: Mapping[str, Sequence[float]]) -> dic
     ('velocity', 'geometry_msgs/msg/TwistWithCovarianceStamped', 'twist.twist'),
     ('velocity', 'nav_msgs/msg/Odometry', 'twist'),
     ('reference', 'geometry_msgs/msg/TwistStamped', 'twist'),
+    ('position', 'geometry_msgs/msg/Point', 'y, z, x'),
+    ('attitude', 'geometry_msgs/msg/Vector3', 'x, y, z'),
+    ('attitude', 'geometry_msgs/msg/Quaternion', 'w, x, y, z'),
 ])
 def test_messages_come_back_as_the_simulated_values(
         frames: str, name: str, type_name: str, field: str) -> None:

@@ -370,7 +370,8 @@ def test_what_is_no_log_is_refused_in_one_line(tmp_path: Path) -> None:
             'absent.mcap': 'no such file or directory',
             'nothing': 'no log in this directory (.mcap, .db3, .bag)',
             'empty.mcap': 'is empty',
-            'text.mcap': 'is not a log (MCAP, sqlite3 of rosbag2, or ROS 1 bag 2.0)',
+            'text.mcap': 'is not a log (MCAP, sqlite3 of rosbag2, ROS 1 bag 2.0, or '
+                         'ArduPilot .BIN)',
             'magic.mcap': 'cut off before its first message',
             'head.mcap': 'cut off before its first message',
             'old.bag': 'is not a log',

@@ -17,6 +17,7 @@ from rovid_core.settings.run import (
     SettingsError,
     ThrusterSettings,
 )
+from rovid_core.velocity.attitude_history import rotate
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import build, standard_types
@@ -101,6 +102,8 @@ TWIST = {'linear': point(4.0, 5.0, 6.0), 'angular': point(0.1, 0.2, 0.3)}
         'translation': point(1.0, 2.0, 3.0)}}, ['transform.translation', 'transform', '']),
     ('std_msgs/msg/Float32MultiArray', {'data': [1.0, 2.0, 3.0]}, ['data']),
     ('std_msgs/msg/Int32MultiArray', {'data': [0, 1, 2, 3]}, ['data[1:4]']),
+    ('std_msgs/msg/Int32MultiArray', {'data': [3, 0, 1, 2]}, ['data[2], data[3], data[0]']),
+    ('geometry_msgs/msg/Point', point(2.0, 1.0, 3.0), ['y, x, z', 'y,x,z']),
 ])
 def test_position_of_many_types(name: str, fields: dict, paths: list[str], make: Any) -> None:
     for path in paths:
@@ -356,6 +359,40 @@ def test_a_heading(frames: str, unit: str, heading: float, direction: tuple[floa
     q = Case(settings(**given, yaw_offset=0.3)).values('/h', data)['attitude']
     np.testing.assert_allclose(
         matrix(q) @ (1, 0, 0), turn(0.3) @ (*direction, 0), atol=1e-12)
+
+
+@pytest.mark.parametrize('unit', ['rad', 'deg'])
+@pytest.mark.parametrize(('frames', 'sense'), [('enu', ''), ('ned', ''), ('enu', 'ned')])
+def test_roll_pitch_and_yaw(unit: str, frames: str, sense: str, make: Any) -> None:
+    angles = (0.1, 0.2, 0.5) if (sense or frames) == 'enu' else (0.1, -0.2, 0.5 * math.pi - 0.5)
+    scale = 1.0 if unit == 'rad' else 180.0 / math.pi
+    case = Case(settings(attitude=InputSettings('/a', field='data'), heading_unit=unit,
+                         heading_frames=sense, frames=frames))
+    data = make('std_msgs/msg/Float64MultiArray', {'data': [scale * angle for angle in angles]})
+    q = case.values('/a', data)['attitude']
+    # where bow and port side point in the world, from the angles themselves
+    bow, port = rotate(q, (1.0, 0.0, 0.0)), rotate(q, (0.0, 1.0, 0.0))
+    assert bow == pytest.approx((math.cos(0.2) * math.cos(0.5), math.cos(0.2) * math.sin(0.5),
+                                 -math.sin(0.2)), abs=1e-12)
+    assert port[2] == pytest.approx(math.sin(0.1) * math.cos(0.2), abs=1e-12)
+
+
+def test_a_quaternion_at_four_paths(make: Any) -> None:
+    case = Case(settings(attitude=InputSettings('/a', field='data[1], data[2], data[3], data[0]')))
+    data = make('std_msgs/msg/Float64MultiArray', {'data': [0.7, 0.5, 0.1, -0.5]})
+    assert case.values('/a', data) == {'attitude': (0.5, 0.1, -0.5, 0.7)}
+
+
+@pytest.mark.parametrize(('name', 'field', 'says'), [
+    ('depth', 'x, y', "depth.field: 'x, y' is a list; depth takes a number"),
+    ('position', 'x, y, q', "position.field: 'x, y, q': geometry_msgs/msg/Point has no field 'q'"),
+    ('position', 'x,, z', "position.field: 'x,, z': a list of paths takes a number at each"),
+])
+def test_a_list_of_paths_that_leads_nowhere(name: str, field: str, says: str) -> None:
+    case = Case(settings(**{name: InputSettings('/in', field=field)}))
+    with pytest.raises(FieldError) as refused:
+        case.converter.check_type('/in', message('geometry_msgs/msg/Point', {}))
+    assert says in str(refused.value)
 
 
 def test_what_is_not_finite_passes_through() -> None:

@@ -125,10 +125,13 @@ def test_a_burst_after_a_stall(stamped):
 
 @pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf, 1e300])
 def test_values_that_are_no_numbers_cost_themselves(bad):
+    events = clean()
+    for input, start in zip(ALL, (40.0, 80.0, 120.0, 160.0)):
+        events = spoilt(input, lambda t, v, random, start=start: (bad,) * len(v)
+                        if start <= t < start + 1.0 else v, events)
+    stream = run(vehicle(), events)
+    assert worse(stream) < 1.05
     for input in ALL:
-        stream = run(vehicle(), spoilt(input, lambda t, v, random: (bad,) * len(v)
-                                       if 100.0 <= t < 101.0 else v))
-        assert worse(stream) < 1.02
         own = {reason for i, reason in stream.rejected if i == input}
         assert own & {'non_finite', 'too_fast', 'not_a_rotation', 'not_a_command', 'outlier'}
 
@@ -137,8 +140,8 @@ def test_values_that_are_no_numbers_cost_themselves(bad):
     ('depth', 'gap'), ('position', 'gap'), ('attitude', 'no_attitude')])
 def test_each_input_has_a_timeout_of_its_own(input, reason):
     """2 s of nothing, with timeouts of 1 and 3 s: only the long one bridges it."""
-    holed = [e for e in clean() if e.samples[0].input != input
-             or not 100.0 < seconds(e) < 102.0]
+    holed = [e for e in clean(30.0) if e.samples[0].input != input
+             or not 20.0 < seconds(e) < 22.0]
     settings = vehicle()
     for timeout, missing in ((0.0, True), (1.5, True), (3.0, False)):
         stream = run(replace(settings, **{

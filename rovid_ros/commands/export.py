@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-import sys
 
 from rovid_ros.commands.arguments import add_params_file
-from rovid_ros.commands.running import check_written, print_written, read_settings, UsageError
+from rovid_ros.commands.running import (
+    check_written,
+    print_written,
+    read_settings,
+    tell,
+    UsageError,
+)
 from rovid_ros.files.whole_files import write_text
 from rovid_ros.results.documents import read_estimates
 from rovid_ros.results.export import export
@@ -44,7 +49,7 @@ def run(args: argparse.Namespace) -> None:
     made = export(models, args.format, args.estimates, settings=settings,
                   link=args.link or 'base_link')
     for line in made.notes:
-        print(f'{args.prog}: {line}', file=sys.stderr)
+        tell(f'{args.prog}: {line}')
     if args.output:
         write_text(args.output, made.text)
         print_written(args.output)

@@ -65,14 +65,15 @@ class Progress:
     def close(self) -> None:
         """Wipe the bar, so that what follows starts on a clean line."""
         if self._width:
-            self._draw('')
-            self._stream.write('\r')
-            self._stream.flush()
+            self._draw('', '\r')
 
-    def _draw(self, line: str) -> None:
-        self._stream.write(f'\r{line:<{self._width}}')
-        self._stream.flush()
-        self._width = len(line)
+    def _draw(self, line: str, end: str = '') -> None:
+        try:
+            self._stream.write(f'\r{line:<{self._width}}{end}')
+            self._stream.flush()
+            self._width = len(line)
+        except OSError:  # the terminal is gone, the work goes on
+            self._visible, self._width = False, 0
 
     def __enter__(self) -> Progress:
         return self

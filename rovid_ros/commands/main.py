@@ -10,12 +10,8 @@ that ``rovid --help`` is instant and a missing library stops only the command th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import import_module
 import os
 import sys
-
-from rovid_ros.commands.arguments import Parser, Version
-from rovid_ros.commands.running import run_to_exit_code, USAGE, wrong_usage
 
 # What each subcommand does, in the order of ``rovid --help``.
 COMMANDS = {
@@ -35,18 +31,31 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     It is 0 done, 1 the input is at fault, 2 wrong usage, 130 Ctrl-C, 143 SIGTERM.
     """
+    try:  # also an import can be interrupted
+        return _main(sys.argv[1:] if argv is None else list(argv))
+    except KeyboardInterrupt:
+        print('rovid: interrupted', file=sys.stderr)
+        return 130
+
+
+def _main(arguments: list[str]) -> int:
+    from rovid_ros.commands.running import open_standard_files, run_to_exit_code
+    open_standard_files()
     if sys.stdout is not None and hasattr(sys.stdout, 'reconfigure'):
         sys.stdout.reconfigure(errors='replace')
     # The matrices are small: the threads of numpy cost more than they give, and take the cores
     # from the processes that work in parallel. It is read when numpy is imported.
     os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
-    arguments = sys.argv[1:] if argv is None else list(argv)
     name = next((word for word in arguments if not word.startswith('-')), '')
     prog = f'rovid {name}' if name in COMMANDS else 'rovid'
     return run_to_exit_code(prog, lambda: _run(arguments, name))
 
 
 def _run(arguments: list[str], name: str) -> None:
+    from importlib import import_module
+
+    from rovid_ros.commands.arguments import Parser, Version
+    from rovid_ros.commands.running import USAGE, wrong_usage
     parser = Parser(
         prog='rovid', description='Identify mass, drag and bias of an underwater vehicle '
         'from a log of its positions and thruster commands.')

@@ -97,15 +97,36 @@ def run_to_exit_code(prog: str, run: Callable[[], None]) -> int:
         return _fail(prog, str(error), AT_FAULT)
 
 
+def open_standard_files() -> None:
+    """
+    Open what was closed of stdin, stdout and stderr.
+
+    Otherwise the next file that is opened is taken for it, and gets what is printed.
+    """
+    while (opened := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(opened)
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, 'w', encoding='utf-8')
+
+
+def tell(line: str) -> None:
+    """Print a line on stderr; that nobody can read it is no reason to stop."""
+    try:
+        print(line, file=sys.stderr, flush=True)
+    except OSError:  # Python would complain again at the end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
+
+
 def wrong_usage(prog: str, message: str) -> NoReturn:
     """Print a line about the command line and exit."""
-    print(f'{prog}: {message} (see {prog} --help)', file=sys.stderr)
+    tell(f'{prog}: {message} (see {prog} --help)')
     raise SystemExit(USAGE)
 
 
 def warn(prog: str, line: str) -> None:
     """Print a warning."""
-    print(f'{prog}: warning: {printable(line)}', file=sys.stderr)
+    tell(f'{prog}: warning: {printable(line)}')
 
 
 def printable(text: str) -> str:
@@ -117,7 +138,7 @@ def printable(text: str) -> str:
 
 
 def _fail(prog: str, message: str, code: int) -> int:
-    print(f'{prog}: {printable(message)}', file=sys.stderr)
+    tell(f'{prog}: {printable(message)}')
     return code
 
 

@@ -34,7 +34,7 @@ from rovid_ros.commands.running import (
     warn,
 )
 from rovid_ros.files.whole_files import write_text
-from rovid_ros.logs.writer import LogWriter
+from rovid_ros.logs.writer import LogWriter, OutputLog, unfinished
 from rovid_ros.messages.simulated_messages import SensorMessage, SensorMessages, SimulationError
 
 # When every simulation begins [ns]: fixed, so that the same seed gives the same file.
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> None:
     args.duration = args.duration or DURATION
     trials = plan_trials(args.output, args.duration, args.seed, args.profile or [{}])
     paths = [trial.path for trial in trials]
-    check_written(paths, [args.params_file])
+    check_written([*{*paths, *map(unfinished, paths)}], [args.params_file])
     settings = read_settings(args.params_file)
     with located_errors(args.params_file):
         warnings = [f'{trial.path}: {line}' for trial in trials
@@ -188,7 +188,8 @@ def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
     """
     Write the log of a simulated vehicle and return how many messages it has.
 
-    Topics and types are as configured. The log is ``duration`` [s] long, from ``start`` [ns].
+    Topics and types are as configured. The log is ``duration`` [s] long, from ``start`` [ns]. It
+    is NAME.part.mcap until it is finished.
 
     Parameters
     ----------
@@ -212,7 +213,8 @@ def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
     messages = _in_order(sensors, simulate(settings, duration, seed, profile), start)
     first = next(messages)  # what cannot be simulated shows before there is a file
     count, elapsed = 0, 0
-    with (Interrupt(path) as interrupt, LogWriter(path) as writer,
+    part = unfinished(path)
+    with (Interrupt(part) as interrupt, OutputLog(path) as writer,
           Progress('simulate', lambda: elapsed / (duration * 1e9)) as progress):
         writer.metadata('rovid_truth', {
             **truth(settings.simulation.dofs),
@@ -225,7 +227,8 @@ def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
             progress.tick()
     if interrupt.asked:
         raise Interrupted(
-            f'interrupted; {path} holds the first {elapsed * 1e-9:.1f} s', interrupt.code)
+            f'interrupted; {part} holds the first {elapsed * 1e-9:.1f} s', interrupt.code)
+    writer.finish()
     return count
 
 

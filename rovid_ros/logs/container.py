@@ -18,6 +18,8 @@ import zstandard
 MAX_BLOCK_SIZE = 1 << 27
 # [bytes] Of topics, types and metadata that are kept of a file; most have less than 1 MB
 MAX_DECLARATIONS = 1 << 26
+# [bytes] of memory that a message takes beside its data
+MESSAGE_OVERHEAD = 200
 _MAX_TIME = (1 << 63) - 1  # [ns]
 _SECTOR = 512  # [bytes]; fewer zeros at the end of a file can well be data
 _READ_SIZE = 1 << 20  # [bytes]

@@ -14,7 +14,15 @@ from typing import Any, NamedTuple
 from rosbags.serde import SerdeError
 from rosbags.typesys.store import Typestore
 from rovid_ros.files.whole_files import remove_stale_files
-from rovid_ros.logs.container import Block, Channel, Container, LogError, MALFORMED, Raw
+from rovid_ros.logs.container import (
+    Block,
+    Channel,
+    Container,
+    LogError,
+    MALFORMED,
+    MESSAGE_OVERHEAD,
+    Raw,
+)
 from rovid_ros.logs.paths import open_all
 from rovid_ros.messages.field_paths import nearest
 from rovid_ros.messages.types import (
@@ -34,7 +42,6 @@ RECORD = 'rovid_record'  # name of the metadata in the logs that the node writes
 MAX_UNDECODED = 20
 # [bytes] Of messages that have to be sorted because their blocks overlap in time
 MAX_HELD = 1 << 29
-_OVERHEAD = 200  # [bytes] of memory that a message takes beside its data
 
 
 @dataclass(frozen=True)
@@ -281,7 +288,7 @@ def _in_time_order(blocks: Sequence[Block], wanted: _Wanted) -> Iterator[list[Ra
     for block, following in zip(ordered, [*ordered[1:], None]):
         held += block.container.read(block, wanted[block.container])
         held.sort()
-        if sum(len(raw[3]) + _OVERHEAD for raw in held) > MAX_HELD:
+        if sum(len(raw[3]) + MESSAGE_OVERHEAD for raw in held) > MAX_HELD:
             raise LogError(f'{block.container.name}: more than {MAX_HELD >> 20} MiB of messages '
                            'overlap in time')
         if following is not None:

@@ -63,7 +63,7 @@ def open_all(paths: Sequence[Path], scratch: Path) -> tuple[list[Container], lis
 def _open_directory(path: Path, scratch: Path) -> tuple[list[Container], list[str]]:
     """Open a rosbag2 directory, also one whose recorder was killed or whose files moved."""
     listed = _listed(path)
-    files = [file for file in listed if file.exists()]
+    files = [file for file in listed if os.path.lexists(file)]
     warnings = [f'{file}: is in metadata.yaml, but not there' for file in listed
                 if file not in files]
     if not files:
@@ -78,6 +78,8 @@ def _open_directory(path: Path, scratch: Path) -> tuple[list[Container], list[st
             containers.append(_open_file(file, scratch))
         except LogError as error:
             warnings.append(str(error))
+        except OSError as error:
+            warnings.append(f'{file}: {(error.strerror or str(error)).lower()}')
     if not containers:
         raise LogError(warnings[-1])
     return containers, warnings
@@ -86,7 +88,10 @@ def _open_directory(path: Path, scratch: Path) -> tuple[list[Container], list[st
 def _listed(path: Path) -> list[Path]:
     """Return the files that the directory's metadata.yaml names; none if it is of no use."""
     try:
-        with (path / 'metadata.yaml').open('rb') as file:
+        list_of_files = path / 'metadata.yaml'
+        if not list_of_files.is_file():
+            return []
+        with list_of_files.open('rb') as file:
             text = file.read(_LARGEST_LIST)
         # the base loader only: merged mappings can grow out of a few lines without end
         metadata: Any = yaml.load(text, yaml.BaseLoader)
@@ -103,6 +108,8 @@ def _is_log(path: Path) -> bool:
 
 def _open_file(path: Path, scratch: Path) -> Container:
     name = str(path)
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise LogError(f'{name}: is not a regular file')
     if path.suffix in _PACKED:
         path = _unpacked(path, scratch)
     with path.open('rb') as file:

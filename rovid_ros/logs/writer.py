@@ -180,6 +180,10 @@ class OutputLog(LogWriter):
         self._part = unfinished(path)
         super().__init__(self._part)
 
+    def __enter__(self) -> OutputLog:
+        """Return the log itself."""
+        return self
+
     def finish(self) -> None:
         """Give it its name, whole and on the disk."""
         self.close()

@@ -54,6 +54,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM; return the exit code."""
     stop = StopRequest()
     # these imports take half a second, in which Ctrl-C would otherwise give a traceback
+    from rovid_ros.commands.running import open_standard_files
+    open_standard_files()  # before ROS opens anything
     from rovid_ros.node.node import IdentifierNode
     from rovid_ros.node.process import run
     return run(IdentifierNode, sys.argv if arguments is None else arguments, stop)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-import sys
 from typing import Any, TYPE_CHECKING
 
 import rclpy
@@ -19,7 +18,7 @@ from rclpy.impl.logging_severity import LoggingSeverity
 from rclpy.logging import set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
-from rovid_ros.commands.running import AT_FAULT, DONE, printable, USAGE, UsageError
+from rovid_ros.commands.running import AT_FAULT, DONE, printable, tell, USAGE, UsageError
 from rovid_ros.config.parameter_file import load
 from rovid_ros.node.lifecycle import one_line
 from rovid_ros.node.parameters import NODE_NAME, RCLPY_PARAMETERS
@@ -51,7 +50,7 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
         node = make(values)
     except (ValueError, OSError, RuntimeError, ParameterException, NameValidationException,
             NoTypeSupportImportedException) as error:
-        print(f'{NODE_NAME}: {printable(one_line(error))}', file=sys.stderr)
+        tell(f'{NODE_NAME}: {printable(one_line(error))}')
         rclpy.try_shutdown()
         return USAGE if isinstance(error, UsageError) else AT_FAULT
     try:

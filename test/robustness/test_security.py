@@ -4,7 +4,6 @@ from collections.abc import Callable
 import io
 from pathlib import Path
 import resource
-import sqlite3
 import struct
 import subprocess
 import sys
@@ -192,17 +191,6 @@ def test_a_bag_with_a_bomb_is_one_line_and_no_memory(tmp_path: Path) -> None:
         {'op': b'\3', 'index_pos': bytes(8), 'chunk_count': bytes(4), 'conn_count': bytes(4)},
         b'') + item(bomb, lz4_bomb(4)))
     check_refused(replay(path))
-
-
-def test_rows_that_a_database_makes_up_are_none(tmp_path: Path) -> None:
-    path = tmp_path / 'log.db3'
-    base = sqlite3.connect(path)
-    base.executescript(
-        'CREATE TABLE topics (id INTEGER, name TEXT, type TEXT, serialization_format TEXT);'
-        'CREATE VIEW messages AS WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n)'
-        ' SELECT id, 1 AS topic_id, id AS timestamp, zeroblob(100000) AS data FROM n;')
-    base.close()
-    assert 'not a log of rosbag2' in check_refused(replay(path))
 
 
 def test_a_packed_file_does_not_fill_the_disk(

@@ -35,7 +35,8 @@ def _numbers(count: int, values: str) -> str:
 def view(path: Path) -> None:
     """Write one whose messages are a view without end."""
     _made(path, 'CREATE VIEW messages AS WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT '
-          'id + 1 FROM n) SELECT id, 1 AS topic_id, id AS timestamp, zeroblob(99999) AS data FROM n;')
+          'id + 1 FROM n) SELECT id, 1 AS topic_id, id AS timestamp, zeroblob(99999) AS data '
+          'FROM n;')
 
 
 def forged_view(path: Path) -> None:

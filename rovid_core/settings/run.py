@@ -177,7 +177,9 @@ class SimulationSettings:
     publish_w: bool = False  # estimates carry W against these parameters
     coriolis: bool = False
     mass_matrix: tuple[float, ...] = ()  # 36 by rows; empty: the masses of the DOFs
-    current: tuple[float, float] = (0.0, 0.0)  # of the water, x and y in the world [m/s]
+    current: tuple[float, float] = (0.0, 0.0)  # of the water, x and y in the ENU world [m/s]
+    current_turn: float = 0.0  # [s] in which it turns once; 0: it does not
+    current_tide: float = 0.0  # [s] in which it comes and goes; 0: it does not
     righting: tuple[float, float] = (0.0, 0.0)  # roll, pitch [N m] at an angle of 90 degrees
 
 

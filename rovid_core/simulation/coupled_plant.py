@@ -20,6 +20,7 @@ from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.velocity.attitude_history import rotate_back
 
 Array = NDArray[np.float64]
+Rows = list[list[tuple[int, float]]]
 
 FORCE_CORRELATION = 3.0
 """[s] over which the unknown force changes."""
@@ -39,6 +40,9 @@ class CoupledPlant:
     """
     The velocity through the water under forces.
 
+    Water that moves faster or slower takes a vehicle that is neutral in it along with it, as it
+    does its own, so the law is the same in a current that changes.
+
     Parameters
     ----------
     settings : Settings
@@ -50,10 +54,8 @@ class CoupledPlant:
     ----------
     dofs : tuple of str
         The simulated DOFs.
-    velocity : ndarray, shape (6,)
+    velocity : list of 6 floats
         nu_r [m/s, rad/s].
-    current : tuple of 3 floats
-        Velocity of the water in the world [m/s].
 
     Raises
     ------
@@ -62,24 +64,30 @@ class CoupledPlant:
 
     """
 
+    # Sums of single floats: on so few of them numpy takes several times as long.
+
     def __init__(self, settings: Settings, random: np.random.Generator) -> None:
         s = settings.simulation
         self.dofs = tuple(d for d in DOFS if d in s.dofs)
         self._free = [DOFS.index(d) for d in self.dofs]
-        self._mass = self._mass_matrix(settings)
-        self._inverse = np.linalg.inv(self._mass[np.ix_(self._free, self._free)])
+        mass = self._mass_matrix(settings)
+        inverse = np.zeros((6, 6))
+        inverse[np.ix_(self._free, self._free)] = np.linalg.inv(
+            mass[np.ix_(self._free, self._free)])
+        self._mass, self._inverse = _entries(mass), _entries(inverse)
         truth = [s.dofs[d] for d in self.dofs]
-        self._quadratic = np.array([t.quadratic_drag for t in truth])
-        self._reverse = np.array([t.reverse_drag for t in truth])
-        self._linear = np.array([t.linear_drag for t in truth])
-        self._bias = np.array([t.bias for t in truth])
-        self._disturbance = np.array([t.disturbance for t in truth])
+        # of each DOF: its number, quadratic drag ahead and astern, linear drag, 1 / mass
+        self._drag = [
+            (i, t.quadratic_drag, t.quadratic_drag * t.reverse_drag, t.linear_drag,
+             float(inverse[i, i])) for i, t in zip(self._free, truth)]
+        self._bias = [t.bias for t in truth]
+        self._disturbance = [t.disturbance for t in truth]
         self._coriolis = s.coriolis
         self._moments = s.righting
-        self.current: Vector = (*s.current, 0.0)
-        self.velocity = np.zeros(6)
+        self.velocity = [0.0] * 6
         self._random = random
-        self._unknown = self._disturbance * random.standard_normal(len(truth))
+        self._unknown = [
+            f * x for f, x in zip(self._disturbance, random.standard_normal(len(truth)).tolist())]
 
     def _mass_matrix(self, settings: Settings) -> Array:
         s = settings.simulation
@@ -97,7 +105,7 @@ class CoupledPlant:
                                 'simulated DOFs')
         return mass
 
-    def advance(self, attitude: Quaternion, force: Sequence[float], dt: float) -> Array:
+    def advance(self, attitude: Quaternion, force: Sequence[float], dt: float) -> list[float]:
         """
         Move on by ``dt`` [s] under a constant force, by classical Runge-Kutta.
 
@@ -110,57 +118,75 @@ class CoupledPlant:
 
         Returns
         -------
-        mean : ndarray, shape (6,)
+        mean : list of 6 floats
             The mean of the velocity before and after.
 
         """
-        before = self.velocity.copy()
-        v = before[self._free]
-        up = rotate_back(attitude, (0.0, 0.0, 1.0))
-        given = np.asarray(force) - self._bias + self._unknown
-        given = given + self._righting(up)
-        drag = (2.0 * self._quadratic * self._reverse * abs(v) + self._linear)
-        fastest = float(np.max(drag * np.diag(self._inverse), initial=0.0))
+        before = v = self.velocity
+        given = [0.0] * 6
+        for i, f, bias, unknown in zip(self._free, force, self._bias, self._unknown):
+            given[i] = f - bias + unknown
+        if any(self._moments):
+            self._add_righting(given, rotate_back(attitude, (0.0, 0.0, 1.0)))
+        fastest = max([(2.0 * max(ahead, astern) * abs(v[i]) + linear) * inverse
+                       for i, ahead, astern, linear, inverse in self._drag], default=0.0)
         pieces = min(int(fastest * dt), MAX_PIECES - 1) + 1
         h = dt / pieces
+        half, sixth, rate = 0.5 * h, h / 6.0, self._acceleration
         for _ in range(pieces):
-            k1 = self._acceleration(v, given)
-            k2 = self._acceleration(v + 0.5 * h * k1, given)
-            k3 = self._acceleration(v + 0.5 * h * k2, given)
-            k4 = self._acceleration(v + h * k3, given)
-            v = v + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        self.velocity[self._free] = v
+            k1 = rate(v, given)
+            k2 = rate([x + half * k for x, k in zip(v, k1)], given)
+            k3 = rate([x + half * k for x, k in zip(v, k2)], given)
+            k4 = rate([x + h * k for x, k in zip(v, k3)], given)
+            v = [x + sixth * (a + 2.0 * (b + c) + d)
+                 for x, a, b, c, d in zip(v, k1, k2, k3, k4)]
+        self.velocity = v
         self._change_unknown_force(dt)
-        return 0.5 * (before + self.velocity)
+        return [0.5 * (a + b) for a, b in zip(before, v)]
 
-    def _acceleration(self, v: Array, given: Array) -> Array:
-        quadratic = self._quadratic * np.where(v < 0.0, self._reverse, 1.0)
-        force = given - (quadratic * abs(v) + self._linear) * v
-        if self._coriolis:
-            force = force + self._coriolis_force(v)
-        return np.asarray(self._inverse @ force)
+    def _acceleration(self, v: Sequence[float], given: Sequence[float]) -> list[float]:
+        force = self._coriolis_force(v) if self._coriolis else [0.0] * 6
+        for i, ahead, astern, linear, _ in self._drag:
+            x = v[i]
+            force[i] += given[i] - (ahead * x if x >= 0.0 else -astern * x) * x - linear * x
+        return _times(self._inverse, force)
 
-    def _coriolis_force(self, velocity: Array) -> Array:
+    def _coriolis_force(self, velocity: Sequence[float]) -> list[float]:
         """Return -C(M, nu) nu, by Kirchhoff from the momentum M nu."""
-        full = np.zeros(6)
-        full[self._free] = velocity
-        x, y, z, k, m, n = (self._mass @ full).tolist()
-        u, v, w, p, q, r = full.tolist()
-        forces = (y * r - z * q, z * p - x * r, x * q - y * p,
-                  m * r - n * q + y * w - z * v, n * p - k * r + z * u - x * w,
-                  k * q - m * p + x * v - y * u)
-        return np.array([forces[i] for i in self._free])
+        x, y, z, k, m, n = _times(self._mass, velocity)
+        u, v, w, p, q, r = velocity
+        return [y * r - z * q, z * p - x * r, x * q - y * p,
+                m * r - n * q + y * w - z * v, n * p - k * r + z * u - x * w,
+                k * q - m * p + x * v - y * u]
 
-    def _righting(self, up: Vector) -> Array:
-        """Return the moments [N m] of a centre of buoyancy above that of gravity."""
-        moments = np.zeros(6)
-        moments[3], moments[4] = -self._moments[0] * up[1], self._moments[1] * up[0]
-        return moments[self._free]
+    def _add_righting(self, given: list[float], up: Vector) -> None:
+        """Add the moments [N m] of a centre of buoyancy above that of gravity."""
+        given[3] -= self._moments[0] * up[1]
+        given[4] += self._moments[1] * up[0]
 
     def _change_unknown_force(self, dt: float) -> None:
         """Let the unknown force wander: a first-order Gauss-Markov process."""
-        if not self._disturbance.any():
+        if not any(self._disturbance):
             return
         kept = math.exp(-dt / FORCE_CORRELATION)
-        self._unknown = kept * self._unknown + math.sqrt(
-            1.0 - kept * kept) * self._disturbance * self._random.standard_normal(len(self._free))
+        share = math.sqrt(1.0 - kept * kept)
+        self._unknown = [
+            kept * f + share * size * x for f, size, x in zip(
+                self._unknown, self._disturbance,
+                self._random.standard_normal(len(self._free)).tolist())]
+
+
+def _entries(matrix: Array) -> Rows:
+    """Return the columns and values of the entries of each row that are not 0."""
+    return [[(j, x) for j, x in enumerate(row) if x] for row in matrix.tolist()]
+
+
+def _times(matrix: Rows, vector: Sequence[float]) -> list[float]:
+    """Return the product of a matrix and a vector."""
+    found = []
+    for row in matrix:
+        total = 0.0
+        for j, x in row:
+            total += x * vector[j]
+        found.append(total)
+    return found

@@ -108,7 +108,9 @@ class _Sensors:
             w = math.sqrt(max(0.0, 1.0 - math.fsum(x * x for x in half)))
             return product(v.attitude, (half[0], half[1], half[2], w))
         if name == 'velocity':
-            return self._noisy(v.velocity[:len(LINEAR_DOFS)], s.velocity_noise)
+            velocity = (v.through_water if self._settings.relative_to == 'water'
+                        else v.velocity)
+            return self._noisy(velocity[:len(LINEAR_DOFS)], s.velocity_noise)
         if name == 'angular_velocity':
             return self._noisy(v.velocity[-len(ANGULAR_DOFS):], s.angular_velocity_noise)
         return tuple(v.velocity)

@@ -13,6 +13,7 @@ from rovid_core.model.plant import advance, lumped
 from rovid_core.settings.run import Settings, SettingsError, SimulatedDof, ThrusterSettings
 from rovid_core.simulation.coupled_plant import CoupledPlant, is_coupled
 from rovid_core.simulation.profiles import Profile, Sinusoid, Waveform
+from rovid_core.simulation.water import Water
 from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model, wrench
 from rovid_core.velocity.attitude_history import product, rotate, rotate_back
@@ -23,7 +24,7 @@ MAX_STEP = 5_000_000
 
 
 class Vehicle:
-    """Position, attitude and body velocity under commanded thrust."""
+    """Position, attitude and body velocity, over ground, under commanded thrust."""
 
     def __init__(self, settings: Settings, profile: Profile | None,
                  random: np.random.Generator) -> None:
@@ -32,6 +33,7 @@ class Vehicle:
             if dof not in truth:
                 raise SettingsError(f'simulation.{dof}.mass', 'is required to simulate')
         self._coupled = CoupledPlant(settings, random) if is_coupled(settings) else None
+        self._water = Water(settings.simulation)
         self._dofs = tuple(d for d in DOFS if d in truth)
         self._parameters = [
             lumped(t.mass, t.quadratic_drag, t.linear_drag, t.bias)
@@ -71,13 +73,19 @@ class Vehicle:
             self.time += step
         self._forces.forget(self.time)
 
+    @property
+    def through_water(self) -> list[float]:
+        """Return the body velocity relative to the water [m/s, rad/s]."""
+        return self.velocity if self._coupled is None else self._coupled.velocity
+
     def _advance_coupled(self, plant: CoupledPlant, force: Sequence[float], dt: float) -> None:
-        self._move(plant.advance(self.attitude, force, dt).tolist(), dt)
+        self._move(plant.advance(self.attitude, force, dt), dt)
         x, y, z = self.position
-        c = plant.current
-        self.position = (x + c[0] * dt, y + c[1] * dt, z + c[2] * dt)
-        drift = rotate_back(self.attitude, c)
-        self.velocity = [a + b for a, b in zip(plant.velocity.tolist(), (*drift, 0.0, 0.0, 0.0))]
+        now = self.time * NS
+        cx, cy = self._water.at(now + 0.5 * dt)
+        self.position = (x + cx * dt, y + cy * dt, z)
+        drift = rotate_back(self.attitude, (*self._water.at(now + dt), 0.0))
+        self.velocity = [a + b for a, b in zip(plant.velocity, (*drift, 0.0, 0.0, 0.0))]
 
     def _force(self, start: int, end: int) -> tuple[float, ...]:
         if self._forces.missing(start, end):

@@ -147,13 +147,18 @@ class Residuals:
         def jacobian(unknowns: Array) -> Array:
             return keep['jacobian']
 
-        solution = least_squares(
-            residuals, first, jac=jacobian, loss='soft_l1',
-            f_scale=self._loss_scale(residuals(first)), x_scale='jac', max_nfev=60,
-            bounds=(np.concatenate([self._low, -free]), np.concatenate([self._high, free])))
-        errors = residuals(solution.x)
+        errors = residuals(first)
+        final = self._loss_scale(errors)
+        # Far from the solution all residuals are outliers on the scale of the noise, and the
+        # solver creeps: it comes near on the scale of the residuals first.
+        for scale in (max(final, float(np.median(np.abs(errors)))), final):
+            first = least_squares(
+                residuals, first, jac=jacobian, loss='soft_l1', f_scale=scale, x_scale='jac',
+                max_nfev=60,
+                bounds=(np.concatenate([self._low, -free]), np.concatenate([self._high, free]))).x
+        errors = residuals(first)
         rms = float(np.median(np.abs(errors)) / 0.6745)
-        return tuple(self._parameters(solution.x).tolist()), rms
+        return tuple(self._parameters(first).tolist()), rms
 
     def information(self, parameters: Sequence[float], sigma: float) -> Information:
         """Return the bound for white noise of ``sigma`` on what is fitted."""

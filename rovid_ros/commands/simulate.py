@@ -15,7 +15,7 @@ import textwrap
 
 from rovid_core.model.dofs import ANGULAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import lumped
-from rovid_core.settings.run import Settings, SimulatedDof
+from rovid_core.settings.run import Settings, SimulatedDof, SimulationSettings
 from rovid_core.simulation.profiles import Profile, ProfileError
 from rovid_core.simulation.sensors import Measurement, simulate
 from rovid_core.simulation.vehicle import profile_of, shortfall
@@ -217,7 +217,7 @@ def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
     with (Interrupt(part) as interrupt, OutputLog(path) as writer,
           Progress('simulate', lambda: elapsed / (duration * 1e9)) as progress):
         writer.metadata('rovid_truth', {
-            **truth(settings.simulation.dofs),
+            **truth(settings.simulation.dofs), **current_truth(settings.simulation),
             'profile': profile_text(profile_of(settings.simulation.dofs, profile))})
         for message in chain([first], messages):
             if interrupt.asked:
@@ -240,6 +240,16 @@ def truth(simulated: Mapping[str, SimulatedDof]) -> dict[str, str]:
         for name, value in zip(PHYSICAL + PARAMETERS, physical + lumped(*physical)):
             values[f'{dof}.{name}'] = repr(float(value))
     return values
+
+
+def current_truth(simulated: SimulationSettings) -> dict[str, str]:
+    """Return the true current as text by ``current.<name>``, in the ENU world; {} if still."""
+    if not any(simulated.current):
+        return {}
+    x, y = simulated.current
+    return {'current.x': repr(x), 'current.y': repr(y),
+            'current.turn': repr(simulated.current_turn),
+            'current.tide': repr(simulated.current_tide)}
 
 
 def _write(writer: LogWriter, message: SensorMessage) -> None:

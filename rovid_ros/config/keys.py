@@ -295,7 +295,12 @@ def _simulation() -> list[Key]:
         key('coriolis', 'the simulated vehicle has the Coriolis forces of its masses'),
         key('mass_matrix', 'of the simulated vehicle, 6 rows surge to yaw; left out: its masses '
             'on the diagonal', 'kg'),
-        key('current', 'velocity of the water of the simulation, x and y in the world', 'm/s'),
+        key('current', 'velocity of the simulated water, x and y in the ENU world', 'm/s', -10.0,
+            10.0),
+        key('current_turn', 'time in which the current of the simulation turns once, from x to y; '
+            '0: it does not', 's', 0.0, 1e6),
+        key('current_tide', 'period of a current of the simulation that comes and goes as a '
+            'cosine; 0: it is steady', 's', 0.0, 1e6),
         key('righting', 'righting moments of the simulated roll and pitch at 90 degrees', 'N m',
             0.0),
     ]

@@ -220,3 +220,17 @@ def test_the_log_tells_the_truth(repository: Path, tmp_path: Path) -> None:
     assert float(record.metadata['heave.delta']) == -10.0 / 2400.0
     assert times[0] == EPOCH
     assert times == sorted(times)
+
+
+def test_the_log_tells_the_current(repository: Path, tmp_path: Path) -> None:
+    text = (repository / 'config' / 'jhurov.yaml').read_text()
+    config, log = tmp_path / 'rov.yaml', tmp_path / 'out.mcap'
+    config.write_text(text.replace('current: [0.0, 0.0]', 'current: [0.2, -0.1]')
+                      .replace('current_turn: 0.0', 'current_turn: 600.0'))
+    assert main(['simulate', '--params-file', str(config), '--output', str(log),
+                 '--duration', '2']) == 0
+    with log.open('rb') as file:
+        (record,) = make_reader(file).iter_metadata()
+    assert {name: float(text) for name, text in record.metadata.items()
+            if name.startswith('current.')} == {
+        'current.x': 0.2, 'current.y': -0.1, 'current.turn': 600.0, 'current.tide': 0.0}

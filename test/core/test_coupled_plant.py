@@ -1,5 +1,6 @@
 """The simulated vehicle whose degrees of freedom act on each other, against mechanics."""
 
+from collections.abc import Callable
 from dataclasses import replace
 import math
 
@@ -56,11 +57,11 @@ def test_coriolis_does_no_work_and_keeps_the_momentum_in_the_world() -> None:
     """Kirchhoff's equations of a body in an ideal fluid at rest."""
     vehicle = plant(SimulationSettings(dofs=PLANAR, coriolis=True, mass_matrix=matrix()))
     mass = np.array(matrix()).reshape(6, 6)
-    vehicle.velocity[[0, 1, 5]] = [0.7, -0.3, 0.5]
+    vehicle.velocity = [0.7, -0.3, 0.0, 0.0, 0.0, 0.5]
     attitude = LEVEL
 
     def energy() -> float:
-        return float(vehicle.velocity @ mass @ vehicle.velocity)
+        return float(np.array(vehicle.velocity) @ mass @ vehicle.velocity)
 
     def momentum() -> tuple[float, float, float]:
         x, y, z = (mass @ vehicle.velocity)[:3]
@@ -69,7 +70,7 @@ def test_coriolis_does_no_work_and_keeps_the_momentum_in_the_world() -> None:
     before = energy(), momentum()
     for _ in range(2000):
         mean = vehicle.advance(attitude, (0.0, 0.0, 0.0), 0.005)
-        attitude = product(attitude, from_yaw(float(mean[5]) * 0.005))
+        attitude = product(attitude, from_yaw(mean[5] * 0.005))
     assert abs(vehicle.velocity[0] - 0.7) > 0.1  # it did turn
     assert energy() == pytest.approx(before[0], rel=1e-9)
     assert_allclose(momentum(), before[1], atol=1e-2)
@@ -90,17 +91,39 @@ def test_a_vehicle_without_thrust_drifts_with_the_water() -> None:
     assert_allclose((x, y), (6.0, -3.0), atol=0.05)
 
 
+@pytest.mark.parametrize(('change', 'end'), [
+    # after a whole turn, or tide, it is back; after a quarter it is at the middle of its circle,
+    # which has a radius of 0.2 m/s T / 2 pi
+    ({'current_turn': 100.0}, lambda r: (r, r)), ({'current_tide': 100.0}, lambda r: (r, 0.0))])
+def test_the_water_turns_and_has_tides(
+        change: dict[str, float], end: Callable[[float], tuple[float, float]]) -> None:
+    dofs = {d: SimulatedDof(10.0, 40.0, 50.0) for d in ('surge', 'sway')}
+    settings = configured(SimulationSettings(dofs=dofs, current=(0.2, 0.0), **change))
+    fixes = [value[:2] for _, input, value in simulate(settings, 100.1, 1) if input == 'position']
+    assert_allclose(fixes[250], end(20.0 / (2.0 * math.pi)), atol=0.05)
+    assert_allclose(fixes[1000], (0.0, 0.0), atol=0.05)
+
+
 def test_a_vehicle_that_is_pushed_sideways_is_measured_over_ground() -> None:
     dofs = {'surge': SimulatedDof(10.0, 40.0, 5.0), 'sway': SimulatedDof(10.0, 40.0, 5.0)}
     truth = last(configured(SimulationSettings(dofs=dofs, current=(0.2, -0.1))), 'reference', 10)
     assert_allclose(truth[:2], (0.2, -0.1), atol=1e-12)
 
 
+@pytest.mark.parametrize(('lock', 'measured'), [('ground', 0.2), ('water', 0.0)])
+def test_a_dvl_measures_what_it_is_locked_to(lock: str, measured: float) -> None:
+    dofs = {d: SimulatedDof(10.0, 40.0, 5.0) for d in ('surge', 'sway')}
+    settings = replace(
+        configured(SimulationSettings(dofs=dofs, current=(0.2, 0.0), velocity_noise=0.0)),
+        velocity=InputSettings(topic='/dvl', type='t', field='f'), relative_to=lock)
+    assert_allclose(last(settings, 'velocity', 1.0), (measured, 0.0, 0.0), atol=1e-12)
+
+
 def test_roll_rights_itself_as_a_pendulum() -> None:
     vehicle = plant(SimulationSettings(dofs={'roll': SimulatedDof(2.0)}, righting=(8.0, 0.0)))
     attitude = (math.sin(0.005), 0.0, 0.0, math.cos(0.005))
     for _ in range(round(math.pi / 0.001)):  # a period of 2 pi / sqrt(8 / 2)
-        rate = float(vehicle.advance(attitude, (0.0,), 0.001)[3])
+        rate = vehicle.advance(attitude, (0.0,), 0.001)[3]
         half = 0.5 * rate * 0.001
         attitude = product(attitude, (math.sin(half), 0.0, 0.0, math.cos(half)))
     assert 2.0 * math.asin(attitude[0]) == pytest.approx(0.01, rel=1e-2)

@@ -4,7 +4,8 @@ Tell how a method does on vehicles that are not exactly the model.
 The plants are those of ``test.support.real_vehicles``. A table says, per kind of vehicle, how
 far the mass is off, how often its 95 % interval holds the true one, how often the status says
 ``converged``, how often it says so with the true mass outside of the interval, whether and when
-the vehicle is said to have changed, and what the notes say most often.
+the vehicle is said to have changed, how often the notes name what is missing, and what they say
+most often.
 
 Usage: python -m benchmarks.accuracy.real_vehicles [--seeds N] [--duration S] [--method M]
 """
@@ -17,6 +18,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from math import inf
+import re
 
 import numpy as np
 from rovid_core.identify import make_identifier
@@ -28,6 +30,12 @@ from rovid_core.settings.run import IdentifierSettings, Scales
 
 from benchmarks.markdown import table
 from test.support.real_vehicles import GUESS, MASS, pieces, Vehicle, VEHICLES
+
+NAMES = {
+    'dead-band 3 N': 'a dead band of the thrusters', 'reverse thrust x 0.8': 'reverse thrust',
+    'reverse drag x 1.3': 'reverse drag', 'lag 0.15 s': 'a lag of the thrusters',
+    'coupled': 'v r', 'zig-zag': 'v r'}
+"""What is missing, in the words of the notes."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +75,7 @@ def identify(identifier: Identifier, vehicle: Vehicle, seed: int, duration: floa
 
 def case(method: str, duration: float, name: str, seed: int) -> Result:
     """Return the result of one seed."""
-    identifier = make_identifier(IdentifierSettings(method), GUESS)
+    identifier = make_identifier(IdentifierSettings(method), GUESS, watched=('vr',))
     return identify(identifier, VEHICLES[name], seed, duration)
 
 
@@ -88,9 +96,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
                                   range(given.seeds)))
             errors = np.array([one.errors for one in found])
             at = [one.changed_at for one in found if one.changed_at < inf]
-            # without the share, which is another one in each drive
-            notes = [note.split(' % of the error follows ')[-1].split(',')[0]
-                     for one in found for note in one.notes if note]
+            # without the numbers, which are others in each drive
+            notes = [re.split(' % of the error follows |, | of about |: | with a', note)[
+                'follows' in note] for one in found for note in one.notes if note]
+            named = '' if name not in NAMES else (
+                f'{100 * sum(note == NAMES[name] for note in notes) / len(found):.0f}')
             most = max(set(notes), key=notes.count) if notes else ''
             rows.append((
                 name, f'{100 * np.median(errors[:, 0]):+.1f}',
@@ -100,12 +110,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     [one.by_120 for one in found],
                     [one.converged and not one.held for one in found],
                     [one.changed_at < inf for one in found])),
-                f'{np.median(at):.0f}' if at else '', most))
+                f'{np.median(at):.0f}' if at else '', named, most))
     print(f'{given.method}, {given.seeds} seeds of {given.duration:g} s.\n')
     print(table(('vehicle', 'mass off, median [%]', 'rms of alpha over its std',
                  'interval holds the mass [%]', 'converged [%]', 'by 120 s [%]',
                  'converged, mass outside [%]', 'said to have changed [%]',
-                 'at [s], median', 'noted most often'), rows))
+                 'at [s], median', 'named [%]', 'noted most often'), rows))
 
 
 if __name__ == '__main__':

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
 from rovid_core.identify.aid.self_tuning import SelfTuningIdentifier
@@ -29,16 +30,18 @@ METHODS: dict[str, Callable[[Scales, IdentifierSettings, Four | None], Identifie
 
 
 def make_identifier(settings: IdentifierSettings, dof: DofSettings,
-                    raw_gains: Four | None = None) -> Identifier:
+                    raw_gains: Four | None = None, watched: tuple[str, ...] = ()) -> Identifier:
     """
     Return the configured identifier for one DOF; raises SettingsError if there is no such method.
 
-    ``raw_gains`` is the diagonal of Gamma where the settings give raw gains (``aid``).
+    ``raw_gains`` is the diagonal of Gamma where the settings give raw gains (``aid``);
+    ``watched`` names the regressors that steps carry besides those of the model.
     """
     if settings.method not in METHODS:
         raise SettingsError(
             'identifier.method', f'got {settings.method!r}, takes {", ".join(METHODS)}')
-    return METHODS[settings.method](Scales.of(dof), settings, raw_gains)
+    scales = replace(Scales.of(dof), watched=watched)
+    return METHODS[settings.method](scales, settings, raw_gains)
 
 
 def retuned_identifier(identifier: Identifier, settings: IdentifierSettings, dof: DofSettings,

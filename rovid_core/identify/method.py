@@ -32,8 +32,7 @@ class Identifier(Protocol):
     model of the method has converged. A method that ``judges_errors`` has looked at its own before
     ``doubt`` is ''; of the others the status asks that they predict. ``uncertainty`` is an
     immutable value that says how well the parameters are known. ``delay`` is the delay of the
-    thrust [s], NaN if the method does not estimate it. A method that ``uses_pieces`` is given
-    those of the force in each step. ``note`` says what the method has noticed
+    thrust [s], NaN if the method does not estimate it. ``note`` says what the method has noticed
     about vehicle and model, '' if nothing.
     """
 
@@ -45,7 +44,6 @@ class Identifier(Protocol):
     excitation: float
     converged_share: float = 0.05
     judges_errors: bool = False
-    uses_pieces: bool = False
 
     @property
     def std(self) -> Four:

@@ -25,6 +25,9 @@ alone (the drag of a sideways motion), and by the restoring terms sin(roll) cos(
 RESTORING = ('sin_roll', 'sin_pitch')
 """Couplings with the attitude; they pull back."""
 
+HEADING = ('cos_heading', 'sin_heading')
+"""What a current pushes surge and sway with; watched, for it takes more to estimate a current."""
+
 COUPLING_PRIORS = {
     'sin_roll': 20.0, 'sin_pitch': 20.0, 'v': 5.0, 'uv': 20.0, 'vw': 20.0, 'uw': 20.0}
 """

@@ -121,6 +121,9 @@ class Step(NamedTuple):
     pieces : tuple of (float, float)
         Lengths of the pieces [s] in which the force is held over the step, and the force of
         each [N or N m]; empty where it is not held, or where the method has no use for it.
+    watched : tuple of float
+        Mean of each regressor that the method watches, over the interval that ends with the
+        fix within the step, not filtered; 0 where it is not known.
 
     """
 
@@ -136,6 +139,7 @@ class Step(NamedTuple):
     couplings: tuple[tuple[float, float], ...] = ()
     filtered_couplings: tuple[float, ...] = ()
     pieces: tuple[tuple[float, float], ...] = ()
+    watched: tuple[float, ...] = ()
 
 
 def finite(values: tuple[float, ...]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import math
 from typing import cast, Protocol
 
@@ -82,7 +82,7 @@ class Pipeline:
         self._commands = CommandIntake(settings, self._forces, warn)
         used = settings.used_inputs()
         self._couplings = CouplingRegressors(settings, self._shared.attitude) if any(
-            settings.couplings(d) for d in settings.dofs) else None
+            settings.couplings(d) or settings.watched(d) for d in settings.dofs) else None
         needed = ('position', 'depth', *(self._couplings.inputs if self._couplings else ()))
         sources = [FilteredSource(settings, name, self._shared, warn) for name in SOURCES]
         # position and depth need each other, and couplings their inputs, also without a DOF
@@ -93,7 +93,6 @@ class Pipeline:
                         if name in used}
         self.dofs = [Identification(settings, i, self._commands.unsigned, reject, warn)
                      for i in range(len(settings.dofs))]
-        self._with_pieces = any(dof.identifier.uses_pieces for dof in self.dofs)
         self.adapt = settings.enable
 
     def change(self, settings: Settings) -> None:
@@ -299,7 +298,12 @@ class Pipeline:
             filtered = source.regressors.step(
                 dt, tuple([(lead * x + rest * y) / dt for x, y in couplings]))
             source.last_regressors = new
-        pieces = self._forces.pieces(begin, time, source.indices) if self._with_pieces else ()
+        pieces = self._forces.pieces(
+            begin, time, source.indices) if self._settings.watches else ()
+        watched: tuple[float, ...] = ()
+        if source.watched and self._couplings is not None:
+            watched = self._couplings.as_known(
+                source.watched, *((last.start, last.end) if interval else (begin, time)))
         for j, i in enumerate(source.indices):
             v, w, f, p, q = before[j], after[j], forces[j], first[j], second[j]
             step = Step(
@@ -315,7 +319,8 @@ class Pipeline:
                 path_noise=motion.path_noise[j] if motion.path_noise else 0.0,
                 couplings=tuple([couplings[k] for k in source.coupling_indices[j]]),
                 filtered_couplings=tuple([filtered[k] for k in source.coupling_indices[j]]),
-                pieces=pieces[j] if pieces else ())
+                pieces=pieces[j] if pieces else (),
+                watched=tuple([watched[k] for k in source.watched_indices[j]]))
             self.dofs[i].add_step(time, step, self.adapt)
             if self._scorer is not None:
                 self._scorer.add_step(self._settings.dofs[i], span, step)
@@ -335,6 +340,13 @@ class Pipeline:
             self.dofs[i].identifier.restart(v)
             if self._scorer is not None:
                 self._scorer.begin_run(self._settings.dofs[i], motion.time, v)
+
+
+def _union(of_dofs: Sequence[tuple[str, ...]]
+           ) -> tuple[tuple[str, ...], list[tuple[int, ...]]]:
+    """Return all names of some DOFs, each once, and which of them each DOF has."""
+    union = tuple(dict.fromkeys(name for names in of_dofs for name in names))
+    return union, [tuple([union.index(name) for name in names]) for names in of_dofs]
 
 
 def _is_no_infinity(x: float) -> bool:
@@ -370,6 +382,8 @@ class FilteredSource(VelocitySource):
         Of all its DOFs, each once.
     coupling_indices : list of tuple of int
         Which of them each of its DOFs has.
+    watched, watched_indices
+        The same of the regressors that are watched; nothing waits for these.
     regressors : LowPass
         Of the couplings.
     last_regressors : tuple of float
@@ -386,10 +400,9 @@ class FilteredSource(VelocitySource):
         self.regressors = LowPass(settings.cutoff)
         super().__init__(settings, input, shared)
         self.indices = tuple(settings.dofs.index(d) for d in self.dofs)
-        of_dofs = [settings.couplings(d) for d in self.dofs]
-        self.couplings = tuple(dict.fromkeys(name for names in of_dofs for name in names))
-        self.coupling_indices = [
-            tuple(self.couplings.index(name) for name in names) for names in of_dofs]
+        self.couplings, self.coupling_indices = _union(
+            [settings.couplings(d) for d in self.dofs])
+        self.watched, self.watched_indices = _union([settings.watched(d) for d in self.dofs])
         self.last_regressors: tuple[float, ...] = ()
         self.held: Motion | None = None
         self.last: Motion | None = None
@@ -471,7 +484,8 @@ class Identification:
         self._name = name = settings.dofs[i]
         dof, method = settings.dof[name], settings.identifier
         self._i = i
-        self.identifier = make_identifier(method, dof, _raw_gains(method, i))
+        self.identifier = make_identifier(
+            method, dof, _raw_gains(method, i), settings.watched(name))
         # raw gains have their own adaptation time
         self._status = DofStatus(Scales.of(dof), getattr(
             self.identifier, 'adaptation_time', method.adaptation_time))

@@ -11,7 +11,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 import math
 
-from rovid_core.model.dofs import ANGULAR_DOFS, COUPLINGS, DOFS, Four, LINEAR_DOFS, PARAMETERS
+from rovid_core.model.dofs import (
+    ANGULAR_DOFS,
+    COUPLINGS,
+    DOFS,
+    Four,
+    HEADING,
+    LINEAR_DOFS,
+    PARAMETERS,
+)
 from rovid_core.model.plant import lumped
 from rovid_core.settings.inputs import InputSettings, SettingsError, ThrusterSettings
 
@@ -28,6 +36,9 @@ INPUTS = (
 
 WITH_COUPLINGS = ('ekf',)
 """Methods that identify couplings; the others leave them out."""
+
+WATCHING = ('ekf',)
+"""Methods that are given each step in detail, and look for what the model lacks."""
 
 WITH_CURRENT: tuple[str, ...] = ()
 """Methods that estimate the current of the water; the others assume that it is still."""
@@ -85,6 +96,8 @@ class Scales:
         Terms that are identified.
     couplings : tuple of str
         Of the DOF, for methods that identify them.
+    watched : tuple of str
+        Other regressors that a method looks at, for what the model lacks.
 
     """
 
@@ -93,6 +106,7 @@ class Scales:
     initial: Four
     active: tuple[bool, bool, bool, bool]
     couplings: tuple[str, ...] = ()
+    watched: tuple[str, ...] = ()
 
     @staticmethod
     def of(settings: DofSettings) -> Scales:
@@ -279,6 +293,26 @@ class Settings:
         """Return the couplings of a DOF that the method identifies."""
         identified = self.all_methods or self.identifier.method in WITH_COUPLINGS
         return self.dof[dof].couplings if identified else ()
+
+    @property
+    def watches(self) -> bool:
+        """Tell whether steps carry the pieces of the force, and what is watched."""
+        return self.all_methods or self.identifier.method in WATCHING
+
+    def watched(self, dof: str) -> tuple[str, ...]:
+        """Return the regressors that a DOF does not have and its method watches."""
+        if not self.watches:
+            return ()
+        sources = {self.source(d) for d in self.dofs}
+        linear = 'velocity' if self.velocity.topic else 'position'
+        known = set('uvw') if linear in sources else set()
+        if self.attitude.topic or 'angular_velocity' in sources:
+            known |= set('pqr')
+        named = [name for name in COUPLINGS[dof] if (
+            bool(self.attitude.topic) if name.startswith('sin') else set(name) <= known)]
+        if self.attitude.topic and dof in ('surge', 'sway'):
+            named += HEADING
+        return tuple([name for name in named if name not in self.couplings(dof)])
 
     @property
     def estimates_current(self) -> bool:

@@ -14,12 +14,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from rovid_core.model.dofs import RESTORING, Vector
+from rovid_core.model.dofs import HEADING, RESTORING, Vector
 from rovid_core.model.samples import Motion
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import (
     AttitudeHistory,
     MAX_KEPT,
+    rotate,
     rotate_back,
     rotation_between,
 )
@@ -27,6 +28,7 @@ from rovid_core.velocity.attitude_history import (
 NS = 1e-9
 
 LINEAR, ANGULAR = 'uvw', 'pqr'
+OF_ATTITUDE = (*RESTORING, *HEADING)
 
 
 class MeanVelocities:
@@ -48,6 +50,11 @@ class MeanVelocities:
         """Forget all velocities."""
         self._means: deque[tuple[int, int, Vector]] = deque(maxlen=MAX_KEPT)
         self._point: tuple[int, Vector] | None = None
+
+    @property
+    def end(self) -> int:
+        """Return up to when velocities are known [ns]; 0 if none is."""
+        return self._means[-1][1] if self._means else 0
 
     def add_mean(self, start: int, end: int, velocity: Vector) -> None:
         """Add the mean velocity from ``start`` to ``end`` [ns]."""
@@ -92,7 +99,8 @@ class CouplingRegressors:
     """
     The regressors of all DOFs that have couplings.
 
-    ``inputs`` are those whose velocities they are made of.
+    ``inputs`` are those whose velocities couplings are made of; what is only watched asks for
+    none.
 
     Parameters
     ----------
@@ -105,17 +113,16 @@ class CouplingRegressors:
 
     def __init__(self, settings: Settings, attitude: AttitudeHistory) -> None:
         self._attitude = attitude
-        named = {name for dof in settings.dofs for name in settings.couplings(dof)}
-        letters = {x for name in named if name not in RESTORING for x in name}
-        self._linear_input = '' if not letters & set(LINEAR) else (
-            'velocity' if settings.velocity.topic else 'position')
-        self._rates_input = '' if not letters & set(ANGULAR) else (
-            'attitude' if settings.attitude.topic else 'angular_velocity')
-        self.inputs = (self._linear_input, self._rates_input)
+        self._linear_input = 'velocity' if settings.velocity.topic else 'position'
+        self._rates_input = 'attitude' if settings.attitude.topic else 'angular_velocity'
+        letters = {x for dof in settings.dofs for name in settings.couplings(dof)
+                   if name not in OF_ATTITUDE for x in name}
+        self.inputs = (self._linear_input if letters & set(LINEAR) else '',
+                       self._rates_input if letters & set(ANGULAR) else '')
         memory = 2 * round(settings.longest_timeout / NS)
         self._linear, self._rates = MeanVelocities(memory), MeanVelocities(memory)
         self._timeouts = {name: round(settings.timeout_of(name) / NS)
-                          for name in (self._linear_input, self._rates_input) if name}
+                          for name in (self._linear_input, self._rates_input)}
 
     def restart(self) -> None:
         """Forget all velocities."""
@@ -145,13 +152,13 @@ class CouplingRegressors:
 
     def _needed(self, names: tuple[str, ...]
                 ) -> tuple[tuple[bool, Callable[[int, int], str]], ...]:
-        letters = ''.join([name for name in names if name not in RESTORING])
+        letters = ''.join([name for name in names if name not in OF_ATTITUDE])
         turns = any(x in ANGULAR for x in letters)
         by_attitude = self._rates_input == 'attitude'
         return (
             (any(x in LINEAR for x in letters), self._linear.missing),
             (turns and not by_attitude, self._rates.missing),
-            (turns and by_attitude or any(name in RESTORING for name in names),
+            (turns and by_attitude or any(name in OF_ATTITUDE for name in names),
              self._missing_attitude))
 
     def _missing_attitude(self, start: int, end: int) -> str:
@@ -180,13 +187,32 @@ class CouplingRegressors:
             values.update(zip(LINEAR, self._linear.mean(start, end)))
         if needed[1]:
             values.update(zip(ANGULAR, self._rates.mean(start, end)))
-        elif needed[2] and self._rates_input:
+        elif needed[2] and self._rates_input == 'attitude':
             values.update(zip(ANGULAR, self._mean_rates(start, end)))
-        if any(name in RESTORING for name in names):
-            up = rotate_back(self._attitude.at((start + end) // 2), (0.0, 0.0, 1.0))
+        if any(name in OF_ATTITUDE for name in names):
+            q = self._attitude.at((start + end) // 2)
+            up, ahead = rotate_back(q, (0.0, 0.0, 1.0)), rotate(q, (1.0, 0.0, 0.0))
             values['sin_roll'], values['sin_pitch'] = up[1], -up[0]
-        return tuple([values[name] if name in RESTORING else _product(values, name)
+            values['cos_heading'], values['sin_heading'] = ahead[0], ahead[1]
+        return tuple([values[name] if name in OF_ATTITUDE else _product(values, name)
                       for name in names])
+
+    def as_known(self, names: tuple[str, ...], start: int, end: int) -> tuple[float, ...]:
+        """
+        Return regressors over a span as far as they are known by now, 0 where they are not.
+
+        Where the linear velocities end before the span does, all are taken as much earlier.
+        """
+        of_attitude = tuple([name for name in names if name in OF_ATTITUDE
+                             or not set(name) & set(LINEAR)])
+        late = max(end - self._linear.end, 0) if of_attitude != names else 0
+        if late <= self._timeouts[self._linear_input] and not (
+                self.missing(names, start - late, end - late)):
+            return self.mean(names, start - late, end - late)
+        if self.missing(of_attitude, start, end):
+            return (0.0,) * len(names)
+        values = dict(zip(of_attitude, self.mean(of_attitude, start, end)))
+        return tuple([values.get(name, 0.0) for name in names])
 
     def _mean_rates(self, start: int, end: int) -> Vector:
         x, y, z = rotation_between(self._attitude.at(start), self._attitude.at(end))

@@ -68,7 +68,8 @@ class OnlineMethods(ScoreLog):
         super().__init__(settings)
         self.identifiers = {dof: {
             method: make_identifier(
-                replace(IdentifierSettings(), method=method), settings.dof[dof])
+                replace(IdentifierSettings(), method=method), settings.dof[dof],
+                watched=settings.watched(dof))
             for method in ONLINE if method != PAPER} for dof in settings.dofs}
 
     def begin_run(self, dof: str, time: int, velocity: float) -> None:

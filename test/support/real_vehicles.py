@@ -91,15 +91,15 @@ def _sines(random: np.random.Generator, time: Array, low: float, high: float) ->
         2 * pi * hz * time[:, None] + random.uniform(0.0, 2 * pi, 5)).sum(axis=1))
 
 
-def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array]:
-    """Return the fixes [m] and the logged force per ``STEP`` [N]."""
+def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, Array]:
+    """Return the fixes [m], and per ``STEP`` the logged force [N] and v r [m/s rad/s]."""
     random = np.random.default_rng(seed)
     n = round(duration / STEP)
     time = np.arange(n) * STEP
     command = np.clip(17.0 * _sines(random, time, 0.02, 0.2), -FORCE, FORCE)
     side = 0.25 * _sines(random, time, 0.02, 0.1) * 0.35 * _sines(random, time, 0.02, 0.1)
     white, noise = random.normal(size=n), random.normal(0.0, NOISE, n // FIX + 1)
-    logged, path = np.empty(n), np.empty(n + 1)
+    logged, path, turning = np.empty(n), np.empty(n + 1), np.array(side)
     x = v = force = drift = 0.0
     mass, measured, last = MASS, float(noise[0]), float(noise[0])
     keep = np.exp(-STEP / 2.0)
@@ -117,14 +117,15 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array]:
                 u = min(max(u, -FORCE), FORCE)
             held = float(u)
         logged[k] = held
+        if vehicle.disturbance == 'zigzag':
+            turning[k] = 0.2 * held / FORCE * abs(side[k])**0.5
         real = vehicle.thrust(held)
         force = real if not vehicle.lag else force + (real - force) * STEP / vehicle.lag
         if time[k] >= vehicle.change[0]:
             mass = MASS * vehicle.change[1]
         drift = keep * drift + (1.0 - keep**2)**0.5 * white[k]
-        extra = {'': 0.0, 'unknown': drift / MASS, 'coupled': 1.4 * side[k],
-                 'zigzag': 1.4 * 0.2 * held / FORCE * abs(side[k])**0.5,
-                 'tether': -tanh(x) / MASS}[vehicle.disturbance]
+        extra = {'': 0.0, 'unknown': drift / MASS, 'coupled': 1.4 * turning[k],
+                 'zigzag': 1.4 * turning[k], 'tether': -tanh(x) / MASS}[vehicle.disturbance]
 
         one = _rate(vehicle, v, force, mass) + extra
         two = _rate(vehicle, v + 0.5 * STEP * one, force, mass) + extra
@@ -133,7 +134,7 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array]:
         x += STEP * v + STEP * STEP * (one + two + three) / 6.0
         v += STEP * (one + 2.0 * (two + three) + four) / 6.0
     path[n] = x
-    return path[::FIX] + noise[:n // FIX + 1], logged
+    return path[::FIX] + noise[:n // FIX + 1], logged, turning
 
 
 def _rate(vehicle: Vehicle, v: float, force: float, mass: float) -> float:
@@ -143,15 +144,17 @@ def _rate(vehicle: Vehicle, v: float, force: float, mass: float) -> float:
 
 def pieces(vehicle: Vehicle, seed: int, duration: float) -> list[Step | float]:
     """Return what the pipe makes of a drive: the first velocity, then the steps."""
-    fixes, logged = drive(vehicle, seed, duration)
+    fixes, logged, turning = drive(vehicle, seed, duration)
     dt = FIX * STEP
     mean = np.diff(fixes) / dt
     halves = logged.reshape(-1, FIX // 2).mean(axis=1)  # between fix, middle, fix
     forces = halves[1:-1].reshape(-1, 2)
+    watched = turning.reshape(-1, FIX).mean(axis=1)
     velocity = filtered(CUTOFF, np.full(len(mean), dt), mean)
     force = filtered(CUTOFF, np.full(len(forces), dt), forces.mean(axis=1))
     return [float(mean[0]), *(
         Step(dt, (a, 0.5 * (a + b), b), (f, f, f), m, dt, (dt / 2, dt / 2), (p, q),
-             pieces=((dt / 2, p), (dt / 2, q)))
-        for a, b, f, m, (p, q) in zip(velocity.tolist(), velocity[1:].tolist(), force.tolist(),
-                                      mean[1:].tolist(), forces.tolist()))]
+             pieces=((dt / 2, p), (dt / 2, q)), watched=(x,))
+        for a, b, f, m, (p, q), x in zip(
+            velocity.tolist(), velocity[1:].tolist(), force.tolist(), mean[1:].tolist(),
+            forces.tolist(), watched.tolist()))]

@@ -173,9 +173,9 @@ class BatchStart:
 
     def restore(self, state: Any) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        couplings = self._new_clock().couplings
-        pieces = [(_step(piece, couplings) if isinstance(piece, list) else _finite(piece),
-                   int(use)) for piece, use in state['pieces']]
+        clock = self._new_clock()
+        pieces = [(_step(piece, clock.couplings, clock.watched) if isinstance(piece, list)
+                   else _finite(piece), int(use)) for piece, use in state['pieces']]
         self.clear()
         self.next = _finite(state['next'])
         for piece, use in pieces:
@@ -191,17 +191,18 @@ def _level(sizes: Sequence[float]) -> float:
     return level * sqrt(fsum(squares) / len(squares) / CLIPPED)
 
 
-def _step(values: Sequence[Any], couplings: int) -> Step:
-    *plain, pairs, filtered, pieces = values
+def _step(values: Sequence[Any], couplings: int, watched: int) -> Step:
+    *plain, pairs, filtered, pieces, also = values
     numbers = [
         tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in plain]
     regressors = (tuple([(_finite(a), _finite(b)) for a, b in pairs]),
-                  tuple(map(_finite, filtered)))
-    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-3]) or (
-            _sizes(regressors) not in ([0, 0], [couplings, couplings])):
+                  tuple(map(_finite, filtered)), tuple(map(_finite, also)))
+    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-4]) or (
+            _sizes(regressors) not in (
+                [0, 0, 0], [0, 0, watched], [couplings, couplings, watched])):
         raise ValueError('a step does not fit')
     held = tuple([(_finite(a), _finite(b)) for a, b in pieces])
-    step = Step._make([*numbers, *regressors, held])
+    step = Step._make([*numbers, *regressors[:2], held, regressors[2]])
     if not step.dt > 0.0:
         raise ValueError('a step takes no time')
     return step

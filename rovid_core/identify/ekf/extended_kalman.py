@@ -30,6 +30,7 @@ from rovid_core.identify.ekf.free_prediction import FreePrediction
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
+from rovid_core.identify.ekf.missing_terms import described
 from rovid_core.identify.ekf.score_blocks import SCATTERED
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
@@ -190,7 +191,6 @@ class ExtendedKalman(Identifier):
 
     converged_share = 0.1
     judges_errors = True
-    uses_pieces = True
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
@@ -220,13 +220,15 @@ class ExtendedKalman(Identifier):
 
     def _new(self, force_std: float, theta: Sequence[float]) -> Member:
         """Return a filter at some parameters that knows the initial ones."""
-        member = Member(self._theta, self._model.prior, self._model.box, force_std, FIRST_NOISE)
+        member = Member(self._theta, self._model.prior, self._model.box, force_std, FIRST_NOISE,
+                        self._scales.watched)
         member.filter.theta = list(theta)
         return member
 
     def _new_clock(self) -> MeasurementClock:
         scales = self._scales
-        return MeasurementClock(scales.force, scales.velocity, len(scales.couplings))
+        return MeasurementClock(scales.force, scales.velocity, len(scales.couplings),
+                                len(scales.watched))
 
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
@@ -312,8 +314,7 @@ class ExtendedKalman(Identifier):
         verdict = self._bank.best.verdict
         missing = verdict.missing if verdict is not None else None
         if missing is not None:
-            said.append(f'{100.0 * missing.share:.0f} % of the error follows '
-                        f'{missing.name.replace("_", " ")}, which the model does not have')
+            said.append(described(missing, self._bank.best.filter.theta, self._scales))
         elif verdict is not None and verdict.scatter > UNEXPLAINED and (
                 verdict.count >= MANY_BLOCKS):
             said.append('the model does not explain all of the motion: the intervals are wider')

@@ -40,6 +40,8 @@ class Member:
         Of the unknown acceleration.
     noise : float
         Of a measurement.
+    watched : sequence of str
+        Names of the regressors that steps carry to be watched.
 
     Attributes
     ----------
@@ -49,10 +51,10 @@ class Member:
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float], bounds: Bounds,
-                 force_std: float, noise: float) -> None:
-        self.filter = LinearisedFilter(theta, variances, force_std)
+                 force_std: float, noise: float, watched: Sequence[str] = ()) -> None:
+        self.filter = LinearisedFilter(theta, variances, force_std, len(watched))
         self.innovations = Innovations(noise)
-        self.blocks = ScoreBlocks(theta, variances)
+        self.blocks = ScoreBlocks(theta, variances, watched)
         self.verdict: Verdict | None = None
         self._bounds = bounds
 
@@ -67,7 +69,7 @@ class Member:
         """Predict to the time of a measurement."""
         filter = self.filter
         if span.end > span.start:
-            filter.move(recent, span.start, span.end, span.couplings)
+            filter.move(recent, span.start, span.end, span.couplings, span.watched)
         if span.turn or span.slip:
             # the noise of the fix between two intervals does not cancel when they are turned
             filter.widen_motion((span.turn * self.innovations.noise)**2 + span.slip**2)

@@ -70,6 +70,8 @@ class LinearisedFilter:
         Of the parameters; 0 for those that stay as they are.
     force_std : float
         Stationary standard deviation of the unknown acceleration f; 0 for none.
+    watched : int
+        Regressors that are watched besides ``CANDIDATES``.
 
     Attributes
     ----------
@@ -85,8 +87,9 @@ class LinearisedFilter:
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float],
-                 force_std: float) -> None:
+                 force_std: float, watched: int = 0) -> None:
         self.theta = list(theta)
+        self._count = len(theta) + len(CANDIDATES) + watched
         p = len(self.theta)
         self.theta_covariance: Matrix = [
             [variances[i] if i == j else 0.0 for j in range(p)] for i in range(p)]
@@ -99,13 +102,13 @@ class LinearisedFilter:
         f = self.force_std
         self.motion = [0.0, velocity, 0.0]
         self.covariance = (variances[0], 0.0, 0.0, variances[1], 0.0, f * f)
-        q = len(self.theta) + len(CANDIDATES)
+        q = self._count
         self.sensitivities: Matrix = [[0.0] * q, [0.0] * q, [0.0] * q]
         self._lagged = 0.0
         self._force: float | None = None  # at the end of the last step
 
     def move(self, recent: RecentForce, start: float, end: float,
-             couplings: Sequence[float] = ()) -> None:
+             couplings: Sequence[float] = (), watched: Sequence[float] = ()) -> None:
         """
         Predict from ``start`` to ``end`` [s], in steps that resolve the drag.
 
@@ -117,20 +120,22 @@ class LinearisedFilter:
             [s]
         couplings : sequence of floats
             The measured regressors over that time, one per parameter of a coupling.
+        watched : sequence of floats
+            Those that are only watched.
 
         """
         turn = (end - start) * max(
             2.0 * abs(self.theta[BETA] * self.motion[1]) + abs(self.theta[GAMMA]), 1.0 / LONGEST)
         if turn < 1.000001:
-            self._predict(recent, start, end, couplings)
+            self._predict(recent, start, end, couplings, watched)
             return
         pieces = min(int(turn), LARGEST_SUBSTEPS - 1) + 1
         for k in range(pieces):
             self._predict(recent, start + (end - start) * k / pieces,
-                          start + (end - start) * (k + 1) / pieces, couplings)
+                          start + (end - start) * (k + 1) / pieces, couplings, watched)
 
     def _predict(self, recent: RecentForce, start: float, end: float,
-                 couplings: Sequence[float]) -> None:
+                 couplings: Sequence[float], watched: Sequence[float]) -> None:
         h = end - start
         theta = self.theta
         x, v, f = self.motion
@@ -173,7 +178,7 @@ class LinearisedFilter:
         self._lagged += gone * (force - self._lagged)
         phi = [of_alpha[0], drag, w, 1.0, *couplings, -of_delay[0],
                force if force < 0.0 else 0.0, drag if w < 0.0 else 0.0,
-               max(-DEAD_BAND, min(DEAD_BAND, force)), lag]
+               max(-DEAD_BAND, min(DEAD_BAND, force)), lag, *watched]
         xs, vs, fs = self.sensitivities
         d = len(theta) - 1
         xs = [*xs]
@@ -333,8 +338,7 @@ class LinearisedFilter:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        p = len(self.theta)
-        q = p + len(CANDIDATES)
+        p, q = len(self.theta), self._count
         self.theta = floats(state['theta'], p)
         self.motion = floats(state['motion'], 3)
         a, b, c, d, e, f = floats(state['covariance'], 6)

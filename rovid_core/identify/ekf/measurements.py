@@ -30,6 +30,8 @@ class Measurement(NamedTuple):
         [s] since the last measurement.
     couplings : tuple of m floats
         The mean of each regressor of the couplings over the span.
+    watched : tuple of floats
+        The same of those that are only watched.
 
     """
 
@@ -41,6 +43,7 @@ class Measurement(NamedTuple):
     slip: float
     dt: float
     couplings: tuple[float, ...]
+    watched: tuple[float, ...] = ()
 
 
 class MeasurementClock:
@@ -56,7 +59,7 @@ class MeasurementClock:
     ----------
     force, velocity : float
         The units.
-    couplings : int
+    couplings, watched : int
         How many there are; those of a step without any are taken as 0.
 
     Attributes
@@ -68,10 +71,11 @@ class MeasurementClock:
 
     """
 
-    def __init__(self, force: float, velocity: float, couplings: int) -> None:
+    def __init__(self, force: float, velocity: float, couplings: int, watched: int = 0) -> None:
         self._force, self._velocity = force, velocity
         self.couplings = couplings
-        self._no_couplings = (0.0,) * couplings
+        self.watched = watched
+        self._no_couplings, self._nothing_watched = (0.0,) * couplings, (0.0,) * watched
         self.restart()
 
     def restart(self) -> None:
@@ -94,13 +98,14 @@ class MeasurementClock:
         start = end - step.dt if first else self._fix
         self._fix, self.ahead = at, end - at
         couplings = tuple([before for before, _ in step.couplings]) or self._no_couplings
+        watched = step.watched or self._nothing_watched
         if not step.interval:
             return Measurement(start, at, VELOCITY, step.mean / self._velocity, 0.0, 0.0, step.dt,
-                               couplings)
+                               couplings, watched)
         path = self._path
         self._path += step.mean * step.interval / self._velocity
         return Measurement(start, at, POSITION, None if first else path, step.turn,
-                           step.path_noise / self._velocity, step.dt, couplings)
+                           step.path_noise / self._velocity, step.dt, couplings, watched)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats, Innovation
+from rovid_core.model.dofs import HEADING
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ REPEATED = 2.0
 PENDING = 64
 """Measurements that are added up at once."""
 
-NAMED_T, NAMED_GAIN = 4.0, 0.02
+NAMED_T, NAMED_GAIN = 4.0, 0.01
 """Significance, and share of the squared innovations, from which a regressor is named."""
 
 FALSE_ALARM = 1e-6
@@ -60,9 +61,9 @@ class Missing:
     Attributes
     ----------
     name : str
-        One of the watched ones.
+        One of the watched ones, or ``current``.
     coefficient : float
-        What it would have, in typical accelerations.
+        What it would have, in typical velocities per second; of a current its size.
     share : float
         Of the squared innovations that it would explain.
 
@@ -105,11 +106,20 @@ class ScoreBlocks:
     ----------
     theta, variances : sequence of p floats
         Parameters and their variances before the first block.
+    watched : sequence of str
+        Names of the regressors that are watched besides ``CANDIDATES``.
 
     """
 
-    def __init__(self, theta: Sequence[float], variances: Sequence[float]) -> None:
-        self._q = len(theta) + len(CANDIDATES)
+    def __init__(self, theta: Sequence[float], variances: Sequence[float],
+                 watched: Sequence[str] = ()) -> None:
+        names, p = (*CANDIDATES, *watched), len(theta)
+        self._q = p + len(names)
+        self._candidates = {name: [p + k] for k, name in enumerate(names)}
+        if all(name in names for name in HEADING):
+            # a current pushes in any direction
+            self._candidates['current'] = [
+                k for name in HEADING for k in self._candidates.pop(name)]
         self.clear(theta, variances)
 
     def clear(self, theta: Sequence[float], variances: Sequence[float]) -> None:
@@ -195,7 +205,7 @@ class ScoreBlocks:
         """Return what the blocks say; None while there are too few."""
         if self.count < LEAST_COUNT:
             return None
-        return self._fit(self.count).verdict(self._counts, wrong_model)
+        return self._fit(self.count).verdict(self._counts, wrong_model, self._candidates)
 
     def _fit(self, count: int) -> _Fit:
         """Return what the oldest blocks give."""
@@ -291,7 +301,8 @@ class _Fit:
         freedom = self.n / max(self.n - len(a), 0.5)
         return max(1.0, float(np.trace(self.c @ self.v)) / len(a) * freedom)
 
-    def verdict(self, counts: Array, wrong_model: bool) -> Verdict:
+    def verdict(self, counts: Array, wrong_model: bool,
+                candidates: Mapping[str, list[int]]) -> Verdict:
         n, a, scatter = self.n, self.active, self.scatter()
         known, seen = scatter * self.total[np.ix_(a, a)], n / max(n - len(a), 0.5) * self.v
         # how far what is seen lies from what the model says, and how far chance alone puts it;
@@ -304,30 +315,45 @@ class _Fit:
         covariance = self.c @ (mixed + self.prior) @ self.c
         if wrong_model or scatter > REPEATED:
             covariance = covariance * max(1.0, n / LEAST_COUNT)
-        missing = None
-        best = NAMED_GAIN
-        for k in range(self._p, self._p + len(CANDIDATES)):
-            to = self.total[a, k]
-            w = self.c @ to
-            rest = self.total[k, k] - w @ to
-            if not rest > 1e-6 * self.total[k, k]:
-                continue
-            s = (self.score[:, k] - self.information[:, k, a] @ self.theta) - self.u @ w
-            i = (self.information[:, k, k] - 2.0 * self.information[:, k, a] @ w
-                 + np.einsum('i,nij,j->n', w, self.own, w))
-            total = float(s.sum())
-            kappa = total / float(rest)
-            scale = max(math.sqrt(rest), math.sqrt(n / (n - 1) * float(
-                ((s - i * kappa)**2).sum())))
-            share = total * total / (float(rest) * float(counts.sum()))
-            if abs(total) > NAMED_T * scale and share > best:
-                best, moved = share, w * kappa
-                missing = Missing(CANDIDATES[k - self._p], kappa, share)
-        if missing is not None:
-            covariance = covariance + np.outer(moved, moved)
+        missing, moved = None, np.zeros(len(a))
+        for name, columns in candidates.items():
+            found = self._test(columns, float(counts.sum()))
+            if found is not None and found[1] > (missing.share if missing else NAMED_GAIN):
+                kappa, share, moved = found
+                missing = Missing(name, kappa, share)
+        covariance = covariance + np.outer(moved, moved)
         full = np.zeros((self._p, self._p))
         full[np.ix_(a, a)] = 0.5 * (covariance + covariance.T)
         return Verdict(full.tolist(), scatter, missing, n)
+
+    def _test(self, columns: Sequence[int],
+              count: float) -> tuple[float, float, Array] | None:
+        """
+        Return coefficient and gain of a regressor, and what the parameters would move by.
+
+        None where it is not significant. Of several columns the coefficient is their size.
+        """
+        a, k = np.array(self.active)[:, None], np.array(columns)
+        to, own = self.information[:, a, k], self.information[:, k[:, None], k]
+        w = self.c @ to.sum(axis=0)
+        rest = own.sum(axis=0) - to.sum(axis=0).T @ w
+        if not np.diag(rest).min() > 1e-6 * np.diag(own.sum(axis=0)).max() or (
+                len(k) > 1 and np.linalg.cond(rest) > 1e6):
+            return None
+        s = self.score[:, k] - self.theta @ to - self.u @ w
+        mixed = np.einsum('ak,nal->nkl', w, to)
+        i = own - mixed - mixed.transpose(0, 2, 1) + np.einsum(
+            'ak,nab,bl->nkl', w, self.own, w)
+        total = s.sum(axis=0)
+        kappa = np.linalg.solve(rest, total)
+        scatter = s - i @ kappa
+        spread = self.n / (self.n - 1) * np.einsum('nk,nl->kl', scatter, scatter)
+        power = float(total @ kappa)
+        t = min(power, float(total @ np.linalg.pinv(spread, hermitian=True) @ total))
+        if not t > NAMED_T * NAMED_T:
+            return None
+        size = float(kappa[0]) if len(kappa) == 1 else float(np.linalg.norm(kappa))
+        return size, power / count, w @ kappa
 
     def contradicts(self, information: Array, score: Array, largest_scatter: float) -> bool:
         """Tell whether newer blocks do, in a way that matters."""

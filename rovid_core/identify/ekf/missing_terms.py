@@ -1,0 +1,57 @@
+"""What a missing regressor is called, how large it is, and what to do about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from rovid_core.identify.ekf.linearised_filter import ALPHA, BETA, DEAD_BAND, GAMMA, LAG
+from rovid_core.identify.ekf.score_blocks import Missing
+from rovid_core.model.dofs import RESTORING
+from rovid_core.settings.run import Scales
+
+
+def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
+    """
+    Return a missing regressor in words.
+
+    Parameters
+    ----------
+    missing : Missing
+        The regressor.
+    theta : sequence of p floats
+        Parameters of the filter.
+    scales : Scales
+        Of the degree of freedom.
+
+    """
+    kappa, alpha = missing.coefficient, theta[ALPHA]
+    if missing.name == 'reverse_thrust':
+        said = f'reverse thrust: about {max(1.0 + kappa / alpha, 0.0):.2f} of the forward one'
+    elif missing.name == 'reverse_drag':
+        drag = 1.0 + kappa / theta[BETA] if theta[BETA] else 0.0
+        said = 'reverse drag' + (f': about {drag:.2f} of the forward one' if drag > 0.0 else '')
+    elif missing.name == 'dead_band':
+        width = max(-kappa / alpha, 0.0) * DEAD_BAND * scales.force
+        said = f'a dead band of the thrusters of about {width:.2g}'
+    elif missing.name == 'lag':
+        # the delay has taken a part of it: what is left is told by the bend of the response
+        share = max(-kappa / alpha, 0.0)
+        lag = LAG * (math.sqrt(share * (2.0 - share)) if share < 1.0 else share)
+        said = f'a lag of the thrusters of about {lag:.2f} s'
+    elif missing.name == 'current':
+        # it is dragged along at the slope of the drag at half of the typical velocity
+        slope = abs(theta[BETA]) + abs(theta[GAMMA])
+        size = f' of about {kappa / slope * scales.velocity:.2g} m/s' if slope > 0.0 else ''
+        said = f'the heading, as with a current{size}'
+    else:
+        name = missing.name
+        written = name.replace('_', ' ') if name in RESTORING else ' '.join(name)
+        return (f'{_percent(missing)} of the error follows {written} with a coefficient of about '
+                f'{kappa * scales.velocity:.2g}: add couplings: '
+                f'[{", ".join([*scales.couplings, name])}]')
+    return f'{_percent(missing)} of the error follows {said}, which the model does not have'
+
+
+def _percent(missing: Missing) -> str:
+    return f'{100.0 * missing.share:.0f} %'

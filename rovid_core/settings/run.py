@@ -240,6 +240,9 @@ class Settings:
     current: CurrentSettings = CurrentSettings()
     simulation: SimulationSettings = SimulationSettings()
     record_path: str = ''
+    # of one file of a record [bytes and s]; 0: any
+    record_max_size: float = 0.0
+    record_max_duration: float = 0.0
     checkpoint_path: str = ''
     checkpoint_period: float = 60.0
     autostart: bool = True  # of the live node: configured and activated by itself

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import chain
 import os
 from pathlib import Path
+import re
 from tempfile import gettempdir, TemporaryDirectory
 from typing import Any, NamedTuple
 
@@ -88,7 +89,7 @@ class Log:
         self._scratch = TemporaryDirectory(prefix=f'rovid-{os.getpid()}-')
         try:
             self._containers, self._warnings = open_all(paths, Path(self._scratch.name))
-            self._containers.sort(key=lambda container: container.start)
+            self._containers.sort(key=_by_run_and_part(self._containers))
             if not any(container.blocks for container in self._containers):
                 raise LogError(next(iter(self.warnings), None) or (
                     f'{", ".join(map(str, paths))}: holds no messages'))
@@ -245,6 +246,26 @@ class Log:
 
     def _name(self) -> str:
         return ', '.join(container.name for container in self._containers)
+
+
+def _by_run_and_part(containers: Iterable[Container]) -> Callable[[Container], Any]:
+    """Return a key that sorts by time, and the parts of a record as they were written."""
+    starts: dict[str, int] = {}
+
+    def run_of(container: Container) -> str:
+        return container.metadata.get(RECORD, {}).get('run', '')
+
+    for container in containers:
+        run = run_of(container)
+        starts[run] = min(starts.get(run, container.start), container.start)
+
+    def place(container: Container) -> tuple[int, str, int, int]:
+        run = run_of(container)
+        part = container.metadata[RECORD].get('part', '') if run else ''
+        return (starts[run] if run else container.start, run,
+                int(part) if re.fullmatch('[0-9]{1,9}', part) else 0, container.start)
+
+    return place
 
 
 def _topics_of(containers: Iterable[Container]) -> dict[str, TopicInfo]:

@@ -71,6 +71,7 @@ class LogWriter:
 
     def __init__(self, path: Path, *, compression: str = 'zstd') -> None:
         try:
+            self.path = path
             self._file = BufferedWriter(_File(path, 'wb'))
         except OSError as error:
             raise LogError(f'{path}: cannot be written: {error.strerror}') from None
@@ -141,11 +142,19 @@ class LogWriter:
             with suppress(OSError):  # what a device has no use for; a full disk shows in write
                 os.fdatasync(self._file.fileno())
 
-    def close(self) -> None:
-        """Write the index and close the file."""
+    @property
+    def size(self) -> int:
+        """Return how much has been written [bytes], without what still waits for a flush."""
+        return self._file.tell()
+
+    def close(self, synced: bool = False) -> None:
+        """Write the index and close the file; ``synced``: it is on the disk then."""
         if not self._file.closed:
             try:
                 self._writer.finish()
+                if synced:
+                    self._file.flush()
+                    os.fsync(self._file.fileno())
             finally:
                 self._file.close()
 
@@ -186,11 +195,9 @@ class OutputLog(LogWriter):
 
     def finish(self) -> None:
         """Give it its name, whole and on the disk."""
-        self.close()
+        self.close(synced=self._part != self._path)
         if self._part != self._path:
-            with self._part.open('rb') as file:
-                os.fsync(file.fileno())
-            self._part.replace(self._path)
+            os.replace(self._part, self._path)
             sync_folder(self._path.parent)
 
     def __exit__(self, *error: object) -> None:

@@ -171,8 +171,9 @@ class IdentifierNode(ParameterNode):
     def _prepare(self, settings: Settings) -> None:
         """Make everything that can be refused; nothing is visible outside yet."""
         self._recorder = Recorder(
-            Path(settings.record_path), definition,
-            self.get_logger().error) if settings.record_path else None
+            Path(settings.record_path), definition, self.get_logger().error,
+            lambda: self.stream.state(), max_size=settings.record_max_size,
+            max_duration=settings.record_max_duration) if settings.record_path else None
         self.stream = Stream(settings, recorder=self._recorder, scorer=self._scorer)
         self.converter = Converter(settings, self.stream.reject)
         self._classes = message_classes(settings, self.converter) if self._live else {}

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 import json
+import math
 from pathlib import Path
 from threading import Thread
+import time
 from typing import Any
 
 from rovid_core.model.samples import Event
 from rovid_ros import __version__
 from rovid_ros.files.whole_files import create_unused, prepare_file, sync_folder
+from rovid_ros.logs.container import LogError
 from rovid_ros.logs.player import CONTROL
 from rovid_ros.logs.writer import LogWriter
 
@@ -35,27 +38,50 @@ class Recorder:
     was flushed outlasts the process at once and a loss of power a moment later: a thread of its
     own brings it to the disk, for on a slow card that takes longer than a message may wait.
 
-    An existing file is kept, and the next free ``name-1.mcap`` taken. Raises SettingsError if the
-    file could not be written.
+    An existing file is kept, and the next free ``name-1.mcap`` taken; so it is when a file has
+    become as large or as long as it may. Each of these parts can be replayed alone, from the
+    state in it, and all of them as one. Raises SettingsError if the file could not be written.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    definition : callable
+        Returns the definition of a message type.
+    failed : callable
+        Gets a line about what could not be written.
+    state : callable
+        Returns the state of the stream, for the beginning of a part.
+    max_size, max_duration : float
+        Of a part [bytes and s]; 0: any.
+
     """
 
     def __init__(self, path: Path, definition: Callable[[str], str],
-                 failed: Callable[[str], object]) -> None:
+                 failed: Callable[[str], object],
+                 state: Callable[[], Mapping[str, Any]] = dict, *,
+                 max_size: float = 0.0, max_duration: float = 0.0) -> None:
         prepare_file('record.path', path)
-        self.path = path
+        self.path = self._first_path = path
         self._definition = definition
         self._failed = failed
+        self._state = state
+        self._max_size = max_size or math.inf
+        self._max_duration = max_duration * 1e9 or math.inf
         self._writer: LogWriter | None = None
         self._syncing: Thread | None = None
         self._times: tuple[int, int] | None = None  # log and publish time of the newest message
         self._early: list[tuple[str, str]] = []  # controls before the first one
+        self._run = str(time.time_ns())  # tells the parts of this record from others
+        self._part = 0
+        self._since: int | None = None  # [ns] receive time of the first message of a part
 
     def open(self, restored: Mapping[str, Any] | None) -> None:
         """Make the file, with the state that the stream goes on from, which a replay needs."""
-        self.path = create_unused(self.path)
+        self.path = create_unused(self._first_path)
         self._writer = LogWriter(self.path)
         sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power
-        values = {'version': __version__}
+        values = {'version': __version__, 'run': self._run, 'part': str(self._part)}
         if restored is not None:
             values['state'] = json.dumps(restored)
         self._writer.metadata('rovid_record', values)
@@ -76,6 +102,7 @@ class Recorder:
         if received.recorded:
             return
         received.recorded = True
+        self._split_when_due(received.time)
         self._write(lambda writer: writer.write_raw(
             f'/{received.topic.lstrip("/")}', received.type, received.cdr, received.time,
             self._definition(received.type), event.time))
@@ -98,8 +125,7 @@ class Recorder:
         """Make what was written readable, and begin to bring it to the disk."""
         self._write(lambda writer: writer.flush())
         if self._writer and not (self._syncing and self._syncing.is_alive()):
-            self._syncing = Thread(target=self._writer.sync, daemon=True)
-            self._syncing.start()
+            self._begin(self._writer.sync)
 
     def close(self) -> None:
         """End the log properly."""
@@ -109,11 +135,43 @@ class Recorder:
         self._write(lambda writer: writer.close())
         self._writer = None
 
-    def _write(self, action: Callable[[LogWriter], None]) -> None:
-        if self._writer is None:
+    def _split_when_due(self, now: int) -> None:
+        """Go on in another file before a message, if the one so far is large or long enough."""
+        if self._since is None:
+            self._since = now
+        writer = self._writer
+        if writer is None or (
+                writer.size < self._max_size and now - self._since < self._max_duration):
             return
+        before = self._syncing
+
+        def end() -> None:
+            if before:
+                before.join()
+            self._attempt(writer, lambda writer: writer.close(synced=True))
+
+        self._part += 1
+        self._since = now
+        self._begin(end)
         try:
-            action(self._writer)
-        except OSError as error:
+            self.open(self._state())
+        except (OSError, LogError) as error:
             self._writer = None
-            self._failed(f'recording to {self.path} ended: {error}')
+            self._failed(f'recording to {self._first_path} ended: {error}')
+
+    def _begin(self, work: Callable[[], None]) -> None:
+        self._syncing = Thread(target=work, daemon=True)
+        self._syncing.start()
+
+    def _write(self, action: Callable[[LogWriter], None]) -> None:
+        if self._writer is not None and not self._attempt(self._writer, action):
+            self._writer = None
+
+    def _attempt(self, writer: LogWriter, action: Callable[[LogWriter], None]) -> bool:
+        """Return whether it went well."""
+        try:
+            action(writer)
+        except OSError as error:
+            self._failed(f'recording to {writer.path} ended: {error}')
+            return False
+        return True

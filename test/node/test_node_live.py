@@ -214,10 +214,11 @@ def test_a_clean_end(signals: tuple[int, ...], messages: list[Raw], peer: Peer, 
 
 
 def test_the_record_replays_to_the_same_bits(peer: Peer, start: Start, tmp_path: Path) -> None:
-    """Also with commands that have no stamp and with services called in between."""
-    record = tmp_path / 'record.mcap'
+    """Also in parts, with commands that have no stamp, and services called in between."""
+    record = tmp_path / 'record'
     estimates = peer.listen_to_steps()
-    node = start({**UNSTAMPED, 'record.path': str(record)})
+    node = start({**UNSTAMPED, 'record.path': str(record / 'part.mcap'),
+                  'record.max_duration': 1.0})
     peer.advertise(UNSTAMPED_TYPES)
     drive(peer, 1.5)
     assert peer.call(SetBool, '/identifier_node/enable', SetBool.Request(data=False)).success
@@ -231,6 +232,8 @@ def test_the_record_replays_to_the_same_bits(peer: Peer, start: Start, tmp_path:
     assert len(got) > 30
     texts = {text for statuses in got for _, _, text, _ in statuses}
     assert {'converging', 'frozen'} <= texts
+    assert {'part.mcap', 'part-1.mcap', 'part-2.mcap'} <= {
+        entry.name for entry in record.iterdir()}
     assert_same(got, replayed_record(record, changed(UNSTAMPED)))
     with Log([record.with_suffix('.output.mcap')]) as log:  # a reset is shown without a step
         assert log.topics['/rov/params'].count == len(got) + 1

@@ -33,7 +33,7 @@ of the fixes.
 """
 BIAS = """
 **Bias.** The truth of `config/jhurov.yaml`, but with a bias in heave only, as the paper's vehicle
-has it. Largest thrust at 0.05 Hz, RK4, {seeds} seeds; delta in mm/s^2 or mrad/s^2 (std over the
+has it. Largest thrust at 0.05 Hz, {seeds} seeds; delta in mm/s^2 or mrad/s^2 (std over the
 seeds), errors as above.
 """
 BOUND = """
@@ -57,9 +57,8 @@ def sinusoids(pool: Executor, seeds: int) -> str:
             numbers = [*medians[k, :, 1 + k], medians[k, 1, 1:].max(), *medians[k, :, 0]]
             rows.append((f'{dof}, {force:g}{" N m" if dof == "yaw" else " N"}, {hz:g} Hz',
                          *(f'{x:.2f}' for x in numbers)))
-    return table(('thrust', 'least squares', 'aid, RK4', 'aid, Euler',
-                  'worst of the RK4 model on all nine trials', 'score: least squares',
-                  'aid, RK4', 'aid, Euler'), rows)
+    return table(('thrust', 'least squares', 'aid', 'worst of the model of aid on all nine trials',
+                  'score: least squares', 'aid'), rows)
 
 
 def biases(pool: Executor, seeds: int) -> str:

@@ -32,7 +32,6 @@ from test.support.surge import HEAVY, surge_settings
 
 METHODS: dict[str, IdentifierSettings] = {
     'aid': IdentifierSettings(),
-    'aid, euler': IdentifierSettings(integrator='euler'),
     'aid, raw gains, euler': IdentifierSettings(
         integrator='euler', feedback_gain=-2.0, adaptation_gains=(2e-7, 1e-1, 1e-1, 1e-2)),
     'rls': IdentifierSettings('rls'),

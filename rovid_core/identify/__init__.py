@@ -10,19 +10,20 @@ from rovid_core.identify.aid.self_tuning import SelfTuningIdentifier
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.method import Identifier
 from rovid_core.identify.rls import RecursiveLeastSquares
-from rovid_core.model.dofs import Four
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales, SettingsError
 
 
-def _aid(scales: Scales, settings: IdentifierSettings, raw_gains: Four | None) -> Identifier:
+def _aid(scales: Scales, settings: IdentifierSettings,
+         raw_gains: tuple[float, ...] | None) -> Identifier:
     if raw_gains is None:
-        return SelfTuningIdentifier(scales, settings.adaptation_time, settings.integrator)
+        return SelfTuningIdentifier(scales, settings.adaptation_time)
     return AdaptiveIdentifier(
         scales, Gains(settings.feedback_gain, raw_gains), settings.integrator)
 
 
 # The function that makes the identifier of a DOF, in the order in which they are offered.
-METHODS: dict[str, Callable[[Scales, IdentifierSettings, Four | None], Identifier]] = {
+METHODS: dict[
+    str, Callable[[Scales, IdentifierSettings, tuple[float, ...] | None], Identifier]] = {
     'aid': _aid,
     'rls': lambda scales, settings, _: RecursiveLeastSquares(scales, settings.adaptation_time),
     'ekf': lambda scales, settings, _: ExtendedKalman(scales),
@@ -30,7 +31,8 @@ METHODS: dict[str, Callable[[Scales, IdentifierSettings, Four | None], Identifie
 
 
 def make_identifier(settings: IdentifierSettings, dof: DofSettings,
-                    raw_gains: Four | None = None, watched: tuple[str, ...] = ()) -> Identifier:
+                    raw_gains: tuple[float, ...] | None = None,
+                    watched: tuple[str, ...] = ()) -> Identifier:
     """
     Return the configured identifier for one DOF; raises SettingsError if there is no such method.
 
@@ -45,7 +47,7 @@ def make_identifier(settings: IdentifierSettings, dof: DofSettings,
 
 
 def retuned_identifier(identifier: Identifier, settings: IdentifierSettings, dof: DofSettings,
-                       raw_gains: Four | None = None) -> Identifier:
+                       raw_gains: tuple[float, ...] | None = None) -> Identifier:
     """
     Return an identifier with other gains that continues with the state of a given one.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import math
 from typing import Any, Protocol
 
@@ -83,11 +83,11 @@ class Identifier(Protocol):
         """Change the adaptation time [s], if the method has one, and keep the estimate."""
         return None
 
-    def energy(self, dv: float, parameters: Four, truth: Four) -> float:
+    def energy(self, dv: float, parameters: Sequence[float], truth: Sequence[float]) -> float:
         """Return W of eq. 9 for a velocity error and parameters; NaN if there is none."""
         return math.nan
 
-    def lyapunov(self, velocity: float, truth: Four) -> float:
+    def lyapunov(self, velocity: float, truth: Sequence[float]) -> float:
         """Return the present W against the true parameters; NaN if there is none."""
         return math.nan
 

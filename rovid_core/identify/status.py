@@ -87,7 +87,7 @@ class DofStatus:
         self._steps.append(step)
         self._time += step.dt
         if not identifier.judges_errors:
-            self._prediction.add_step(step, identifier.parameters)
+            self._prediction.add_step(step, identifier.parameters, identifier.couplings)
         excited = identifier.excitation >= MIN_EXCITATION
         if len(self._steps) == BATCH:
             self._add_steps()
@@ -163,15 +163,17 @@ class _Prediction:
         self._end = math.nan  # measured velocity at the end of the last step
         self._sums = (0.0, 0.0, 0.0, 0.0)  # of 1, error^2, velocity, velocity^2
 
-    def add_step(self, step: Step, parameters: Four) -> None:
+    def add_step(self, step: Step, parameters: Four, couplings: tuple[float, ...]) -> None:
         """Predict the end of a step, and begin the next block where one is complete."""
         start, _, end = step.velocity
         if start != self._end:  # the first step, or one after an interruption
             self._begin()
-            self._v, self._parameters = start, parameters
+            self._v, self._parameters, self._kappas = start, parameters, couplings
         alpha, beta, gamma, delta = self._parameters
         v, h = self._v, step.dt
         push = alpha * step.force[1] + delta
+        for kappa, x in zip(self._kappas, step.filtered_couplings):
+            push += kappa * x
         w = v + 0.5 * h * (push + (beta * abs(v) + gamma) * v)
         v += h * (push + (beta * abs(w) + gamma) * w)
         n, errors, total, squares = self._sums
@@ -182,7 +184,8 @@ class _Prediction:
         if self._time >= BLOCK:
             self._blocks = [*self._blocks, self._sums][-BLOCKS:]
             self._begin()
-            self._v, self._end, self._parameters = end, end, parameters
+            self._v, self._end = end, end
+            self._parameters, self._kappas = parameters, couplings
 
     def doubt(self, limit: float) -> str:
         """Return why the fit of the last blocks is not enough, '' if it is."""

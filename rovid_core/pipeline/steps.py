@@ -15,11 +15,11 @@ from rovid_core.inputs.units_and_signs import (
     TypicalSizeCheck,
     UnsignedCommandCheck,
 )
-from rovid_core.model.dofs import Four, Quaternion
+from rovid_core.model.dofs import Quaternion
 from rovid_core.model.lowpass import LowPass
 from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Motion, Sample, Step
-from rovid_core.settings.run import IdentifierSettings, Scales, Settings
+from rovid_core.settings.run import Scales, Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.velocity.attitude_history import normalised, SharedMotion
 from rovid_core.velocity.couplings import CouplingRegressors
@@ -485,7 +485,7 @@ class Identification:
         dof, method = settings.dof[name], settings.identifier
         self._i = i
         self.identifier = make_identifier(
-            method, dof, _raw_gains(method, i), settings.watched(name))
+            method, dof, settings.raw_gains(name), settings.watched(name))
         # raw gains have their own adaptation time
         self._status = DofStatus(Scales.of(dof), getattr(
             self.identifier, 'adaptation_time', method.adaptation_time))
@@ -506,7 +506,7 @@ class Identification:
             return
         method = settings.identifier
         self.identifier = retuned_identifier(
-            self.identifier, method, settings.dof[self._name], _raw_gains(method, self._i))
+            self.identifier, method, settings.dof[self._name], settings.raw_gains(self._name))
         self._status.retune(getattr(self.identifier, 'adaptation_time', method.adaptation_time))
 
     def at(self, now: int, silent: bool = False) -> DofEstimate:
@@ -574,10 +574,3 @@ class Identification:
             W=math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth),
             delay=identifier.delay,
             couplings=identifier.couplings)
-
-
-def _raw_gains(method: IdentifierSettings, i: int) -> Four | None:
-    """Return the diagonal of Gamma of DOF number ``i``, None where there are no raw gains."""
-    gains = method.adaptation_gains
-    raw = gains[4 * i:4 * i + 4] if len(gains) > 4 else gains
-    return cast(Four, raw) if raw else None

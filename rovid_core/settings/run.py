@@ -13,12 +13,14 @@ import math
 
 from rovid_core.model.dofs import (
     ANGULAR_DOFS,
+    COUPLING_PRIORS,
     COUPLINGS,
     DOFS,
     Four,
     HEADING,
     LINEAR_DOFS,
     PARAMETERS,
+    RESTORING,
 )
 from rovid_core.model.plant import lumped
 from rovid_core.settings.inputs import InputSettings, SettingsError, ThrusterSettings
@@ -34,7 +36,7 @@ INPUTS = (
 )
 """The inputs, in the order in which samples of one event time are taken."""
 
-WITH_COUPLINGS = ('ekf',)
+WITH_COUPLINGS = ('aid', 'ekf')
 """Methods that identify couplings; the others leave them out."""
 
 WATCHING = ('ekf',)
@@ -55,7 +57,8 @@ class IdentifierSettings:
     integrator: str = 'heun'
     adaptation_time: float = 3.0
     feedback_gain: float = 0.0  # a of eq. 7 [1/s], negative; 0: from adaptation_time
-    adaptation_gains: tuple[float, ...] = ()  # 4, or 4 per DOF: the diagonal of Gamma
+    # the diagonal of Gamma: 4, or 4 per DOF, each followed by those of its couplings
+    adaptation_gains: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,6 +135,18 @@ class Scales:
         """Return what the terms of phi = [tau, v|v|, v, 1] are multiplied by."""
         v = self.velocity
         return (1.0 / self.force, 1.0 / (v * v), 1.0 / v, 1.0)
+
+    @property
+    def coupling_regressor(self) -> tuple[float, ...]:
+        """Return what the regressors of the couplings are multiplied by."""
+        acceleration = max(self.initial[0] * self.force, self.velocity / 3.0)
+        return tuple([COUPLING_PRIORS.get(x, 2.0) / acceleration for x in self.couplings])
+
+    def coupling_bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Return the lowest and the highest allowed couplings."""
+        largest = [100.0 * COUPLING_PRIORS.get(x, 2.0) for x in self.couplings]
+        return (tuple([-x for x in largest]), tuple([
+            0.0 if name in RESTORING else x for name, x in zip(self.couplings, largest)]))
 
     def bounds(self) -> tuple[Four, Four]:
         """
@@ -330,6 +345,18 @@ class Settings:
         return bool(self.attitude.topic) and any(
             self.source(dof) in over_ground for dof in self.dofs if dof in ('surge', 'sway'))
 
+    def raw_gains(self, dof: str) -> tuple[float, ...] | None:
+        """Return the diagonal of Gamma of a DOF, None where there are no raw gains."""
+        gains = self.identifier.adaptation_gains
+        if not gains:
+            return None
+        counts = [4 + len(self.couplings(name)) for name in self.dofs]
+        if len(gains) != sum(counts):
+            return gains
+        i = self.dofs.index(dof)
+        start = sum(counts[:i])
+        return gains[start:start + counts[i]]
+
     def timeout_of(self, name: str) -> float:
         """Return after how long [s] an input counts as silent; infinite for held thrust."""
         if name == 'thrusters':
@@ -362,10 +389,13 @@ class Settings:
 
     def _check_gains(self) -> None:
         count = len(self.identifier.adaptation_gains)
-        if count not in (0, 4, 4 * len(self.dofs)):
+        # every coupling has a gain; 4 numbers are for every DOF, where there are none
+        own = sum(4 + len(self.couplings(name)) for name in self.dofs)
+        if count not in (0, own, 4 if own == 4 * len(self.dofs) else own):
             raise SettingsError(
-                'identifier.adaptation_gains', f'takes 4 numbers, or 4 per DOF = '
-                f'{4 * len(self.dofs)}, got {count}')
+                'identifier.adaptation_gains', 'takes ' + (
+                    f'4 numbers, or 4 per DOF = {own}' if own == 4 * len(self.dofs) else
+                    f'4 numbers per DOF and one per coupling of aid = {own}') + f', got {count}')
         if bool(count) != (self.identifier.feedback_gain != 0.0):
             raise SettingsError(
                 'identifier.feedback_gain', 'and identifier.adaptation_gains go together')

@@ -14,7 +14,7 @@ import math
 from typing import cast
 
 import numpy as np
-from rovid_core.identify.aid.self_tuning import FullGainIdentifier, inverse_gram
+from rovid_core.identify.aid.full_gain import FullGainIdentifier, inverse_gram
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.lowpass import filtered
 from rovid_core.model.samples import Step
@@ -32,9 +32,7 @@ FEEDBACK = 3.0  # |a| of eq. 7 times the adaptation time: so slow that v_hat is 
 # Least share of a mean square that the other regressors are taken to leave unexplained.
 MIN_SHARE = 1e-3
 # Least mean squares of the regressors, in typical ones, for trials without motion.
-MIN_SQUARES = (1e-4,) * 4
-# Pieces of each step, so that every integrator evaluates eq. 7 and 11 four times.
-PIECES = {'euler': 4, 'heun': 2, 'rk4': 1}
+MIN_SQUARE = 1e-4
 # The first guess of the regressors uses means of so many steps, to reduce noise.
 AVERAGED_STEPS = 10
 
@@ -95,9 +93,10 @@ def without_acceleration(records: Sequence[Record], scales: Scales, cutoff: floa
     return _solve(parts, targets, scales)
 
 
-def _regressors(force: Array, velocity: Array) -> Array:
-    """Return phi = [tau, v|v|, v, 1] of many steps, shape (n, 4)."""
-    return np.stack([force, velocity * np.abs(velocity), velocity, np.ones_like(velocity)], axis=1)
+def _regressors(force: Array, velocity: Array, *couplings: Array) -> Array:
+    """Return phi = [tau, v|v|, v, 1, x ...] of many steps, shape (n, 4 + m)."""
+    return np.stack([force, velocity * np.abs(velocity), velocity, np.ones_like(velocity),
+                     *couplings], axis=1)
 
 
 def _solve(parts: Sequence[Array], targets: Sequence[Array], scales: Scales) -> Fit:
@@ -121,52 +120,56 @@ def _solve(parts: Sequence[Array], targets: Sequence[Array], scales: Scales) -> 
     return Fit(cast(Four, tuple(parameters.tolist())), note=note)
 
 
-def adaptive_identifier(records: Sequence[Record], scales: Scales, adaptation_time: float,
-                        integrator: str = 'rk4') -> Fit:
+def adaptive_identifier(records: Sequence[Record], scales: Scales,
+                        adaptation_time: float) -> Fit:
     """
     Identify by the paper's identifier in three passes over the trial, the last one slower.
 
     Gamma is the inverse of the trial's mean of phi phi', so that every combination of the
     parameters settles in the same time, also those that a slow sinusoid hardly shows. The result
     is the mean over the second half of the last pass, which averages the noise; it has no
-    covariance. The velocity is not filtered, because a filter would bias the drag. With
-    Runge-Kutta (``rk4``, as in the paper) the result is unbiased. Euler and Heun have the bias of
-    their steps, and take the noise of the velocity and its echo in v_hat for drag, less so with
-    divided steps (``PIECES``). ``adaptation_time`` [s] scales the times of all passes.
+    covariance. The velocity is not filtered, because a filter would bias the drag. Couplings are
+    identified where the records have their regressors. ``adaptation_time`` [s] scales the times
+    of all passes.
     """
     steps = [record.steps() for record in records]
     half = 0.5 * sum(step.dt for sequence in steps for step in sequence)
     if not half:
         return Fit.none('the trial is too short')
-    parameters = scales.initial
-    phi = np.concatenate([_averaged_regressors(sequence) for sequence in steps])
+    if not all(len(record.couplings) for record in records):
+        scales = replace(scales, couplings=())
+    count = 4 + len(scales.couplings)
+    theta: tuple[float, ...] = (*scales.initial, *(0.0 for _ in scales.couplings))
+    phi = np.concatenate([_averaged_regressors(sequence, count) for sequence in steps])
     a = FEEDBACK / adaptation_time
     refused = 0
     for slower in PASS_TIMES:
         identifier = FullGainIdentifier(
             scales, a, a / (slower * adaptation_time) * inverse_gram(
-                phi.T @ phi / len(phi), scales, MIN_SQUARES, MIN_SHARE),
-            integrator, PIECES[integrator])
-        identifier.theta_hat = parameters
-        time, means, seen = 0.0, [0.0] * 4, []
+                phi.T @ phi / len(phi), scales, (MIN_SQUARE,) * count, MIN_SHARE))
+        identifier.theta_hat = theta
+        time, means, seen = 0.0, (0.0,) * count, []
         for sequence in steps:
             identifier.restart(sequence[0].velocity[0] if sequence else 0.0)
             for step in sequence:
                 refused += bool(identifier.step(step))
-                seen.append((step.force[1], identifier.v_hat))
+                seen.append((step.force[1], identifier.v_hat, *step.filtered_couplings))
                 time += step.dt
                 if time > half:
-                    means = [m + step.dt * p for m, p in zip(means, identifier.parameters)]
-        parameters = cast(Four, tuple([m / (time - half) for m in means]))
+                    means = tuple([
+                        m + step.dt * p for m, p in zip(means, identifier.theta_hat)])
+        theta = tuple([m / (time - half) for m in means])
         phi = _regressors(*np.array(seen).T)
-    return Fit(parameters, note=f'{refused} steps refused as unstable' if refused else '')
+    return Fit(cast(Four, theta[:4]), note=f'{refused} steps refused' if refused else '',
+               couplings=theta[4:], couplings_std=(math.nan,) * (count - 4))
 
 
-def _averaged_regressors(steps: Sequence[Step]) -> Array:
-    """Return the regressors of means of ``AVERAGED_STEPS`` steps."""
-    table = np.array([(step.force[1], step.velocity[1]) for step in steps]).reshape(-1, 2)
+def _averaged_regressors(steps: Sequence[Step], count: int) -> Array:
+    """Return the regressors of means of ``AVERAGED_STEPS`` steps, shape (n, count)."""
+    table = np.array([(step.force[1], step.velocity[1], *step.filtered_couplings)
+                      for step in steps]).reshape(-1, count - 2)
     size = min(AVERAGED_STEPS, max(len(table), 1))
-    means = table[:len(table) // size * size].reshape(-1, size, 2).mean(axis=1)
+    means = table[:len(table) // size * size].reshape(-1, size, count - 2).mean(axis=1)
     return _regressors(*means.T)
 
 

@@ -51,13 +51,24 @@ class Record:
 
         The mean velocity between two fixes belongs to the middle of their interval.
         """
-        dt, impulse = self.dt, self.dt * self.force
-        if len(self.position):
-            dt = dt[1:-1].reshape(-1, 2).sum(axis=1)
-            impulse = impulse[1:-1].reshape(-1, 2).sum(axis=1)
+        dt, force, fixes = self.dt, self.force, bool(len(self.position))
+        others = self.couplings if len(self.couplings) else np.empty((0, len(dt)))
+        if fixes:  # a step has a part before its fix and one after it
+            dt, force = dt[1:-1].reshape(-1, 2), force[1:-1].reshape(-1, 2)
+            others = others[:, 1:-1].reshape(len(others), len(dt), 2)
+        else:
+            dt = np.stack([dt, np.zeros_like(dt)], axis=1)
+            force = np.stack([force, np.zeros_like(force)], axis=1)
+            others = np.stack([others, others], axis=2)
+        spans = dt.sum(axis=1)
+        means = (dt * force).sum(axis=1) / spans
+        filtered = (dt * others).sum(axis=2) / spans
         v = self.velocity.tolist()
-        return [Step(h, (a, 0.5 * (a + b), b), (f, f, f)) for h, f, a, b in zip(
-            dt.tolist(), (impulse / dt).tolist(), v, v[1:])]
+        return [Step(h, (a, 0.5 * (a + b), b), (f, f, f), b, h if fixes else 0.0, (p, q), (g, k),
+                     couplings=tuple(map(tuple, x)), filtered_couplings=tuple(y))
+                for h, f, a, b, (p, q), (g, k), x, y in zip(
+                    spans.tolist(), means.tolist(), v, v[1:], dt.tolist(), force.tolist(),
+                    others.transpose(1, 0, 2).tolist(), filtered.T.tolist())]
 
 
 @dataclass(frozen=True)

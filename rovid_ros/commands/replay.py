@@ -342,8 +342,8 @@ def report(result: Result) -> str:
     """Return what ``rovid replay`` prints."""
     dofs = result.dofs
     method = result.settings.identifier.method
-    if method == 'aid':
-        method += f' ({result.settings.identifier.integrator})'
+    if method == 'aid' and result.settings.identifier.adaptation_gains:
+        method += f' ({result.settings.identifier.integrator}, raw gains)'
     spanning = 'spanning ' if len(result.logs) > 1 else ''  # the gaps between them count
     parts = [
         f'{_names(result.logs)}: {spanning}{result.duration:,.1f} s, '

@@ -58,7 +58,7 @@ class History:
     velocities: list[float] = field(default_factory=list)
     # the published parameters, which are a mean, and the state, to which W belongs
     parameters: list[Four] = field(default_factory=list)
-    theta_hats: list[Four] = field(default_factory=list)
+    theta_hats: list[tuple[float, ...]] = field(default_factory=list)
 
 
 class OnlineMethods(ScoreLog):
@@ -113,7 +113,9 @@ class TrialPlayer(PipelinePlayer):
         history, others = self.history[dof], self._others.identifiers[dof]
         if not history.parameters:  # the methods hold their initial values
             return dict.fromkeys((PAPER, *others), Fit.none('no step'))
-        found = {PAPER: Fit(history.parameters[-1])}
+        paper = self.stream.identifier(dof)
+        found = {PAPER: Fit(paper.parameters, couplings=paper.couplings,
+                            couplings_std=paper.uncertainty.couplings_std)}
         for method, identifier in others.items():
             notes = [identifier.note] if identifier.note else []
             if abs(identifier.delay) > DELAY_SIGNIFICANCE * identifier.delay_std:

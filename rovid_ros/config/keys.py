@@ -230,14 +230,14 @@ def _identifier() -> list[Key]:
     return [
         key('method', 'aid (the adaptive identifier of the paper), rls (recursive least '
             'squares) or ekf (extended Kalman filter)', choices=tuple(METHODS)),
-        key('integrator', 'how the identifier integrates its state',
+        key('integrator', 'how aid integrates its state, with raw gains',
             choices=('euler', 'heun', 'rk4')),
         key('adaptation_time', 'half of the time in which the estimate closes 63 % of its error',
             's', 0.01, 1e6, live=True),
         key('feedback_gain', 'a of eq. 7; 0: from adaptation_time', '1/s', -1e6, 0.0,
             live=True),
         key('adaptation_gains', 'diagonal of Gamma: 4 numbers (alpha, beta, gamma, delta), or 4 '
-            'per DOF; none: from adaptation_time', low=0.0, live=True),
+            'and one per coupling for every DOF; none: from adaptation_time', low=0.0, live=True),
         key_of('current.prior', 'current.prior', CurrentSettings,
                'standard deviation of the current of the water before anything is known of it; '
                '0: still water, as in a tank', 'm/s', 0.0, 10.0),

@@ -32,9 +32,9 @@ SEEDS = 20
 Identify = Callable[[Record, Scales], Four]
 
 
-def aid(integrator: str) -> Identify:
-    """Return the repeated passes with an integrator."""
-    return lambda record, scales: adaptive_identifier([record], scales, 3.0, integrator).parameters
+def aid(record: Record, scales: Scales) -> Four:
+    """Return the adaptive identifier's repeated passes."""
+    return adaptive_identifier([record], scales, 3.0).parameters
 
 
 def squares(record: Record, scales: Scales) -> Four:
@@ -51,7 +51,7 @@ def errors_on(dof: str, waves: Waves, identify: Identify, judges: Sequence[Waves
     return [median(error(truth, model, judge) for model in models) for judge in judges]
 
 
-COMPARED = (squares, aid('rk4'), aid('euler'))
+COMPARED = (squares, aid)
 
 
 def scores(dof: str, waves: Waves, seed: int,
@@ -88,7 +88,7 @@ def bias(dof: str, seed: int) -> list[float]:
     truth = (*truth[:3], truth[3] if dof == 'heave' else 0.0)
     waves = TRIALS[dof][1]
     record = trial(truth, waves, seed, NOISES[dof])
-    models = [aid('rk4')(record, Scales.of(replace(guess, terms=terms)))
+    models = [aid(record, Scales.of(replace(guess, terms=terms)))
               for terms in (PARAMETERS, PARAMETERS[:3])]
     return [truth[3], models[0][3], *(error(truth, model, waves) for model in models),
             *(measured_error(record, model) for model in models)]

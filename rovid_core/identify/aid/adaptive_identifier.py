@@ -4,6 +4,8 @@ The adaptive identifier of Smallwood & Whitcomb (2003), eq. 7, 8 and 11.
     dv         = v_hat - v
     v_hat'     = a dv + theta_hat . phi(v_hat, tau)       phi(v, tau) = [tau, v|v|, v, 1]
     theta_hat' = -Gamma dv phi(v_hat, tau)                a < 0, Gamma diagonal, > 0
+
+phi is longer by one measured regressor for each coupling of the DOF.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import math
 from typing import Any, cast
 
 from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
+from rovid_core.identify.intervals import KnownUncertainty
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four, PARAMETERS, Three
 from rovid_core.model.samples import finite, Step
@@ -30,8 +33,8 @@ class Gains:
 
     feedback: float  # ``a`` of eq. 7 [1/s], below 0
     # diagonal of Gamma of eq. 11, each at least 0, in the units of parameter per (velocity x
-    # regressor x time)
-    adaptation: Four
+    # regressor x time); those of couplings last
+    adaptation: tuple[float, ...]
 
     def __post_init__(self) -> None:
         """Refuse gains for which the stability proof does not hold."""
@@ -53,74 +56,60 @@ class Gains:
         """
         a = max(2.0, 4.0 / adaptation_time)
         g = a / adaptation_time
-        s = scales.regressor
-        return Gains(-a, cast(Four, tuple([g * x * x for x in s])))
+        s = (*scales.regressor, *scales.coupling_regressor)
+        return Gains(-a, tuple([g * x * x for x in s]))
 
 
-# v_hat, alpha, beta, gamma, delta (or their rates)
-Five = tuple[float, float, float, float, float]
-# Feedback gain, Gamma, state, velocity and force to the right-hand sides of eq. 7 and 11.
-Rates = Callable[[float, tuple[float, ...], Five, float, float], Five]
+# v_hat, alpha, beta, gamma, delta and each kappa, or their rates
+State = tuple[float, ...]
 
 
-def rates(a: float, gamma: tuple[float, ...], state: Five, v: float, tau: float) -> Five:
-    """Return the rates for a diagonal Gamma, as in the paper."""
-    v_hat, p0, p1, p2, p3 = state
+def rates(a: float, gamma: Sequence[float], state: State, v: float, tau: float,
+          couplings: Sequence[float] = ()) -> State:
+    """Return the right-hand sides of eq. 7 and 11; ``couplings`` are the x of each kappa."""
+    v_hat, p0, p1, p2, p3, *kappas = state
     dv = v_hat - v
     drag = v_hat * abs(v_hat)
-    return (
-        a * dv + p0 * tau + p1 * drag + p2 * v_hat + p3,
-        -gamma[0] * dv * tau, -gamma[1] * dv * drag, -gamma[2] * dv * v_hat, -gamma[3] * dv,
-    )
+    rate = a * dv + p0 * tau + p1 * drag + p2 * v_hat + p3
+    for kappa, x in zip(kappas, couplings):
+        rate += kappa * x
+    return (rate, -gamma[0] * dv * tau, -gamma[1] * dv * drag, -gamma[2] * dv * v_hat,
+            -gamma[3] * dv, *[-g * dv * x for g, x in zip(gamma[4:], couplings)])
 
 
-# Feedback gain, Gamma, state, step and rates to the state after the step.
-Integrator = Callable[[float, tuple[float, ...], Five, Step, Rates], Five]
+# Feedback gain, Gamma, state and step to the state after the step.
+Integrator = Callable[[float, Sequence[float], State, Step], State]
 
 
-def _shifted(x: Five, h: float, d: Five) -> Five:
-    return (x[0] + h * d[0], x[1] + h * d[1], x[2] + h * d[2], x[3] + h * d[3],
-            x[4] + h * d[4])
+def _shifted(x: State, h: float, d: State) -> State:
+    return tuple([p + h * q for p, q in zip(x, d)])
 
 
-def _euler(a: float, gamma: tuple[float, ...], x: Five, step: Step, f: Rates) -> Five:
+def _euler(a: float, gamma: Sequence[float], x: State, step: Step) -> State:
     # the force in the middle, in the pipeline the mean over the step: with the force at the
     # start, a part of the thrust would be taken for drag
-    return _shifted(x, step.dt, f(a, gamma, x, step.velocity[0], step.force[1]))
+    return _shifted(x, step.dt, rates(
+        a, gamma, x, step.velocity[0], step.force[1], step.filtered_couplings))
 
 
-def _heun(a: float, gamma: tuple[float, ...], x: Five, step: Step, f: Rates) -> Five:
-    h = step.dt
-    first = f(a, gamma, x, step.velocity[0], step.force[0])
-    last = f(a, gamma, _shifted(x, h, first), step.velocity[2], step.force[2])
+def _heun(a: float, gamma: Sequence[float], x: State, step: Step) -> State:
+    h, others = step.dt, step.filtered_couplings
+    first = rates(a, gamma, x, step.velocity[0], step.force[0], others)
+    last = rates(a, gamma, _shifted(x, h, first), step.velocity[2], step.force[2], others)
     return _shifted(_shifted(x, 0.5 * h, first), 0.5 * h, last)
 
 
-def _rk4(a: float, gamma: tuple[float, ...], x: Five, step: Step, f: Rates) -> Five:
-    h, v, tau = step.dt, step.velocity, step.force
-    k1 = f(a, gamma, x, v[0], tau[0])
-    k2 = f(a, gamma, _shifted(x, 0.5 * h, k1), v[1], tau[1])
-    k3 = f(a, gamma, _shifted(x, 0.5 * h, k2), v[1], tau[1])
-    k4 = f(a, gamma, _shifted(x, h, k3), v[2], tau[2])
+def _rk4(a: float, gamma: Sequence[float], x: State, step: Step) -> State:
+    h, v, tau, others = step.dt, step.velocity, step.force, step.filtered_couplings
+    k1 = rates(a, gamma, x, v[0], tau[0], others)
+    k2 = rates(a, gamma, _shifted(x, 0.5 * h, k1), v[1], tau[1], others)
+    k3 = rates(a, gamma, _shifted(x, 0.5 * h, k2), v[1], tau[1], others)
+    k4 = rates(a, gamma, _shifted(x, h, k3), v[2], tau[2], others)
     x = _shifted(_shifted(x, h / 6.0, k1), h / 3.0, k2)
     return _shifted(_shifted(x, h / 3.0, k3), h / 6.0, k4)
 
 
 INTEGRATORS: dict[str, Integrator] = {'euler': _euler, 'heun': _heun, 'rk4': _rk4}
-
-
-# v_hat and theta_hat after a step; None if the step must be divided or leaves the bounds
-NewState = tuple[float, Four] | None
-
-# Feedback gain, Gamma, v_hat, theta_hat, step and bounds to the state after the step.
-DirectStep = Callable[
-    [float, tuple[float, ...], float, Four, Step, tuple[Four, Four]], NewState]
-
-
-def no_direct_step(a: float, gamma: tuple[float, ...], v: float, theta: Four, step: Step,
-                   bounds: tuple[Four, Four]) -> NewState:
-    """Leave every step to ``INTEGRATORS``."""
-    return None
 
 
 def piece_of_step(step: Step, k: int, pieces: int) -> Step:
@@ -134,7 +123,12 @@ def piece_of_step(step: Step, k: int, pieces: int) -> Step:
     xs = (k / pieces, (k + 0.5) / pieces, (k + 1.0) / pieces)
     return Step(step.dt / pieces,
                 (at(step.velocity, xs[0]), at(step.velocity, xs[1]), at(step.velocity, xs[2])),
-                (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])))
+                (at(step.force, xs[0]), at(step.force, xs[1]), at(step.force, xs[2])),
+                filtered_couplings=step.filtered_couplings)
+
+
+# v_hat and theta_hat after a step, None if the step is refused
+NewState = tuple[float, tuple[float, ...]] | None
 
 
 class AdaptiveIdentifier(Identifier):
@@ -166,6 +160,12 @@ class AdaptiveIdentifier(Identifier):
     gamma in an hour. Without thrust and motion beta and gamma are therefore not adapted. This
     changes W' by |dv (dbeta v|v| + dgamma v)| at most, with v close to 0.
 
+    Each coupling of the DOF is one more parameter kappa with a measured regressor x. Since x does
+    not depend on v_hat, eq. 9 to 12 hold with it term by term.
+
+    Velocity and force have gone through the same low-pass. That of v|v| is not v|v| of the
+    low-passed v, so drag comes out too high, by more the faster the motion is for the filter.
+
     ``parameters`` are the published values, here theta_hat itself: with raw gains this is the
     paper's identifier unchanged. ``SelfTuningIdentifier`` takes its gains from the data.
 
@@ -176,23 +176,32 @@ class AdaptiveIdentifier(Identifier):
             raise SettingsError('identifier.integrator',
                                 f'got {integrator!r}, takes {", ".join(INTEGRATORS)}')
         self._scales = scales
-        self._regressor_scale = scales.regressor
+        self._regressor_scale = (*scales.regressor, *scales.coupling_regressor)
         self._per_force, _, self._per_velocity, _ = scales.regressor
         self._a = gains.feedback
-        gamma = [g if on else 0.0 for g, on in zip(gains.adaptation, scales.active)]
+        active = (*scales.active, *(True for _ in scales.couplings))
+        gamma = [g if on else 0.0 for g, on in zip(gains.adaptation, active)]
         self._gamma: tuple[float, ...] = tuple(gamma)
-        self._resting: tuple[float, ...] = (gamma[0], 0.0, 0.0, gamma[3])
+        self._resting: tuple[float, ...] = (gamma[0], 0.0, 0.0, *gamma[3:])
+        self._none = (0.0,) * len(gamma)
         rate = max(g / (s * s) for g, s in zip(gamma, self._regressor_scale)) / -self._a
         self.adaptation_time = 1.0 / rate if rate > 0.0 else math.inf  # of the fastest [s]
         self._integrate = INTEGRATORS[integrator]
-        self._rates: Rates = rates
-        self._direct_step: DirectStep = no_direct_step
         self.bounds = scales.bounds()
+        low, high = scales.coupling_bounds()
+        self._low, self._high = (*self.bounds[0], *low), (*self.bounds[1], *high)
+        self.uncertainty = KnownUncertainty(couplings_std=(math.nan,) * len(scales.couplings))
         self.reset()
+
+    def _set_published(self, values: tuple[float, ...]) -> None:
+        """Publish parameters and couplings."""
+        self.parameters, self.couplings = cast(Four, values[:4]), values[4:]
 
     def reset(self) -> None:
         """Return to the initial values."""
-        self.theta_hat = self.parameters = self._scales.initial
+        self.theta_hat: tuple[float, ...] = (
+            *self._scales.initial, *(0.0 for _ in self._scales.couplings))
+        self._set_published(self.theta_hat)
         self.v_hat = math.nan
         self.excitation = 0.0
 
@@ -206,22 +215,15 @@ class AdaptiveIdentifier(Identifier):
 
         With ``adapt`` False the parameters stay as they are.
         """
-        v_hat = self.v_hat
-        if v_hat != v_hat:  # NaN: there is none yet
-            v_hat = self.v_hat = step.velocity[0]
+        if self.v_hat != self.v_hat:  # NaN: there is none yet
+            self.restart(step.velocity[0])
         force, excitation = step.force[1] * self._per_force, self.excitation
         square = force * force
-        rest = (square < MIN_EXCITATION and excitation < MIN_EXCITATION
-                and (speed := v_hat * self._per_velocity) * speed < MIN_MOTION)
-        gamma = self._gamma
-        if rest or not adapt:
-            gamma = self._resting if adapt else (0.0,) * len(gamma)
-        moved = self._direct_step(self._a, gamma, v_hat, self.theta_hat, step, self.bounds)
+        idle = square < MIN_EXCITATION and excitation < MIN_EXCITATION
+        moved = self._advance(step, adapt, idle)
         if moved is None:
-            moved = self._advance_in_pieces(step, gamma)
-            if moved is None:
-                self.v_hat = step.velocity[2]
-                return 'unstable_step'
+            self.v_hat = step.velocity[2]
+            return 'unstable_step'
         self.v_hat, self.theta_hat = moved
         # the mean square of the normalised thrust over about one adaptation time
         if not square < MAX_EXCITATION:
@@ -229,11 +231,13 @@ class AdaptiveIdentifier(Identifier):
         self.excitation = excitation - math.expm1(-step.dt / self.adaptation_time) * (
             square - excitation)
         if adapt:
-            self._publish(step, rest)
+            self._publish(step, idle)
         return ''
 
     def energy(self, dv: float, parameters: Sequence[float], truth: Sequence[float]) -> float:
-        """Return W of eq. 9 (terms with gain 0 left out)."""
+        """Return W of eq. 9 (terms with gain 0 left out); NaN if the truth lacks couplings."""
+        if len(truth) < len(parameters):
+            return math.nan
         return 0.5 * (dv * dv + math.fsum(
             (p - t) ** 2 / g for p, t, g in zip(parameters, truth, self._gamma) if g))
 
@@ -243,7 +247,7 @@ class AdaptiveIdentifier(Identifier):
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to continue from here."""
-        return {'parameters': list(self.theta_hat),
+        return {'parameters': [*self.parameters, *self.couplings],
                 'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
                 'excitation': self.excitation}
 
@@ -254,27 +258,31 @@ class AdaptiveIdentifier(Identifier):
         excitation = float(state['excitation'])
         if math.isinf(v_hat) or not 0.0 <= excitation <= MAX_EXCITATION:
             raise ValueError(f'v_hat {v_hat} or excitation {excitation} is out of range')
-        self.theta_hat = self.parameters = parameters
+        self.theta_hat = parameters
+        self._set_published(parameters)
         self.v_hat, self.excitation = v_hat, excitation
 
-    def _checked(self, values: Sequence[float]) -> Four:
+    def _checked(self, values: Sequence[float]) -> tuple[float, ...]:
         """Return parameters of a saved state; raise ValueError if they are out of bounds."""
-        parameters = [float(x) for x in values]
-        low, high = self.bounds
-        for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
+        parameters = tuple([float(x) for x in values])
+        if len(parameters) != len(self._low):
+            raise ValueError(f'{len(parameters)} parameters, not {len(self._low)}')
+        for name, p, bottom, top in zip((*PARAMETERS, *self._scales.couplings), parameters,
+                                        self._low, self._high):
             if not bottom <= p <= top:
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
-        if len(parameters) != 4:
-            raise ValueError(f'{len(parameters)} parameters, not 4')
-        return cast(Four, tuple(parameters))
+        return parameters
 
-    def _publish(self, step: Step, rest: bool) -> None:
-        """Set ``parameters`` after a step that adapted theta_hat."""
-        self.parameters = self.theta_hat
+    def _publish(self, step: Step, idle: bool) -> None:
+        """Set the published values after a step, with thrust or idle."""
+        self._set_published(self.theta_hat)
 
-    def _advance_in_pieces(self, step: Step, gamma: tuple[float, ...]) -> NewState:
+    def _advance(self, step: Step, adapt: bool, idle: bool) -> NewState:
         """Return v_hat and theta_hat after a step, None if it is refused."""
-        state: Five = (self.v_hat, *self.theta_hat)
+        speed = self.v_hat * self._per_velocity
+        rest = idle and speed * speed < MIN_MOTION
+        gamma = self._none if not adapt else self._resting if rest else self._gamma
+        state: State = (self.v_hat, *self.theta_hat)
         pieces = self._number_of_pieces(step, gamma)
         if pieces > MAX_PIECES:
             return None
@@ -286,24 +294,22 @@ class AdaptiveIdentifier(Identifier):
         return (state[0], state[1:]) if finite(state) else None
 
     def _number_of_pieces(self, step: Step, gamma: tuple[float, ...]) -> int:
-        force = max(abs(step.force[0]), abs(step.force[2]))
+        force, others = max(abs(step.force[0]), abs(step.force[2])), step.filtered_couplings
         gain = abs(self.theta_hat[0] * force) + abs(self.theta_hat[3])
+        for kappa, x in zip(self.theta_hat[4:], others):
+            gain += abs(kappa * x)
         speed = step.dt * gain + max(
             abs(self.v_hat), abs(step.velocity[0]), abs(step.velocity[2]))
         square = speed * speed
         adaptation = (gamma[0] * force * force + gamma[1] * square * square
                       + gamma[2] * square + gamma[3])
+        for g, x in zip(gamma[4:], others):
+            adaptation += g * x * x
         feedback = -self._a + 2.0 * abs(self.theta_hat[1]) * speed + abs(self.theta_hat[2])
         turns = step.dt * max(feedback, 2.0 * adaptation / -self._a)
         return int(turns) + 1 if turns <= MAX_PIECES else MAX_PIECES + 1
 
-    def _advance_piece(self, state: Five, step: Step, gamma: tuple[float, ...]) -> Five:
-        state = self._integrate(self._a, gamma, state, step, self._rates)
-        return state[0], *self._projected(state[1:])
-
-    def _projected(self, parameters: Four) -> Four:
-        """Return the parameters inside the bounds that are nearest in the metric of W."""
-        low, high = self.bounds
-        return cast(Four, tuple([
-            bottom if p < bottom else top if p > top else p
-            for p, bottom, top in zip(parameters, low, high)]))
+    def _advance_piece(self, state: State, step: Step, gamma: tuple[float, ...]) -> State:
+        v_hat, *theta = self._integrate(self._a, gamma, state, step)
+        return (v_hat, *[bottom if p < bottom else top if p > top else p
+                         for p, bottom, top in zip(theta, self._low, self._high)])

@@ -68,7 +68,7 @@ def reading_settings(settings: Settings) -> Settings:
     dofs, pair = settings.dofs, turnable(settings)
     dofs += tuple(dof for dof in pair or () if dof not in dofs)
     return replace(settings, dofs=dofs, dof={d: settings.dof.get(d, UNUSED) for d in dofs},
-                   identifier=IdentifierSettings(integrator='euler'))
+                   identifier=IdentifierSettings())
 
 
 def one_by_one(work: Callable[[int], Result], given: Sequence[int]) -> list[Result]:

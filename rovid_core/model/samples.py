@@ -74,6 +74,8 @@ class Motion(NamedTuple):
         attitude [m], one per DOF; empty where no attitude was used.
     body : Vector
         The velocity on all three axes of the body, also of DOFs that are not identified.
+    fix : tuple of 2 floats
+        Where the body was at the start of the interval, x and y in the world [m].
 
     """
 
@@ -84,6 +86,7 @@ class Motion(NamedTuple):
     turn: float = 0.0
     path_noise: tuple[float, ...] = ()
     body: Vector = (0.0, 0.0, 0.0)
+    fix: tuple[float, float] = (0.0, 0.0)
 
 
 class Step(NamedTuple):
@@ -140,6 +143,102 @@ class Step(NamedTuple):
     filtered_couplings: tuple[float, ...] = ()
     pieces: tuple[tuple[float, float], ...] = ()
     watched: tuple[float, ...] = ()
+
+
+class PlanarPiece(NamedTuple):
+    """
+    Where the body points over a part of a step.
+
+    Attributes
+    ----------
+    surge_x, surge_y, sway_x, sway_y : float
+        Horizontal parts of the body's axes, in the middle of that part.
+    heave_x, heave_y : float
+        Horizontal velocity that comes of the heave [m/s].
+    rate : float
+        Turning rate about the vertical axis of the body [rad/s].
+
+    """
+
+    surge_x: float
+    surge_y: float
+    sway_x: float
+    sway_y: float
+    heave_x: float
+    heave_y: float
+    rate: float
+
+    def turned(self, angle: float) -> PlanarPiece:
+        """Return it with the body turned on by an angle [rad]."""
+        c, s = math.cos(angle), math.sin(angle)
+        a, b, p, q, *rest = self
+        return PlanarPiece(c * a + s * p, c * b + s * q, c * p - s * a, c * q - s * b, *rest)
+
+
+class PlanarStart(NamedTuple):
+    """
+    What surge and sway go on from together.
+
+    Attributes
+    ----------
+    velocity : tuple of 2 floats
+        Of surge and sway over ground [m/s].
+    axes : tuple of 4 floats
+        Horizontal parts of the surge and the sway axis.
+    gap : float
+        [s] since the step before.
+
+    """
+
+    velocity: tuple[float, float]
+    axes: tuple[float, float, float, float]
+    gap: float = 0.0
+
+
+class PlanarStep(NamedTuple):
+    """
+    What was measured over one step of surge and sway together; compare ``Step``.
+
+    Attributes
+    ----------
+    dt : float
+        Length of the step [s], above 0.
+    velocity : tuple of 2 floats
+        Filtered velocity over ground at the start [m/s].
+    interval : float
+        From the fix before the step's end to the fix after it [s]; 0 for a velocity sensor.
+    parts : tuple of 2 floats
+        Lengths of the step before and after the first of those fixes [s].
+    forces : two tuples of 2 floats
+        Exact mean of the force on surge and on sway over each part, not filtered [N].
+    value : tuple of 2 floats
+        That fix in the world [m], or the velocity over ground at the step's end [m/s].
+    pieces : tuple of PlanarPiece
+        Attitude over equal parts of the time from the measurement before to this one.
+    axes : tuple of 4 floats
+        Horizontal parts of the surge and the sway axis at the step's end.
+    heading_noise : float
+        Spectral density of the noise of the heading [rad^2 s].
+    couplings : two tuples of floats
+        Mean of each regressor of surge and of sway between the measurements, and behind them
+        those that are watched, but not the heading.
+    held : two tuples of (float, float)
+        Lengths [s] of the pieces in which the force on surge and on sway is held, and the
+        force of each [N]; compare ``Step.pieces``.
+
+    """
+
+    dt: float
+    velocity: tuple[float, float]
+    interval: float
+    parts: tuple[float, float]
+    forces: tuple[tuple[float, float], tuple[float, float]]
+    value: tuple[float, float]
+    pieces: tuple[PlanarPiece, ...]
+    axes: tuple[float, float, float, float]
+    heading_noise: float = 0.0
+    couplings: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
+    held: tuple[tuple[tuple[float, float], ...], ...] = ((), ())
 
 
 def finite(values: tuple[float, ...]) -> bool:

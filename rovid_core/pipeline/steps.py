@@ -7,7 +7,8 @@ import math
 from typing import cast, Protocol
 
 from rovid_core.identify import make_identifier, retuned_identifier
-from rovid_core.identify.estimate import DofEstimate, Estimate
+from rovid_core.identify.estimate import Current, DofEstimate, Estimate
+from rovid_core.identify.method import Identifier
 from rovid_core.identify.status import DofStatus, Judgement
 from rovid_core.inputs.stuck_sensor import InputCheck, RESTARTS
 from rovid_core.inputs.units_and_signs import (
@@ -19,6 +20,7 @@ from rovid_core.model.dofs import Quaternion
 from rovid_core.model.lowpass import LowPass
 from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Motion, Sample, Step
+from rovid_core.pipeline.planar_steps import PlanarSteps
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.velocity.attitude_history import normalised, SharedMotion
@@ -91,7 +93,11 @@ class Pipeline:
         self._by_input = {one.input: one for one in self._sources}
         self._checks = {name: InputCheck(settings, name, warn) for name in SOURCES
                         if name in used}
-        self.dofs = [Identification(settings, i, self._commands.unsigned, reject, warn)
+        self._planar = PlanarSteps(settings, self._shared.attitude) if (
+            settings.estimates_current) else None
+        rows = self._planar.filter.rows if self._planar is not None else {}
+        self.dofs = [Identification(settings, i, self._commands.unsigned, reject, warn,
+                                    rows.get(settings.dofs[i]))
                      for i in range(len(settings.dofs))]
         self.adapt = settings.enable
 
@@ -142,12 +148,17 @@ class Pipeline:
 
     def estimate(self, time: int, now: int, stepped: tuple[int, ...]) -> Estimate:
         """Return all DOFs after a step to ``time`` that was completed at ``now`` [ns]."""
-        return Estimate(time, tuple([dof.at(now) for dof in self.dofs]), stepped, now=now)
+        return Estimate(time, tuple([dof.at(now) for dof in self.dofs]), stepped,
+                        current=self._current(), now=now)
 
     def silent_estimate(self, now: int, ended: bool) -> Estimate:
         """Return all DOFs as they are at ``now`` [ns] if nothing has come for a while."""
         silent = ended or self._commands.silent(now)
-        return Estimate(now, tuple([dof.at(now, silent) for dof in self.dofs]), (), now=now)
+        return Estimate(now, tuple([dof.at(now, silent) for dof in self.dofs]), (),
+                        current=self._current(), now=now)
+
+    def _current(self) -> Current | None:
+        return self._planar.filter.current if self._planar is not None else None
 
     def add_sample(self, time: int, sample: Sample) -> list[Estimate] | None:
         """
@@ -232,20 +243,34 @@ class Pipeline:
             elif not self._forces.known(motion.end) and now - motion.end <= self._max_gap:
                 source.held = motion  # the command that ends its span is still to come
                 return
-            elif source.couplings and (missing := self._missing_couplings(source, motion)):
+            elif lacking := self._lacking(source, motion):
+                missing, reason = lacking
                 if missing == 'later' and now - motion.end <= self._max_gap:
                     source.held = motion
                     return
-                self._interrupt(source, 'no_coupling')
+                self._interrupt(source, reason)
             else:
                 self._make_step(source, motion, now, estimates)
 
-    def _missing_couplings(self, source: FilteredSource, motion: Motion) -> str:
-        """Return '' if the regressors of a motion's couplings are known, or why not."""
+    def _planar_of(self, source: FilteredSource) -> PlanarSteps | None:
+        """Return what takes the steps of surge and sway of a source together, if they are."""
+        planar = self._planar
+        return planar if planar is not None and planar.input == source.input else None
+
+    def _lacking(self, source: FilteredSource, motion: Motion) -> tuple[str, str] | None:
+        """
+        Return what is missing of the other inputs over a motion, None if nothing is.
+
+        ``later`` or why it will not come, and the reason of refusal if it does not.
+        """
         span = source.coupling_span(motion)
-        if self._couplings is None or span is None:
-            return ''
-        return self._couplings.missing(source.couplings, *span)
+        if source.couplings and self._couplings is not None and span is not None:
+            missing = self._couplings.missing(source.couplings, *span)
+            if missing:
+                return missing, 'no_coupling'
+        planar = self._planar_of(source)
+        missing = planar.missing(motion) if planar is not None else ''
+        return (missing, 'no_attitude') if missing else None
 
     def _coupling_regressors(self, source: FilteredSource, motion: Motion) -> tuple[float, ...]:
         """Return the regressors of all DOFs of a source over a motion; () at a first point."""
@@ -304,7 +329,8 @@ class Pipeline:
         if source.watched and self._couplings is not None:
             watched = self._couplings.as_known(
                 source.watched, *((last.start, last.end) if interval else (begin, time)))
-        for j, i in enumerate(source.indices):
+        planar, steps = self._planar_of(source), []
+        for j in range(len(source.indices)):
             v, w, f, p, q = before[j], after[j], forces[j], first[j], second[j]
             step = Step(
                 dt=dt,
@@ -321,6 +347,10 @@ class Pipeline:
                 filtered_couplings=tuple([filtered[k] for k in source.coupling_indices[j]]),
                 pieces=pieces[j] if pieces else (),
                 watched=tuple([watched[k] for k in source.watched_indices[j]]))
+            steps.append(step)
+        if planar is not None:
+            planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
+        for i, step in zip(source.indices, steps):
             self.dofs[i].add_step(time, step, self.adapt)
             if self._scorer is not None:
                 self._scorer.add_step(self._settings.dofs[i], span, step)
@@ -336,6 +366,9 @@ class Pipeline:
         if source.last_regressors:
             source.regressors.step(0.0, source.last_regressors)
         source.last = motion
+        planar = self._planar_of(source)
+        if planar is not None:
+            planar.begin(motion)
         for i, v in zip(source.indices, velocity):
             self.dofs[i].identifier.restart(v)
             if self._scorer is not None:
@@ -469,6 +502,8 @@ class Identification:
         Called with the DOF and the reason for every step that is refused.
     warn : callable
         Called with one line about what looks wrong in the data.
+    identifier : Identifier, optional
+        The method, where it is not the configured one for this DOF alone.
 
     Attributes
     ----------
@@ -480,11 +515,12 @@ class Identification:
     """
 
     def __init__(self, settings: Settings, i: int, unsigned: UnsignedCommandCheck,
-                 reject: Callable[[str, str], None], warn: Callable[[str], None]) -> None:
+                 reject: Callable[[str, str], None], warn: Callable[[str], None],
+                 identifier: Identifier | None = None) -> None:
         self._name = name = settings.dofs[i]
         dof, method = settings.dof[name], settings.identifier
         self._i = i
-        self.identifier = make_identifier(
+        self.identifier = identifier or make_identifier(
             method, dof, settings.raw_gains(name), settings.watched(name))
         # raw gains have their own adaptation time
         self._status = DofStatus(Scales.of(dof), getattr(

@@ -180,10 +180,13 @@ class VelocitySource:
             if not self._shared.vertical_velocity(end, 1):
                 self._shared.add_depth(start, last[1][0])
             self._shared.add_depth(end, new[1][0])
-        elif self.input == 'position':
+        fix = (0.0, 0.0)
+        if self.input == 'position':
             self._shared.horizontal = end, world[0], world[1]
+            at = self._without_lever(start, last[1]) if self._lever else last[1]
+            fix = at[0], at[1]
         return Motion(start=start, end=end, time=middle, velocity=velocity, turn=turn,
-                      path_noise=self._path_noise(body, dt), body=body)
+                      path_noise=self._path_noise(body, dt), body=body, fix=fix)
 
     def _in_world(self, last: Fix, new: Fix, dt: float) -> tuple[Vector, tuple[float, ...]]:
         """

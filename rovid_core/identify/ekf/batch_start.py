@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import fsum, inf, log, sqrt
 from statistics import median
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
-from rovid_core.identify.ekf.filter_bank import Member
-from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, HUBER
-from rovid_core.identify.ekf.linearised_filter import Bounds, DivergenceError
-from rovid_core.identify.ekf.measurements import MeasurementClock
-from rovid_core.model.samples import Step
+from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, HUBER, Innovations
+from rovid_core.identify.ekf.linearised_filter import DivergenceError
+from rovid_core.identify.ekf.score_blocks import ScoreBlocks
+from rovid_core.model.samples import PlanarStep, Step
 
 PERIOD = 20.0
 """[s] of motion after which all of it is gone through again."""
@@ -38,7 +37,55 @@ LARGEST_NUMBER = 1e18
 """Far more than any force, velocity or time of a step."""
 
 
-class BatchStart:
+STEPS = (Step, PlanarStep)
+"""What is not a velocity at which the filter takes up."""
+
+
+class AnyFilter(Protocol):
+    """What the start needs of a filter."""
+
+    force_std: float
+    theta: Any
+    theta_covariance: Any
+
+
+class Learner(Protocol):
+    """A filter that can go through what was measured."""
+
+    innovations: Innovations
+    blocks: ScoreBlocks
+
+    @property
+    def filter(self) -> AnyFilter:
+        """Return the filter."""
+
+    def restart(self, start: Any) -> None:
+        """Take up from a measured velocity."""
+
+    def move(self, clock: Any, span: Any) -> None:
+        """Predict to the time of a measurement."""
+
+    def learn(self, span: Any, used: bool) -> list[float]:
+        """Take a measurement at fixed parameters; return its sizes in standard deviations."""
+
+    def settle(self) -> None:
+        """Go to the parameters that fit best what was learned."""
+
+
+class Clock(Protocol):
+    """What turns steps into measurements."""
+
+    def restart(self) -> None:
+        """Begin a new path."""
+
+    def add_step(self, step: Any) -> Any:
+        """Return what a step measures."""
+
+
+M = TypeVar('M', bound=Learner)
+
+
+class BatchStart(Generic[M]):
     """
     What was measured since the filter began; nothing of it is thrown away.
 
@@ -50,29 +97,29 @@ class BatchStart:
         Makes a member at some parameters, for a size of the unknown acceleration.
     new_clock : callable
         Makes what turns steps into measurements.
-    velocity : float
-        The unit.
-    bounds : Bounds
-        Of the parameters.
+    read : callable
+        Makes a piece from its numbers; raises ValueError if they do not fit.
+    budget : int
+        Steps that are gone through at once; where fixes come fast there are fewer passes.
 
     """
 
-    def __init__(self, new: Callable[[float, Sequence[float]], Member],
-                 new_clock: Callable[[], MeasurementClock], velocity: float,
-                 bounds: Bounds) -> None:
-        self._new, self._new_clock, self._velocity = new, new_clock, velocity
-        self._bounds = bounds
+    def __init__(self, new: Callable[[float, Sequence[float]], M],
+                 new_clock: Callable[[], Clock], read: Callable[[Any], Any],
+                 budget: int = BUDGET) -> None:
+        self._new, self._new_clock, self._read = new, new_clock, read
+        self._budget = budget
         self.clear()
 
     def clear(self) -> None:
         """Forget all."""
         self.duration, self.next = 0.0, PERIOD  # [s]
-        self._pieces: list[tuple[Step | float, int]] = []
+        self._pieces: list[tuple[Any, int]] = []
 
-    def add(self, piece: Step | float, use: int = USED) -> None:
-        """Add a step, or the velocity at which the filter takes up."""
+    def add(self, piece: Any, use: int = USED) -> None:
+        """Add a step, or the velocity at which the filter takes up, as a member wants it."""
         self._pieces.append((piece, use))
-        if isinstance(piece, Step) and use != UNLEARNED:
+        if isinstance(piece, STEPS) and use != UNLEARNED:
             self.duration += piece.dt
 
     def accept_last_outliers(self, count: int) -> None:
@@ -80,14 +127,14 @@ class BatchStart:
         for k in range(max(len(self._pieces) - count, 0), len(self._pieces)):
             self._pieces[k] = (self._pieces[k][0], USED)
 
-    def solve(self, member: Member, guesses: Sequence[Sequence[float]],
-              most: int = PASSES) -> Member:
+    def solve(self, member: M, guesses: Sequence[Sequence[float]],
+              most: int = PASSES) -> M:
         """
         Return a member that went through all this at the parameters that fit it best.
 
         Parameters
         ----------
-        member : Member
+        member : Learner
             As it went through it so far.
         guesses : sequence of sequences of p floats
             Parameters to begin with; the best end counts.
@@ -101,7 +148,7 @@ class BatchStart:
 
         """
         count = len(guesses) * max(len(self._pieces), 1)
-        passes = min(max(BUDGET // count, 1), most)
+        passes = min(max(self._budget // count, 1), most)
         best, least = None, inf
         for theta in guesses:
             with suppress(ArithmeticError):
@@ -112,8 +159,7 @@ class BatchStart:
             raise DivergenceError('no pass came to an end')
         return best
 
-    def _iterate(self, member: Member, theta: Sequence[float],
-                 passes: int) -> tuple[Member, float]:
+    def _iterate(self, member: M, theta: Sequence[float], passes: int) -> tuple[M, float]:
         noise, force_std = member.innovations.noise, member.filter.force_std
         for _ in range(passes):
             found = self._new(force_std, theta)
@@ -125,59 +171,40 @@ class BatchStart:
                 min(size / level, HUBER)**2 - min(size, HUBER)**2 for size in sizes])
             value = found.innovations.likelihood + found.blocks.misfit(theta)
             noise = max(noise * level, 1e-9)
-            filter = found.filter
-            solution, filter.theta_covariance = found.blocks.solution()
-            filter.set_theta(solution)
-            filter.keep_inside(self._bounds)
-            last, theta = theta, filter.theta
+            found.settle()
+            last, theta = theta, found.filter.theta
             moved = [abs(a - b) - SETTLED * sqrt(row[i]) for i, (a, b, row) in enumerate(
-                zip(last, theta, filter.theta_covariance))]
+                zip(last, theta, found.filter.theta_covariance))]
             if abs(level - 1.0) < SETTLED and max(moved) <= 0.0:
                 break
         found.innovations.noise = noise
         return found, value
 
-    def _pass(self, member: Member) -> list[float]:
+    def _pass(self, member: M) -> list[float]:
         clock = self._new_clock()
-        filter, innovations, variance = member.filter, member.innovations, 0.0
         sizes: list[float] = []
         for piece, use in self._pieces:
-            if not isinstance(piece, Step):
+            if not isinstance(piece, STEPS):
                 clock.restart()
-                member.restart(piece / self._velocity)
+                member.restart(piece)
                 continue
             span = clock.add_step(piece)
-            member.move(clock.recent, span)
-            if span.value is None or use == OUTLIER:
-                continue
-            variance = innovations.noise**2
-            found = filter.innovation(span.i, span.value, variance)
-            normalised = found.error / sqrt(found.given)
-            if innovations.is_outlier(normalised) and innovations.is_lost(False):
-                filter.widen_motion(found.error**2, found.error**2)
-                continue
-            size = abs(normalised)
-            sizes.append(size)
-            innovations.add(normalised, found.given)
-            added = found.given * (size / HUBER - 1.0) if size > HUBER else 0.0
-            filter.update_motion(found, added)
-            if use == USED:
-                member.blocks.add(found, added, filter.theta, span.dt)
+            member.move(clock, span)
+            if use != OUTLIER:
+                sizes += member.learn(span, use == USED)
         return sizes
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'next': self.next, 'pieces': [
-            [list(piece) if isinstance(piece, Step) else piece, use]
+            [list(piece) if isinstance(piece, tuple) else piece, use]
             for piece, use in self._pieces]}
 
     def restore(self, state: Any) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        clock = self._new_clock()
-        pieces = [(_step(piece, clock.couplings, clock.watched) if isinstance(piece, list)
-                   else _finite(piece), int(use)) for piece, use in state['pieces']]
+        pieces = [(self._read(piece), int(use)) for piece, use in state['pieces']]
         self.clear()
-        self.next = _finite(state['next'])
+        self.next = finite_number(state['next'])
         for piece, use in pieces:
             self.add(piece, use)
 
@@ -191,17 +218,30 @@ def _level(sizes: Sequence[float]) -> float:
     return level * sqrt(fsum(squares) / len(squares) / CLIPPED)
 
 
-def _step(values: Sequence[Any], couplings: int, watched: int) -> Step:
+def read_step(values: Any, couplings: int, watched: int) -> Step | float:
+    """
+    Return a step with some number of regressors, or a velocity; raises ValueError.
+
+    Parameters
+    ----------
+    values : list or float
+        What a saved state has of it.
+    couplings, watched : int
+        How many there are.
+
+    """
+    if not isinstance(values, list):
+        return finite_number(values)
     *plain, pairs, filtered, pieces, also = values
-    numbers = [
-        tuple(map(_finite, x)) if isinstance(x, (list, tuple)) else _finite(x) for x in plain]
-    regressors = (tuple([(_finite(a), _finite(b)) for a, b in pairs]),
-                  tuple(map(_finite, filtered)), tuple(map(_finite, also)))
+    numbers = [tuple(map(finite_number, x)) if isinstance(x, (list, tuple)) else
+               finite_number(x) for x in plain]
+    regressors = (tuple([(finite_number(a), finite_number(b)) for a, b in pairs]),
+                  tuple(map(finite_number, filtered)), tuple(map(finite_number, also)))
     if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-4]) or (
             _sizes(regressors) not in (
                 [0, 0, 0], [0, 0, watched], [couplings, couplings, watched])):
         raise ValueError('a step does not fit')
-    held = tuple([(_finite(a), _finite(b)) for a, b in pieces])
+    held = tuple([(finite_number(a), finite_number(b)) for a, b in pieces])
     step = Step._make([*numbers, *regressors[:2], held, regressors[2]])
     if not step.dt > 0.0:
         raise ValueError('a step takes no time')
@@ -212,7 +252,8 @@ def _sizes(values: Sequence[Any]) -> list[int]:
     return [len(x) if isinstance(x, tuple) else -1 for x in values]
 
 
-def _finite(value: Any) -> float:
+def finite_number(value: Any) -> float:
+    """Return a number of a step; raises ValueError unless it is one."""
     number = float(value)
     if not abs(number) < LARGEST_NUMBER:
         raise ValueError(f'{number} in a step')

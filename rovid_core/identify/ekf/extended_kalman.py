@@ -22,6 +22,7 @@ from rovid_core.identify.ekf.batch_start import (
     LONGEST_UNKNOWN,
     PASSES,
     PERIOD,
+    read_step,
     UNLEARNED,
     USED,
 )
@@ -207,8 +208,10 @@ class ExtendedKalman(Identifier):
         self._theta = list(theta)
         self._bank = FilterBank(lambda force_std: self._new(force_std, theta))
         self._clock = self._new_clock()
-        self._start: BatchStart | None = BatchStart(
-            self._new, self._new_clock, self._scales.velocity, self._model.box)
+        couplings, watched = len(self._scales.couplings), len(self._scales.watched)
+        self._start: BatchStart[Member] | None = BatchStart(
+            self._new, self._new_clock, lambda values: read_step(
+                values, couplings, watched))
         self._free = FreePrediction()
         self._time, self._changed_at = 0.0, -SAID
         self._losses: list[float] = []
@@ -239,7 +242,7 @@ class ExtendedKalman(Identifier):
         self._moving = True
         self.v_hat = velocity
         if self._start is not None:
-            self._start.add(velocity)
+            self._start.add(velocity / self._scales.velocity)
 
     def step(self, step: Step, adapt: bool = True) -> str:
         """
@@ -299,7 +302,7 @@ class ExtendedKalman(Identifier):
             self._publish()
 
     def _update(self, member: Member, span: Measurement, adapt: bool, beginning: bool) -> int:
-        member.move(self._clock.recent, span)
+        member.move(self._clock, span)
         if span.value is None:
             return 0
         return member.update(span.i, span.value, span.dt, adapt, beginning)
@@ -351,7 +354,8 @@ class ExtendedKalman(Identifier):
         self.excitation -= math.expm1(-step.dt / FORGET) * (square - self.excitation)
         return square > MIN_EXCITATION or self.excitation > MIN_EXCITATION
 
-    def _go_on_with_start(self, start: BatchStart, step: Step, found: int, adapt: bool) -> None:
+    def _go_on_with_start(self, start: BatchStart[Member], step: Step, found: int,
+                          adapt: bool) -> None:
         """Keep the first seconds, and go through them again once they say something."""
         if adapt:
             self._idle = 0.0
@@ -373,7 +377,7 @@ class ExtendedKalman(Identifier):
         else:
             start.next = start.duration + (2.0 * PERIOD if known else PERIOD)
 
-    def _solve_start(self, start: BatchStart) -> None:
+    def _solve_start(self, start: BatchStart[Member]) -> None:
         """Replace the filters by those that went through all data so far."""
         bank = self._bank
         best, members = bank.best, bank.members

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 import math
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.linearised_filter import Bounds, LinearisedFilter
-from rovid_core.identify.ekf.measurements import Measurement
-from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.linearised_filter import Bounds, CANDIDATES, LinearisedFilter
+from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks, Verdict
 
 FORCES = (0.0, 0.05)
@@ -54,7 +53,7 @@ class Member:
                  force_std: float, noise: float, watched: Sequence[str] = ()) -> None:
         self.filter = LinearisedFilter(theta, variances, force_std, len(watched))
         self.innovations = Innovations(noise)
-        self.blocks = ScoreBlocks(theta, variances, watched)
+        self.blocks = ScoreBlocks(theta, variances, (*CANDIDATES, *watched))
         self.verdict: Verdict | None = None
         self._bounds = bounds
 
@@ -65,11 +64,12 @@ class Member:
             max(-1.0, min(1.0, velocity)), (self.innovations.noise**2, 1.0))
         self.innovations.forget_outliers()
 
-    def move(self, recent: RecentForce, span: Measurement) -> None:
+    def move(self, clock: MeasurementClock, span: Measurement) -> None:
         """Predict to the time of a measurement."""
         filter = self.filter
         if span.end > span.start:
-            filter.move(recent, span.start, span.end, span.couplings, span.watched)
+            filter.move(clock.recent, span.start, span.end, span.couplings,
+                        span.watched)
         if span.turn or span.slip:
             # the noise of the fix between two intervals does not cancel when they are turned
             filter.widen_motion((span.turn * self.innovations.noise)**2 + span.slip**2)
@@ -95,6 +95,45 @@ class Member:
         filter.keep_inside(self._bounds)
         return BLOCK if adapt and self.blocks.add(found, added, theta, dt) else 0
 
+    def learn(self, span: Measurement, used: bool) -> list[float]:
+        """
+        Take a measurement at fixed parameters.
+
+        Parameters
+        ----------
+        span : Measurement
+            What is measured.
+        used : bool
+            Whether it says something of the parameters.
+
+        Returns
+        -------
+        list of float
+            Its size in standard deviations; empty where it was lost.
+
+        """
+        filter, innovations = self.filter, self.innovations
+        if span.value is None:
+            return []
+        found = filter.innovation(span.i, span.value, innovations.noise**2)
+        normalised = found.error / math.sqrt(found.given)
+        if innovations.is_outlier(normalised) and innovations.is_lost(False):
+            filter.widen_motion(found.error**2, found.error**2)
+            return []
+        size = abs(normalised)
+        innovations.add(normalised, found.given)
+        added = found.given * (size / HUBER - 1.0) if size > HUBER else 0.0
+        filter.update_motion(found, added)
+        if used:
+            self.blocks.add(found, added, filter.theta, span.dt)
+        return [size]
+
+    def settle(self) -> None:
+        """Go to the parameters that fit best what was learned."""
+        solution, self.filter.theta_covariance = self.blocks.solution()
+        self.filter.set_theta(solution)
+        self.filter.keep_inside(self._bounds)
+
     def judge(self) -> None:
         """Find what the blocks say; one that believes in unknown forces has a wrong model."""
         self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)
@@ -114,7 +153,22 @@ class Member:
             self.judge()
 
 
-class FilterBank:
+class Judged(Protocol):
+    """What a bank needs of a member."""
+
+    innovations: Innovations
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+
+
+M = TypeVar('M', bound=Judged)
+
+
+class FilterBank(Generic[M]):
     """
     Members with unknown accelerations of different sizes.
 
@@ -130,12 +184,12 @@ class FilterBank:
 
     """
 
-    def __init__(self, new: Callable[[float], Member]) -> None:
+    def __init__(self, new: Callable[[float], M]) -> None:
         self.members = [new(force) for force in FORCES]
         self.number = 0
 
     @property
-    def best(self) -> Member:
+    def best(self) -> M:
         """Return the member that explains the innovations best."""
         return self.members[self.number]
 

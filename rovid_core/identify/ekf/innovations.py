@@ -49,6 +49,8 @@ class Innovations:
     ----------
     noise : float
         Standard deviation of a measurement to begin with.
+    axes : int
+        How many are measured at once.
 
     Attributes
     ----------
@@ -59,13 +61,14 @@ class Innovations:
 
     """
 
-    def __init__(self, noise: float) -> None:
+    def __init__(self, noise: float, axes: int = 1) -> None:
         self.noise = noise
         self.likelihood = 0.0
         self.count = 0
         self._level = 1.0
         self._missed = 0
-        self._last = self._product = self._square = 0.0
+        self._last = [0.0] * axes
+        self._product = self._square = 0.0
 
     @property
     def correlation(self) -> float:
@@ -104,27 +107,28 @@ class Innovations:
         self.noise *= math.sqrt(1.0 + share * (
             (square if square < CLIP * CLIP else CLIP * CLIP) / CLIPPED - 1.0))
 
-    def add(self, normalised: float, variance: float) -> None:
-        """Add an innovation in standard deviations, and the variance it had."""
+    def add(self, normalised: float, variance: float, axis: int = 0) -> None:
+        """Add an innovation of an axis in standard deviations, and the variance it had."""
         r = max(-HUBER, min(HUBER, normalised))
         square = r * r
         self.likelihood += math.log(variance) + square - self.likelihood / MEMORY
         self.count += 1
         share = 1.0 / (self.count if self.count < WINDOW else WINDOW)
-        self._product += share * (r * self._last - self._product)
+        self._product += share * (r * self._last[axis] - self._product)
         self._square += share * (square - self._square)
-        self._last = r
+        self._last[axis] = r
 
     def state(self) -> list[float]:
         """Return all that is needed to go on from here."""
-        return [self.noise, self.likelihood, self.count, self._level, self._missed, self._last,
-                self._product, self._square]
+        return [self.noise, self.likelihood, self.count, self._level, self._missed,
+                self._product, self._square, *self._last]
 
     def restore(self, state: Sequence[float]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        noise, likelihood, count, level, missed, last, product, square = map(float, state)
-        if not (noise > 0.0 and all(map(math.isfinite, (
-                noise, likelihood, count, level, missed, last, product, square)))):
+        values = [float(x) for x in state]
+        noise, likelihood, count, level, missed, product, square, *last = values
+        if not (noise > 0.0 and all(map(math.isfinite, values))) or (
+                len(last) != len(self._last)):
             raise ValueError('innovations out of range')
         self.noise, self.likelihood, self.count = noise, likelihood, int(count)
         self._level, self._missed, self._last = level, int(missed), last

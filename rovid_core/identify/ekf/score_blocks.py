@@ -107,16 +107,20 @@ class ScoreBlocks:
     theta, variances : sequence of p floats
         Parameters and their variances before the first block.
     watched : sequence of str
-        Names of the regressors that are watched besides ``CANDIDATES``.
+        Names of the regressors behind the parameters.
+    considered : mapping, optional
+        Index and variance of parameters that are not found, but not known either.
 
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float],
-                 watched: Sequence[str] = ()) -> None:
-        names, p = (*CANDIDATES, *watched), len(theta)
-        self._q = p + len(names)
-        self._candidates = {name: [p + k] for k, name in enumerate(names)}
-        if all(name in names for name in HEADING):
+                 watched: Sequence[str] = CANDIDATES,
+                 considered: Mapping[int, float] | None = None) -> None:
+        p = len(theta)
+        self._considered = considered or {}
+        self._q = p + len(watched)
+        self._candidates = {name: [p + k] for k, name in enumerate(watched)}
+        if all(name in watched for name in HEADING):
             # a current pushes in any direction
             self._candidates['current'] = [
                 k for name in HEADING for k in self._candidates.pop(name)]
@@ -160,9 +164,13 @@ class ScoreBlocks:
             [s] since the last one.
 
         """
-        psi = found.psi
-        value = found.error + sum(map(mul, theta, psi))
-        self._pending.append([1.0 / (found.given + added), value, *psi])
+        return self.add_row(found.error, found.given + added, found.psi, theta, dt)
+
+    def add_row(self, error: float, variance: float, psi: Sequence[float] | Array,
+                theta: Sequence[float] | Array, dt: float) -> bool:
+        """Add an error of some variance, given the parameters, and its derivatives."""
+        value = error + sum(map(mul, theta, psi))
+        self._pending.append([1.0 / variance, value, *psi])
         if len(self._pending) >= PENDING:
             self._sum_up()
         self._time += dt
@@ -205,7 +213,8 @@ class ScoreBlocks:
         """Return what the blocks say; None while there are too few."""
         if self.count < LEAST_COUNT:
             return None
-        return self._fit(self.count).verdict(self._counts, wrong_model, self._candidates)
+        return self._fit(self.count).verdict(
+            self._counts, wrong_model, self._candidates, self._considered)
 
     def _fit(self, count: int) -> _Fit:
         """Return what the oldest blocks give."""
@@ -301,8 +310,8 @@ class _Fit:
         freedom = self.n / max(self.n - len(a), 0.5)
         return max(1.0, float(np.trace(self.c @ self.v)) / len(a) * freedom)
 
-    def verdict(self, counts: Array, wrong_model: bool,
-                candidates: Mapping[str, list[int]]) -> Verdict:
+    def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
+                considered: Mapping[int, float]) -> Verdict:
         n, a, scatter = self.n, self.active, self.scatter()
         known, seen = scatter * self.total[np.ix_(a, a)], n / max(n - len(a), 0.5) * self.v
         # how far what is seen lies from what the model says, and how far chance alone puts it;
@@ -322,6 +331,10 @@ class _Fit:
                 kappa, share, moved = found
                 missing = Missing(name, kappa, share)
         covariance = covariance + np.outer(moved, moved)
+        for k, variance in considered.items():
+            # after S. F. Schmidt: what it moves the parameters by
+            leaning = self.c @ self.total[a, k]
+            covariance = covariance + variance * np.outer(leaning, leaning)
         full = np.zeros((self._p, self._p))
         full[np.ix_(a, a)] = 0.5 * (covariance + covariance.T)
         return Verdict(full.tolist(), scatter, missing, n)

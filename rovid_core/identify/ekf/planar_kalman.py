@@ -1,0 +1,653 @@
+"""
+The extended Kalman filter on surge and sway together, in water that moves.
+
+It takes the fixes themselves, in the world, and estimates the current beside the parameters.
+While the vehicle keeps its heading, current, bias and linear drag are one family: the filter goes
+on as in still water, its intervals have in them what a current could do, and nothing has
+converged. Once the vehicle has turned, all that was kept is gone through again with the current
+free; one that is freed later in a filter that was linearised without it does not find the truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+import math
+from typing import Any
+
+import numpy as np
+from rovid_core.identify.ekf.batch_start import (
+    BatchStart,
+    finite_number,
+    KNOWN,
+    LONGEST,
+    LONGEST_UNKNOWN,
+    PASSES,
+    PERIOD,
+    UNLEARNED,
+    USED,
+)
+from rovid_core.identify.ekf.extended_kalman import (
+    CHANGE,
+    CORRELATION,
+    FilterUncertainty,
+    FIRST_NOISE,
+    FORGET,
+    HELD_FIT,
+    IDLE,
+    LARGEST,
+    LOSSES,
+    LOST_WITHIN,
+    MANY_BLOCKS,
+    NormalisedModel,
+    RIGHT,
+    SAID,
+    UNEXPLAINED,
+)
+from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
+from rovid_core.identify.ekf.innovations import SOON
+from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats
+from rovid_core.identify.ekf.missing_terms import described
+from rovid_core.identify.ekf.planar_filter import Array, Noise, Row
+from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, PlanarMember
+from rovid_core.identify.ekf.planar_prediction import PlanarPrediction
+from rovid_core.identify.ekf.score_blocks import SCATTERED
+from rovid_core.identify.estimate import Current
+from rovid_core.identify.excitation import MIN_EXCITATION
+from rovid_core.identify.method import Identifier
+from rovid_core.model.dofs import Four, PARAMETERS
+from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep, Step
+from rovid_core.settings.run import CurrentSettings, Scales
+
+DOFS = ('surge', 'sway')
+
+TURNING = {'surge': 'vr', 'sway': 'ur'}
+"""The coupling of each with the velocity of the other one."""
+
+TURNED = 0.8
+"""[rad] Range of headings from which the current can be told from bias and drag."""
+
+WINDOW = 180.0
+"""[s] Longest time that is kept to be gone through again."""
+
+BUDGET = 20_000
+"""Steps that are gone through at once."""
+
+LARGEST_CURRENT = 5.0
+"""In standard deviations before anything is known."""
+
+KNOWN_CURRENT, SEEN = 0.02, 1.0 / 3.0
+"""Standard deviation [m/s] of a known current, and share of the prior of one that is seen."""
+
+UNSEEN = 'the current cannot be told yet: turn by 45 degrees or more'
+
+
+class PlanarKalman:
+    """
+    The extended Kalman filter on surge and sway.
+
+    Parameters
+    ----------
+    scales : mapping
+        Of surge, sway or both. The one that is left out drifts: it has no thrust, but drag,
+        and the other one needs its velocity.
+    settings : CurrentSettings
+        What is known of the current.
+
+    Attributes
+    ----------
+    refused : str
+        Why the last step was refused, '' if it was not.
+
+    """
+
+    def __init__(self, scales: Mapping[str, Scales], settings: CurrentSettings) -> None:
+        self._settings = settings
+        self._identified = tuple([dof for dof in DOFS if dof in scales])
+        self._scales = [scales[dof] if dof in scales else _drifting(
+            dof, next(iter(scales.values()))) for dof in DOFS]
+        self._models = [NormalisedModel(one) for one in self._scales]
+        self._rows = self._make_rows()
+        self._watched = [f'{dof} {name}' for dof, one in zip(DOFS, self._scales)
+                         for name in (*CANDIDATES, *one.watched)]
+        self._box = [(row.first + i, low, high) for row, model in zip(
+            self._rows, self._models) for i, low, high in model.box]
+        size = self._size = self._rows[1].end + 2
+        c = LARGEST_CURRENT * settings.prior
+        self._box += [(size - 2, -c, c), (size - 1, -c, c)]
+        self._initial = [*self._models[0].initial, *self._models[1].initial, 0.0, 0.0]
+        self.rows = {dof: PlanarRow(self, DOFS.index(dof)) for dof in self._identified}
+        self._begin(self._initial)
+
+    def _make_rows(self) -> tuple[Row, Row]:
+        rows, first = [], 0
+        for dof, scales in zip(DOFS, self._scales):
+            names = scales.couplings
+            turning = TURNING[dof]
+            rows.append(Row(
+                first, first + 5 + len(names), scales.velocity,
+                first + 4 + names.index(turning) if turning in names else -1,
+                tuple([(first + 4 + k, k) for k, name in enumerate(names) if name != turning]),
+                len(scales.watched)))
+            first = rows[-1].end
+        return rows[0], rows[1]
+
+    def _prior(self) -> list[float]:
+        of_rows: list[float] = []
+        for dof, model in zip(DOFS, self._models):
+            of_rows += model.prior if dof in self._identified else (*model.prior[:-1], 0.0)
+        return [*of_rows, *[self._settings.prior**2 if self._free else 0.0] * 2]
+
+    def reset(self) -> None:
+        """Go back to the initial values."""
+        self._begin(self._initial)
+
+    def _begin(self, theta: Sequence[float]) -> None:
+        self._theta = [*list(theta)[:-2], 0.0, 0.0]
+        self._free = False
+        self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
+        self._clock = self._new_clock()
+        self._start: BatchStart[PlanarMember] | None = self._new_start()
+        self._prediction = PlanarPrediction(self._rows, self._size)
+        self._time, self._changed_at = 0.0, -SAID
+        self._losses: list[float] = []
+        self._moving = False
+        self._usable = [False, False]
+        self._idle = 0.0
+        self._windows = 0
+        self._begin_heading()
+        self.refused = ''
+        self.excitations = [0.0, 0.0]
+        for row in self.rows.values():
+            row.v_hat = math.nan
+        self._publish()
+
+    def _begin_heading(self) -> None:
+        """Begin to look whether the vehicle turns."""
+        self._heading, self._headings = 0.0, (0.0, 0.0)
+        self._turned_at = math.inf  # duration of the start
+
+    def _new(self, force_std: float, theta: Sequence[float]) -> PlanarMember:
+        """Return a filter at some parameters that knows the initial ones."""
+        prior, size, free = self._settings.prior, self._size, self._free
+        member = PlanarMember(
+            self._rows, self._theta, self._prior(),
+            {} if free else {size - 2: prior * prior, size - 1: prior * prior}, self._box,
+            Noise(force_std, self._settings.change if free else 0.0),
+            FIRST_NOISE * max(row.velocity for row in self._rows), self._watched)
+        if member.filter.theta.tolist() != list(theta):
+            member.filter.theta = np.array(theta, dtype=float)
+            member.filter.motion[4:6] = member.filter.theta[-2:]
+        return member
+
+    def _new_clock(self) -> PlanarClock:
+        return PlanarClock((self._scales[0].force, self._scales[1].force))
+
+    def _new_start(self) -> BatchStart[PlanarMember]:
+        return BatchStart(self._new, self._new_clock, self._read, BUDGET)
+
+    def restart(self, start: PlanarStart) -> None:
+        """Take up from a measured velocity over ground, keeping the parameters."""
+        self._clock.restart()
+        for member in self._bank.members:
+            member.restart(start)
+        self._prediction.interrupt()
+        self._moving = True
+        for dof, row in self.rows.items():
+            row.v_hat = start.velocity[DOFS.index(dof)]
+        if self._start is not None:
+            self._start.add(start)
+
+    def step(self, step: PlanarStep, adapt: bool = True) -> None:
+        """
+        Take one step; ``refused`` says whether that went well.
+
+        Parameters
+        ----------
+        step : PlanarStep
+            What was measured.
+        adapt : bool
+            False leaves the parameters as they are; the current goes on.
+
+        """
+        self.refused = ''
+        if not self._in_range(step):
+            self._moving = False
+            self.refused = 'out_of_range'
+            return
+        if not self._moving:
+            self.restart(_start_of(step))
+        adapt = self._has_thrust(step) and adapt
+        if adapt and self._idle >= IDLE:
+            self.restart(_start_of(step))  # the start has left out what was before
+            self._idle = 0.0
+        try:
+            self._add_step(step, adapt)
+        except (ArithmeticError, np.linalg.LinAlgError):
+            theta = self._bank.best.filter.theta
+            whole = [*self._models[0].of(self.rows_parameters(0)),
+                     *self._models[1].of(self.rows_parameters(1)), 0.0, 0.0]
+            self._begin(whole if np.isfinite(theta).all() else self._initial)
+            self.refused = 'diverged'
+
+    def _add_step(self, step: PlanarStep, adapt: bool) -> None:
+        start, clock = self._start, self._clock
+        beginning = start is not None and not self._windows and start.duration < SOON
+        self._time += step.dt
+        span = clock.add_step(step)
+        self._note_heading(span)
+        # between a turn and the solution with a current nothing can be learned without it
+        learns = adapt and (self._free or self._turned_at == math.inf)
+        self._prediction.move(clock, span)
+        found = [self._update(member, span, learns, beginning) for member in self._bank.members]
+        came = found[self._bank.number]
+        if adapt:
+            self._bank.choose()
+        if came == LOST and beginning:
+            # it began with an outlier
+            excitations = self.excitations
+            self._begin(self._theta)
+            self.restart(_start_of(step))
+            self.excitations = excitations
+            return
+        if start is not None:
+            self._go_on_with_start(start, step, came, adapt)
+        elif adapt and LOST in found:
+            self._note_loss(found)
+        if BLOCK in found:
+            self._end_blocks(found)
+        for dof, row in self.rows.items():
+            row.v_hat = self._velocity(DOFS.index(dof), step)
+        self._publish()
+
+    def _update(self, member: PlanarMember, span: PlanarMeasurement, adapt: bool,
+                beginning: bool) -> int:
+        member.move(self._clock, span)
+        return 0 if span.begins else member.update(span, adapt, beginning)
+
+    def _note_heading(self, span: PlanarMeasurement) -> None:
+        h = (span.end - span.start) / len(span.pieces)
+        low, high = self._headings
+        for piece in span.pieces:
+            self._heading += h * piece.rate
+            low, high = min(low, self._heading), max(high, self._heading)
+        self._headings = low, high
+        if high - low > TURNED and self._turned_at == math.inf and self._start is not None:
+            self._turned_at = self._start.duration
+
+    def _in_range(self, step: PlanarStep) -> bool:
+        return all(abs(force) <= LARGEST * scales.force
+                   for scales, forces in zip(self._scales, step.forces)
+                   for force in forces) and all(
+            abs(x) <= LARGEST * scales.velocity
+            for scales, x in zip(self._scales, step.velocity)) and all(
+            abs(x) <= LARGEST * 1e3 for x in step.value)
+
+    def _has_thrust(self, step: PlanarStep) -> bool:
+        found = False
+        for k, (scales, (one, other)) in enumerate(zip(self._scales, step.forces)):
+            force = (one * step.parts[0] + other * step.parts[1]) / step.dt / scales.force
+            self.excitations[k] -= math.expm1(-step.dt / FORGET) * (
+                force * force - self.excitations[k])
+            found |= force * force > MIN_EXCITATION or self.excitations[k] > MIN_EXCITATION
+        return found
+
+    def _go_on_with_start(self, start: BatchStart[PlanarMember], step: PlanarStep, found: int,
+                          adapt: bool) -> None:
+        """Keep what was measured, and go through it again once it says something."""
+        if adapt:
+            self._idle = 0.0
+            start.add(step, OUTLIER if found == OUTLIER else USED)
+        else:
+            self._idle += step.dt
+            if self._idle < IDLE:
+                start.add(step, OUTLIER if found == OUTLIER else UNLEARNED)
+            return
+        if found == LOST:
+            start.accept_last_outliers(4)
+        if not self._free and start.duration >= max(PERIOD, self._turned_at + PERIOD):
+            self._free = True
+            self._free = self._solve_start(start, early=True)
+            # once more when there is more of it
+            start.next = start.duration + PERIOD
+            return
+        if not self._free and start.duration > WINDOW:
+            start.clear()
+            start.next = math.inf
+            start.add(_start_of(step))
+            self._windows += 1
+            self._begin_heading()
+            return
+        if start.duration < start.next or self._turned_at < math.inf and not self._free:
+            return
+        self._solve_start(start, early=start.next <= PERIOD)
+        filter = self._bank.best.filter
+        known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in (
+            self._rows[DOFS.index(dof)].first for dof in self._identified))
+        start.next = start.duration + (2.0 * PERIOD if known else PERIOD)
+        if self._free and start.duration > (LONGEST if known else LONGEST_UNKNOWN):
+            self._start = None
+
+    def _solve_start(self, start: BatchStart[PlanarMember], early: bool) -> bool:
+        """Replace the filters by those that went through all data so far; tell if it went well."""
+        bank = self._bank
+        best, members = bank.best, bank.members
+        with suppress(ArithmeticError, np.linalg.LinAlgError):
+            first = start.solve(best, [
+                best.filter.theta.tolist(), *([self._theta] if early else [])],
+                PASSES if early else 2)
+            noise = first.innovations.noise
+            for k, member in enumerate(members):
+                if member is not best:
+                    # one that went astray has taken that for noise
+                    member.innovations.noise = min(member.innovations.noise, noise)
+                    members[k] = start.solve(
+                        member, [member.filter.theta.tolist(), *(
+                            [first.filter.theta.tolist()] if early else [])],
+                        PASSES if early else 2)
+            members[bank.number] = first
+            bank.choose()
+            for member in members:
+                member.judge()
+            return True
+        return False
+
+    def _note_loss(self, found: Sequence[int]) -> None:
+        """Note if a filter that understood the vehicle has lost it: often is a change."""
+        if not any(came == LOST and (
+                self._changed_at > 0.0 if member.verdict is None
+                else member.verdict.scatter < RIGHT)
+                   for member, came in zip(self._bank.members, found)):
+            return
+        self._losses = [t for t in self._losses if t > self._time - LOST_WITHIN] + [self._time]
+        if len(self._losses) >= LOSSES:
+            self._note_change()
+
+    def _end_blocks(self, found: Sequence[int]) -> None:
+        """Look at the blocks that are complete."""
+        best = self._bank.best
+        ended = [member for member, came in zip(self._bank.members, found) if came == BLOCK]
+        if self._start is None and True in [member.blocks.has_changed(
+                math.inf if member is best else SCATTERED) for member in ended]:
+            self._note_change()
+            return
+        for member in ended:
+            member.judge()
+        if best in ended:
+            self._prediction.end_block(best.filter, best.innovations.noise)
+            self._judge()
+
+    def _judge(self) -> None:
+        """Find whether the model may be used."""
+        best = self._bank.best
+        self._usable = [
+            best.verdict is not None and self._current.status == 'known'
+            and best.innovations.correlation < CORRELATION[usable] and fit > HELD_FIT[usable]
+            for usable, fit in zip(self._usable, self._prediction.fits)]
+
+    def _note_change(self) -> None:
+        for member in self._bank.members:
+            filter = member.filter
+            for row in self._rows:
+                for i in range(row.first, row.end - 1):
+                    if filter.theta_covariance[i, i] > 0.0:
+                        filter.theta_covariance[i, i] += (
+                            CHANGE * max(abs(filter.theta[i]), abs(self._theta[i])))**2
+            member.blocks.clear(filter.theta.tolist(), filter.theta_covariance.diagonal().tolist())
+            member.verdict = None
+        self._changed_at, self._losses = self._time, []
+        self._usable = [False, False]
+
+    def _velocity(self, k: int, step: PlanarStep) -> float:
+        """Return the velocity over ground at the end of the step [m/s]."""
+        filter, row = self._bank.best.filter, self._rows[k]
+        theta, motion = filter.theta.tolist(), filter.motion.tolist()
+        v, other = motion[2 + k], motion[3 - k]
+        ahead = self._clock.ahead
+        if ahead:
+            alpha, beta, gamma, delta = theta[row.first:row.first + 4]
+            scale = row.velocity
+            rate = alpha * step.forces[k][1] / self._scales[k].force + (
+                beta * abs(v / scale) + gamma) * v / scale + delta
+            rate += math.fsum([theta[i] * step.couplings[k][m] for i, m in row.measured])
+            if row.turning >= 0:
+                rate += theta[row.turning] * other * step.pieces[-1].rate
+            v += ahead * (scale * rate + motion[6 + k])
+        x, y = step.axes[2 * k:2 * k + 2]
+        return float(v + x * motion[4] + y * motion[5])
+
+    def _covariance(self) -> Array:
+        """Return that of the parameters."""
+        best = self._bank.best
+        if best.verdict is not None:
+            return np.array(best.verdict.covariance)
+        return best.filter.theta_covariance * best.innovations.inflation
+
+    def _publish(self) -> None:
+        best, covariance = self._bank.best, self._covariance()
+        self._current = self._find_current(covariance)
+        for dof, published in self.rows.items():
+            k = DOFS.index(dof)
+            row, model = self._rows[k], self._models[k]
+            theta = best.filter.theta[row.first:row.end].tolist()
+            published.parameters = model.parameters(theta)
+            published.delay = theta[-1]
+            published.couplings = tuple([model.unit[3] * kappa for kappa in theta[4:-1]])
+            published.uncertainty = FilterUncertainty(
+                covariance[row.first:row.end, row.first:row.end].tolist(), 1.0, model.unit,
+                model.active)
+            published.excitation = self.excitations[k]
+
+    def _find_current(self, of_theta: Array) -> Current:
+        prior = self._settings.prior
+        if not self._free:
+            return Current(0.0, 0.0, (prior * prior, 0.0, prior * prior), math.nan,
+                           'unobservable')
+        (x, y), spread = self._bank.best.filter.current(of_theta)
+        std = math.sqrt(max(spread[0, 0], spread[1, 1], 0.0))
+        return Current(float(x), float(y),
+                       (float(spread[0, 0]), float(spread[0, 1]), float(spread[1, 1])),
+                       math.nan, 'known' if std < KNOWN_CURRENT else
+                       'converging' if std < SEEN * prior else 'unobservable')
+
+    @property
+    def current(self) -> Current:
+        """Return what is known of the current."""
+        return self._current
+
+    def rows_parameters(self, k: int) -> Four:
+        """Return the lumped parameters of surge (0) or sway (1)."""
+        row = self._rows[k]
+        return self._models[k].parameters(
+            self._bank.best.filter.theta[row.first:row.end].tolist())
+
+    def bounds(self, k: int) -> tuple[Four, Four]:
+        """Return the lowest and the highest lumped parameters of surge (0) or sway (1)."""
+        return self._models[k].bounds
+
+    def note(self, k: int) -> str:
+        """Return what the filter has to say of surge (0) or sway (1), '' if nothing."""
+        said = []
+        since = self._time - self._changed_at
+        if since < SAID:
+            said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
+        verdict = self._bank.best.verdict
+        missing = verdict.missing if verdict is not None else None
+        if missing is not None:
+            dof, name = missing.name.split()
+            if dof == DOFS[k]:
+                row = self._rows[k]
+                said.append(described(
+                    replace(missing, name=name),
+                    self._bank.best.filter.theta[row.first:row.end].tolist(), self._scales[k]))
+        elif verdict is not None and verdict.scatter > UNEXPLAINED and (
+                verdict.count >= MANY_BLOCKS):
+            said.append('the model does not explain all of the motion: the intervals are wider')
+        return '; '.join(said)
+
+    def doubt(self, k: int) -> str:
+        """Return why the model of surge (0) or sway (1) may not be used yet, '' if it may."""
+        if self._usable[k]:
+            return ''
+        if self._current.status != 'known':
+            return UNSEEN
+        if self._bank.best.verdict is None:
+            return 'there are no independent pieces of data yet to judge the intervals by'
+        if not self._bank.best.innovations.correlation < CORRELATION[0]:
+            return 'the errors of the prediction hang together: the model lacks something'
+        return (f'without corrections it predicts {100.0 * self._prediction.fits[k]:.0f} % of '
+                'the motion')
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {
+            'theta': list(self._theta), 'free': self._free, 'bank': self._bank.state(),
+            'clock': self._clock.state(),
+            'start': None if self._start is None else self._start.state(),
+            'prediction': self._prediction.state(), 'time': self._time,
+            'changed_at': self._changed_at, 'losses': list(self._losses),
+            'moving': self._moving, 'usable': list(self._usable), 'idle': self._idle,
+            'windows': self._windows,
+            'heading': [self._heading, *self._headings],
+            'turned_at': None if self._turned_at == math.inf else self._turned_at,
+            'excitations': list(self.excitations)}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        old = self.__dict__.copy()
+        try:
+            self._restore(state)
+        except BaseException:
+            self.__dict__ = old
+            raise
+
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        theta = floats(state['theta'], self._size)
+        self._begin(theta)
+        self._free = bool(state['free'])
+        self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
+        self._bank.restore(state['bank'])
+        self._clock.restore(state['clock'])
+        if state['start'] is None:
+            self._start = None
+        elif self._start is not None:
+            self._start.restore(state['start'])
+        self._prediction.restore(state['prediction'])
+        self._time, self._changed_at, self._idle = floats(
+            [state[name] for name in ('time', 'changed_at', 'idle')], 3)
+        self._losses = floats(state['losses'], len(state['losses']))
+        self._moving, self._windows = bool(state['moving']), int(state['windows'])
+        one, other = state['usable']
+        self._usable = [bool(one), bool(other)]
+        self._heading, low, high = floats(state['heading'], 3)
+        self._headings = low, high
+        self._turned_at = math.inf if state['turned_at'] is None else float(state['turned_at'])
+        self.excitations = floats(state['excitations'], 2)
+        self._publish()
+
+    def _read(self, values: Any) -> PlanarStep | PlanarStart:
+        """Return a step or a start from its numbers; raises ValueError."""
+        if len(values) == len(PlanarStart._fields):
+            (u, v), (a, b, c, d), gap = values
+            return PlanarStart((finite_number(u), finite_number(v)), (
+                finite_number(a), finite_number(b), finite_number(c), finite_number(d)),
+                finite_number(gap))
+        dt, interval, noise, *rest = [finite_number(values[i]) for i in (0, 2, 8)]
+        velocity, parts, value = [
+            (finite_number(a), finite_number(b)) for a, b in (values[1], values[3], values[5])]
+        (p, q), (r, s) = values[4]
+        a, b, c, d = map(finite_number, values[7])
+        one, other = [tuple(map(finite_number, x)) for x in values[9]]
+        held, more = [tuple([(finite_number(x), finite_number(y)) for x, y in pieces])
+                      for pieces in values[10]]
+        sizes = [row.couplings + row.watched if dof in self._identified else 0
+                 for dof, row in zip(DOFS, self._rows)]
+        if not (dt > 0.0 and values[6]) or [len(one), len(other)] != sizes:
+            raise ValueError('a step does not fit')
+        return PlanarStep(
+            dt, velocity, interval, parts, ((finite_number(p), finite_number(q)),
+                                            (finite_number(r), finite_number(s))), value,
+            tuple([PlanarPiece(*floats(piece, 7)) for piece in values[6]]), (a, b, c, d), noise,
+            (one, other), (held, more))
+
+
+class PlanarRow(Identifier):
+    """
+    What the filter of surge and sway says of one of them.
+
+    Parameters
+    ----------
+    filter : PlanarKalman
+        It takes the steps before this is asked.
+    k : int
+        0 for surge, 1 for sway.
+
+    """
+
+    converged_share = 0.1
+    judges_errors = True
+
+    def __init__(self, filter: PlanarKalman, k: int) -> None:
+        self._filter, self._k = filter, k
+        self.parameters = (0.0, 0.0, 0.0, 0.0)
+        self.v_hat = math.nan
+        self.excitation = 0.0
+
+    @property
+    def note(self) -> str:
+        """Return what the filter has to say."""
+        return self._filter.note(self._k)
+
+    @property
+    def doubt(self) -> str:
+        """Return why the model may not be used yet, '' if it may."""
+        return self._filter.doubt(self._k)
+
+    def step(self, step: Step, adapt: bool = True) -> str:
+        """Return what the filter made of the step that it took for both."""
+        return self._filter.refused
+
+    def restart(self, velocity: float) -> None:
+        """Do nothing: the filter takes up both velocities at once."""
+
+    def reset(self) -> None:
+        """Go back to the initial values, with the other one."""
+        self._filter.reset()
+
+    def state(self) -> dict[str, Any]:
+        """Return what is needed to go on; the first of both has all of it."""
+        shared = self is next(iter(self._filter.rows.values()))
+        return {'parameters': list(self.parameters),
+                'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
+                'planar': self._filter.state() if shared else None}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        parameters = floats(state['parameters'], 4)
+        low, high = self.bounds
+        for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
+            if not bottom <= p <= top:
+                raise ValueError(f'{name} {p} is outside {bottom} to {top}')
+        v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
+        shared = state['planar']
+        if (shared is None) == (self is next(iter(self._filter.rows.values()))):
+            raise ValueError('the state of another filter')
+        if shared is not None:
+            self._filter.restore(shared)
+        self.v_hat = v_hat
+
+    @property
+    def bounds(self) -> tuple[Four, Four]:
+        """Return the lowest and the highest lumped parameters."""
+        return self._filter.bounds(self._k)
+
+
+def _start_of(step: PlanarStep) -> PlanarStart:
+    return PlanarStart(step.velocity, step.axes)
+
+
+def _drifting(dof: str, other: Scales) -> Scales:
+    """Return the scales of one without thrust, like the other one's."""
+    return replace(other, active=(False, True, True, True), couplings=(TURNING[dof],),
+                   watched=())

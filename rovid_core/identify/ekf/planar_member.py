@@ -1,0 +1,273 @@
+"""What a filter of surge and sway makes of the steps: its measurements, innovations, blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
+from rovid_core.identify.ekf.innovations import HUBER, Innovations
+from rovid_core.identify.ekf.linearised_filter import Bounds, floats
+from rovid_core.identify.ekf.planar_filter import (
+    Array,
+    AXES,
+    Noise,
+    PlanarFilter,
+    PlanarInnovation,
+    Row,
+    SIZE,
+)
+from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.score_blocks import ScoreBlocks, Verdict
+from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
+
+
+class PlanarMeasurement(NamedTuple):
+    """
+    The span that a filter moves over, and what is measured at its end.
+
+    Attributes
+    ----------
+    start, end : float
+        [s] on the clock of the forces.
+    value : tuple of 2 floats
+        Position in the world [m], or velocity of surge and sway over ground [m/s].
+    looks : pair of ndarrays, shape (8,)
+        What that is of the motion.
+    begins : bool
+        Whether the position begins with it.
+    pieces : tuple of PlanarPiece
+        Attitude over equal parts of the span.
+    heading_noise : float
+        Spectral density [rad^2 s].
+    dt : float
+        [s] since the last measurement.
+    couplings : pair of tuples of floats
+        The mean of each measured regressor over the span.
+
+    """
+
+    start: float
+    end: float
+    value: tuple[float, float]
+    looks: tuple[Array, Array]
+    begins: bool
+    pieces: tuple[PlanarPiece, ...]
+    heading_noise: float
+    dt: float
+    couplings: tuple[tuple[float, ...], tuple[float, ...]]
+
+
+POSITION = (np.eye(SIZE)[0], np.eye(SIZE)[1])
+
+
+class PlanarClock:
+    """
+    Turn steps into measurements of the position or the velocity; see ``MeasurementClock``.
+
+    Parameters
+    ----------
+    forces : pair of floats
+        The units of the forces [N].
+
+    Attributes
+    ----------
+    recent : pair of RecentForce
+        On surge and sway.
+    ahead : float
+        [s] from the last measurement to the end of the last step.
+
+    """
+
+    def __init__(self, forces: tuple[float, float]) -> None:
+        self._forces = forces
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin a new path."""
+        self.recent = RecentForce(), RecentForce()
+        self._fix = -1.0
+        self.ahead = 0.0
+
+    def add_step(self, step: PlanarStep) -> PlanarMeasurement:
+        """Return what a step measures."""
+        first = self._fix < 0.0
+        spans = step.parts if step.interval else (step.dt,)
+        end = self.recent[0].end + step.dt
+        at = self.recent[0].end + spans[0]
+        for recent, unit, forces, held in zip(
+                self.recent, self._forces, step.forces, step.held):
+            recent.add([(length, force / unit) for length, force in held or zip(spans, forces)],
+                       held=bool(held))
+        start = end - step.dt if first else self._fix
+        self._fix, self.ahead = at, end - at
+        looks = POSITION
+        if not step.interval:
+            back = step.axes
+            looks = (np.array((0.0, 0.0, 1.0, 0.0, back[0], back[1], 0.0, 0.0)),
+                     np.array((0.0, 0.0, 0.0, 1.0, back[2], back[3], 0.0, 0.0)))
+        return PlanarMeasurement(start, at, step.value, looks, first and step.interval > 0.0,
+                                 step.pieces, step.heading_noise, step.dt, step.couplings)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'recent': [recent.state() for recent in self.recent], 'fix': self._fix,
+                'ahead': self.ahead}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        fix, ahead = floats([state[name] for name in ('fix', 'ahead')], 2)
+        one, other = state['recent']
+        for recent, found in zip(self.recent, (one, other)):
+            recent.restore(found)
+        self._fix, self.ahead = fix, ahead
+
+
+class PlanarMember:
+    """
+    A filter of surge and sway with its innovations and blocks; see ``Member``.
+
+    Parameters
+    ----------
+    rows : pair of Row
+        Surge and sway.
+    theta, variances : sequence of p floats
+        Of the parameters at the beginning.
+    considered : mapping
+        Index and variance of parameters that are not found, but not known either.
+    bounds : Bounds
+        Of the parameters.
+    moves : Noise
+        What moves without being modelled.
+    noise : float
+        Of a measurement [m or m/s].
+    watched : sequence of str
+        Names of all regressors that are watched.
+
+    """
+
+    def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
+                 variances: Sequence[float], considered: Mapping[int, float], bounds: Bounds,
+                 moves: Noise, noise: float, watched: Sequence[str]) -> None:
+        self.filter = PlanarFilter(rows, theta, variances, moves)
+        self.innovations = Innovations(noise, AXES)
+        self.blocks = ScoreBlocks(theta, variances, watched, considered)
+        self.verdict: Verdict | None = None
+        self._bounds = bounds
+        self._fastest = max(row.velocity for row in rows)
+        self._first = True
+
+    def restart(self, start: PlanarStart) -> None:
+        """Take up from a measured velocity over ground."""
+        v = self._fastest
+        # it may be an outlier
+        self.filter.set_motion([max(-2.0 * v, min(2.0 * v, x)) for x in start.velocity],
+                               start.axes, v * v, start.gap)
+        self.innovations.forget_outliers()
+
+    def move(self, clock: PlanarClock, span: PlanarMeasurement) -> None:
+        """Predict to the time of a measurement."""
+        if span.end > span.start:
+            self.filter.move(clock.recent, span.start, span.end, span.pieces,
+                             span.couplings, span.heading_noise)
+        if span.begins:
+            self.filter.set_position(span.value, self.innovations.noise**2)
+
+    def _found(self, span: PlanarMeasurement, known: bool) -> tuple[
+            PlanarInnovation, PlanarInnovation, float]:
+        """Return both innovations, and their size together in standard deviations."""
+        filter, variance = self.filter, self.innovations.noise**2
+        one, other = [filter.innovation(looks, value, variance)
+                      for looks, value in zip(span.looks, span.value)]
+        if known:
+            a, b, c = one.given, float(span.looks[1] @ one.across), other.given
+        else:
+            a, b, c = one.total, filter.covariance_of(one, span.looks[1]), other.total
+        rest = other.error - b / a * one.error
+        square = one.error**2 / a + rest * rest / max(c - b * b / a, variance)
+        return one, other, math.sqrt(0.5 * square)
+
+    def update(self, span: PlanarMeasurement, adapt: bool, beginning: bool) -> int:
+        """Take a measurement; return 0 or what comes of it."""
+        filter, innovations = self.filter, self.innovations
+        one, other, size = self._found(span, False)
+        outlier = innovations.is_outlier(size)
+        if outlier:
+            if adapt:
+                innovations.learn_noise(size)
+                innovations.add(size, one.total)
+            if not innovations.is_lost(beginning):
+                return OUTLIER
+            square = one.error**2 + other.error**2
+            filter.widen_motion(square, square)
+            return LOST
+        ended = False
+        for axis, (looks, value) in enumerate(zip(span.looks, span.value)):
+            found = one if axis == 0 else filter.innovation(
+                looks, value, innovations.noise**2)
+            normalised = found.error / math.sqrt(found.total)
+            if adapt:
+                innovations.add(normalised, found.total, axis)
+            size = abs(normalised) / HUBER
+            added = found.total * (size - 1.0) if size > 1.0 else 0.0
+            theta = filter.theta
+            filter.update(found, added, adapt)
+            if adapt:
+                innovations.learn_noise(normalised)
+                ended = self.blocks.add_row(
+                    found.error, found.given + added, found.psi, theta,
+                    span.dt if axis else 0.0)
+        filter.keep_inside(self._bounds)
+        return BLOCK if ended else 0
+
+    def learn(self, span: PlanarMeasurement, used: bool) -> list[float]:
+        """Take a measurement at fixed parameters; return its sizes in standard deviations."""
+        if span.begins:
+            return []
+        filter, innovations = self.filter, self.innovations
+        one, other, size = self._found(span, True)
+        if innovations.is_outlier(size) and innovations.is_lost(False):
+            square = one.error**2 + other.error**2
+            filter.widen_motion(square, square)
+            return []
+        sizes = []
+        for axis, (looks, value) in enumerate(zip(span.looks, span.value)):
+            found = one if axis == 0 else filter.innovation(
+                looks, value, innovations.noise**2)
+            normalised = found.error / math.sqrt(found.given)
+            size = abs(normalised)
+            sizes.append(size)
+            innovations.add(normalised, found.given, axis)
+            added = found.given * (size / HUBER - 1.0) if size > HUBER else 0.0
+            filter.update_motion(found, added)
+            if used:
+                self.blocks.add_row(found.error, found.given + added, found.psi, filter.theta,
+                                    span.dt if axis else 0.0)
+        return sizes
+
+    def settle(self) -> None:
+        """Go to the parameters that fit best what was learned."""
+        solution, covariance = self.blocks.solution()
+        self.filter.theta_covariance = np.array(covariance)
+        self.filter.set_theta(solution)
+        self.filter.keep_inside(self._bounds)
+
+    def judge(self) -> None:
+        """Find what the blocks say; one that believes in unknown forces has a wrong model."""
+        self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'filter': self.filter.state(), 'innovations': self.innovations.state(),
+                'blocks': self.blocks.state(), 'judged': self.verdict is not None}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        self.filter.restore(state['filter'])
+        self.innovations.restore(state['innovations'])
+        self.blocks.restore(state['blocks'])
+        self.verdict = None
+        if state['judged']:
+            self.judge()

@@ -1,0 +1,119 @@
+"""What surge and sway together predict without corrections, from the beginning of each block."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import math
+from typing import Any
+
+from rovid_core.identify.ekf.free_prediction import KEPT, SPAN
+from rovid_core.identify.ekf.linearised_filter import DivergenceError, floats
+from rovid_core.identify.ekf.planar_filter import Noise, PlanarFilter, Row
+from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, POSITION
+
+
+class PlanarPrediction:
+    """
+    A model that runs beside the filter and is set to its state at the end of each block.
+
+    Parameters
+    ----------
+    rows : pair of Row
+        Surge and sway.
+    size : int
+        Number of parameters.
+
+    Attributes
+    ----------
+    fits : list of 2 floats
+        1 - rms(error) / std(measured) of the velocity of surge and sway over the last blocks,
+        without what the noise of the fixes has in both.
+
+    """
+
+    def __init__(self, rows: tuple[Row, Row], size: int) -> None:
+        self._model = PlanarFilter(rows, [0.0] * size, [0.0] * size, Noise(0.0, 0.0))
+        self._size = size
+        self._noise = 0.0
+        self._blocks: list[list[float]] = []
+        self._sums = [0.0] * 8
+        self.fits = [-math.inf] * 2
+        self.interrupt()
+
+    def interrupt(self) -> None:
+        """Wait for the end of the block: the path begins anew."""
+        self._runs = False
+        self._mark: list[float] = []  # time, position of the model, measured position
+
+    def move(self, clock: PlanarClock, span: PlanarMeasurement) -> None:
+        """Go on to the next measurement and compare."""
+        if not self._runs:
+            return
+        model = self._model
+        try:
+            model.move(clock.recent, span.start, span.end, span.pieces, span.couplings, 0.0,
+                       alone=True)
+        except DivergenceError:
+            self.interrupt()
+            return
+        if span.looks is not POSITION:
+            self._add([float(looks @ model.motion) for looks in span.looks], span.value,
+                      self._noise**2)
+            return
+        now = [span.end, *model.motion[:2].tolist(), *span.value]
+        if not self._mark:
+            self._mark = now
+            return
+        dt = now[0] - self._mark[0]
+        if dt < SPAN:
+            return
+        a, b, x, y = [(p - q) / dt for p, q in zip(now[1:], self._mark[1:])]
+        sx, sy, wx, wy, *_ = span.pieces[-1]
+        self._add((sx * a + sy * b, wx * a + wy * b), (sx * x + sy * y, wx * x + wy * y),
+                  2.0 * (self._noise / dt)**2)
+        self._mark = now
+
+    def _add(self, model: Sequence[float], measured: Sequence[float], noise: float) -> None:
+        for k, (a, b) in enumerate(zip(model, measured)):
+            i = 4 * k
+            self._sums[i] += 1.0
+            self._sums[i + 1] += (a - b)**2 - noise
+            self._sums[i + 2] += b
+            self._sums[i + 3] += b * b - noise
+
+    def end_block(self, filter: PlanarFilter, noise: float) -> None:
+        """Take the fit of the block and begin the next one at the state of a filter."""
+        self._blocks = [*self._blocks, self._sums][-KEPT:]
+        self._sums = [0.0] * 8
+        self._noise = noise
+        self._compare()
+        self._model.theta = filter.theta.copy()
+        self._model.motion = filter.motion.copy()
+        self._mark, self._runs = [], True
+
+    def _compare(self) -> None:
+        sums = [math.fsum(column) for column in zip(*self._blocks)]
+        for k in range(2):
+            n, error, total, square = sums[4 * k:4 * k + 4]
+            variance = square - total * total / n if n else 0.0
+            self.fits[k] = 1.0 - math.sqrt(max(error, 0.0) / variance) if (
+                variance > 0.0) else -math.inf
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'theta': self._model.theta.tolist(), 'motion': self._model.motion.tolist(),
+                'runs': self._runs, 'mark': self._mark, 'noise': self._noise,
+                'sums': list(self._sums), 'blocks': [list(sums) for sums in self._blocks]}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        self._model.restore({**self._model.state(), 'theta': state['theta'],
+                             'motion': state['motion']})
+        self._runs, self._mark = bool(state['runs']), floats(state['mark'], len(state['mark']))
+        self._noise, = floats([state['noise']], 1)
+        self._sums = floats(state['sums'], 8)
+        self._blocks = [floats(sums, 8) for sums in state['blocks']]
+        if len(self._mark) not in (0, 5):
+            raise ValueError('a prediction that does not fit')
+        if self._blocks:
+            self._compare()

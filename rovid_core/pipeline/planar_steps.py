@@ -1,0 +1,117 @@
+"""The steps of surge and sway together, with what the attitude does between measurements."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+import math
+
+from rovid_core.identify.ekf.planar_kalman import DOFS, PlanarKalman
+from rovid_core.model.dofs import HEADING
+from rovid_core.model.samples import Motion, PlanarPiece, PlanarStart, PlanarStep, Step
+from rovid_core.settings.run import Scales, Settings
+from rovid_core.velocity.attitude_history import AttitudeHistory, rotate, rotation_between
+
+NS = 1e-9
+
+LONGEST_PIECE = 300_000_000
+"""[ns] over which the axes are taken as turning evenly."""
+
+
+class PlanarSteps:
+    """
+    Give the filter of surge and sway its steps.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run, which estimates the current.
+    attitude : AttitudeHistory
+        The attitudes that were accepted.
+
+    Attributes
+    ----------
+    filter : PlanarKalman
+        Of surge and sway.
+
+    """
+
+    def __init__(self, settings: Settings, attitude: AttitudeHistory) -> None:
+        self._attitude = attitude
+        self.input = next(settings.source(dof) for dof in settings.dofs if dof in DOFS)
+        scales = {dof: replace(Scales.of(settings.dof[dof]), watched=tuple([
+            name for name in settings.watched(dof) if name not in HEADING]))
+            for dof in settings.dofs if dof in DOFS}
+        self._watched = {dof: len(one.watched) for dof, one in scales.items()}
+        self.filter = PlanarKalman(scales, settings.current)
+        self._at = 0  # time of the last measurement [ns]
+        self._newest: int | None = None
+
+    def missing(self, motion: Motion) -> str:
+        """Return '' if the attitudes of a motion are known, 'later' if they may become so."""
+        return self._attitude.missing(motion.start) or self._attitude.missing(motion.end)
+
+    def begin(self, motion: Motion) -> None:
+        """Take up from a measurement."""
+        gap = 0.0 if self._newest is None else (motion.time - self._newest) * NS
+        self._at = self._newest = motion.time
+        self.filter.restart(PlanarStart(
+            motion.body[:2], self._axes(motion.time), max(gap, 0.0)))
+
+    def add(self, span: tuple[int, int, int], last: Motion, motion: Motion,
+            steps: Mapping[str, Step], adapt: bool) -> None:
+        """
+        Take one step.
+
+        Parameters
+        ----------
+        span : tuple of 3 ints
+            Times of its start, the measurement and its end [ns].
+        last, motion : Motion
+            At whose middles it begins and ends.
+        steps : mapping
+            Those of surge and sway, as far as they are identified.
+        adapt : bool
+            Whether the parameters are adapted.
+
+        """
+        any_step = next(iter(steps.values()))
+        surge, sway = [steps.get(dof, Step(0.0, (0.0,) * 3, (0.0,) * 3)) for dof in DOFS]
+        self.filter.step(PlanarStep(
+            dt=any_step.dt,
+            velocity=(last.body[0], last.body[1]),
+            interval=any_step.interval,
+            parts=any_step.parts,
+            forces=(surge.forces, sway.forces),
+            value=motion.fix if any_step.interval else motion.body[:2],
+            pieces=self._pieces(self._at, span[1], last.body[2] if any_step.interval else
+                                0.5 * (last.body[2] + motion.body[2])),
+            axes=self._axes(span[2]),
+            heading_noise=self._attitude.noise_density,
+            couplings=(self._regressors('surge', surge), self._regressors('sway', sway)),
+            held=(surge.pieces, sway.pieces)), adapt)
+        self._at, self._newest = span[1], span[2]
+
+    def _regressors(self, dof: str, step: Step) -> tuple[float, ...]:
+        # the heading stands behind the others
+        return (*[x for x, _ in step.couplings], *step.watched[:self._watched.get(dof, 0)])
+
+    def _axes(self, time: int) -> tuple[float, float, float, float]:
+        q = self._attitude.at(time)
+        (a, b, _), (c, d, _) = rotate(q, (1.0, 0.0, 0.0)), rotate(q, (0.0, 1.0, 0.0))
+        return a, b, c, d
+
+    def _pieces(self, start: int, end: int, heave: float) -> tuple[PlanarPiece, ...]:
+        """Return the attitude over equal parts of a span [ns]."""
+        count = max(math.ceil((end - start) / LONGEST_PIECE), 1)
+        times = [start + (end - start) * k // count for k in range(count + 1)]
+        found = []
+        before = self._attitude.at(start)
+        for a, b in zip(times, times[1:]):
+            after = self._attitude.at(b)
+            turn = rotation_between(before, after)[2]
+            x, y, _ = rotate(self._attitude.at((a + b) // 2), (0.0, 0.0, heave))
+            found.append(PlanarPiece(
+                *self._axes((a + b) // 2), x, y, turn / ((b - a) * NS) if b > a else 0.0))
+            before = after
+        return tuple(found)

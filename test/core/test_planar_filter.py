@@ -1,0 +1,80 @@
+"""The filter of surge and sway: its linearisation, and what it takes up from."""
+
+import numpy as np
+import pytest
+from rovid_core.identify.ekf.planar_filter import Noise, PlanarFilter, Row
+from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.model.samples import PlanarPiece
+
+ROWS = (Row(0, 6, 0.5, 4, ()), Row(6, 13, 0.4, 10, ((11, 0),)))
+THETA = [0.6, -0.5, -0.2, 0.05, 0.3, 0.04, 0.5, -0.4, -0.1, -0.03, -0.35, 0.2, 0.03, 0.15, -0.1]
+STEP = 0.1
+
+
+def _moved(theta, velocity=(0.3, -0.1), count=12):
+    """Return a filter that went along a turn under a force that changes evenly."""
+    filter = PlanarFilter(ROWS, theta, [0.0] * 15, Noise(0.0, 0.0))
+    filter.set_motion(velocity, (1.0, 0.0, 0.0, 1.0), 0.01, 0.0)
+    filter.set_position((2.0, 3.0), 0.0)
+    recent = RecentForce(), RecentForce()
+    for k in range(count + 10):
+        recent[0].add([(STEP, 0.2 + 0.08 * k)])
+        recent[1].add([(STEP, 0.9 - 0.06 * k)])
+    for k in range(count):
+        heading, rate = 0.05 * k, 0.5
+        c, s = np.cos(heading + 0.025), np.sin(heading + 0.025)
+        filter.move(recent, 0.5 + STEP * k, 0.5 + STEP * (k + 1),
+                    [PlanarPiece(c, s, -s, c, 0.02, -0.01, rate)], ((), (0.3,)), 0.0)
+    return filter
+
+
+@pytest.mark.parametrize('i', range(len(THETA)))
+def test_sensitivities_are_the_derivatives_of_the_motion(i):
+    """Current and parameters, through drag, turning couplings and the path in the world."""
+    size = 1e-5
+    ahead, behind = ([x + sign * size * (k == i) for k, x in enumerate(THETA)]
+                     for sign in (1.0, -1.0))
+    slope = (_moved(ahead).motion - _moved(behind).motion) / (2.0 * size)
+    found = _moved(THETA).sensitivities[:, i]
+    assert found == pytest.approx(slope, rel=0.02, abs=2e-3 * max(abs(slope).max(), 1e-6))
+
+
+def test_covariance_of_the_motion_is_that_of_motions_which_began_otherwise():
+    """That of the velocity in the beginning, carried along by differences."""
+    filter = _moved(THETA)
+    slopes = [(_moved(THETA, ahead).motion - _moved(THETA, behind).motion) / 2e-4
+              for ahead, behind in (((0.3001, -0.1), (0.2999, -0.1)),
+                                    ((0.3, -0.0999), (0.3, -0.1001)))]
+    expected = 0.01 * sum(np.outer(slope, slope) for slope in slopes)
+    assert filter.covariance[:4, :4] == pytest.approx(expected[:4, :4], rel=0.02, abs=1e-5)
+
+
+def test_a_body_at_rest_in_the_water_drifts_with_it():
+    """Without force or heave, at any heading."""
+    theta = [0.0] * 15
+    theta[0] = theta[6] = 0.5
+    theta[13:] = 0.2, -0.1
+    filter = PlanarFilter(ROWS, theta, [0.0] * 15, Noise(0.0, 0.0))
+    filter.set_motion((0.0, 0.0), (0.0, 1.0, -1.0, 0.0), 0.0, 0.0)
+    filter.motion[2:4] = 0.0
+    filter.set_position((1.0, 1.0), 0.0)
+    filter.move((RecentForce(), RecentForce()), 0.0, 2.0,
+                [PlanarPiece(0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.1)], ((), (0.0,)), 0.0)
+    assert filter.motion[:2] == pytest.approx([1.4, 0.8])
+
+
+def test_one_that_takes_up_over_ground_has_the_velocity_through_the_water():
+    """And what it does not know of the current is in the velocity, too."""
+    filter = PlanarFilter(ROWS, THETA, [*[0.0] * 13, 0.09, 0.09], Noise(0.0, 0.0))
+    filter.set_motion((0.3, 0.2), (0.0, 1.0, -1.0, 0.0), 0.01, 0.0)
+    assert filter.motion[2:4] == pytest.approx([0.3 - THETA[14], 0.2 + THETA[13]])
+    along = filter.sensitivities[2:4, :15]
+    spread = along @ filter.theta_covariance @ along.T + filter.covariance[2:4, 2:4]
+    assert spread == pytest.approx(0.1 * np.eye(2))
+
+
+def test_a_current_that_nobody_saw_may_have_changed():
+    """Its variance grows by the gap."""
+    filter = PlanarFilter(ROWS, THETA, [0.0] * 15, Noise(0.0, 1e-5))
+    filter.set_motion((0.0, 0.0), (1.0, 0.0, 0.0, 1.0), 0.01, 100.0)
+    assert filter.current()[1] == pytest.approx(1e-3 * np.eye(2))

@@ -5,7 +5,13 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from rovid_core.identify.intervals import Interval, intervals, NO_UNCERTAINTY, Uncertainty
+from rovid_core.identify.intervals import (
+    Interval,
+    intervals,
+    NO_UNCERTAINTY,
+    physical_std,
+    Uncertainty,
+)
 from rovid_core.identify.status import Judgement, WAITING
 from rovid_core.model.dofs import Four
 
@@ -35,6 +41,10 @@ class DofEstimate(NamedTuple):
     W: float = math.nan  # Lyapunov function, where the truth is known
     delay: float = math.nan  # of the thrust [s], where it is estimated
     couplings: tuple[float, ...] = ()  # kappa of each of the DOF's ``couplings`` settings
+    settled: bool = False  # whether the model may be used, as ``DofStatus`` has it
+    fit: float = math.nan  # how much of the motion the model predicts; 1: all
+    velocity_delay: float = math.nan  # by which velocity lags behind the motion at ``time`` [s]
+    v_hat_delay: float = math.nan  # the same of v_hat
     stale_for: float = 0.0  # [s] since the last step where that is too long ago, otherwise 0
 
     @property
@@ -69,6 +79,16 @@ class DofEstimate(NamedTuple):
             return (f'no step for {self.stale_for:.1f} s' if math.isfinite(self.stale_for)
                     else 'no step since time jumped back',)
         return self.judgement.reasons
+
+    @property
+    def valid(self) -> bool:
+        """Tell whether model and velocity may be used now."""
+        return self.settled and self.status not in ('invalid', 'stale')
+
+    @property
+    def physical_std(self) -> Four:
+        """Return the standard deviations of mass, drags and bias, NaN where there are none."""
+        return physical_std(self.parameters, self.covariance)
 
     @property
     def dv(self) -> float:

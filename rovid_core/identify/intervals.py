@@ -83,6 +83,26 @@ def intervals(parameters: Sequence[float], covariance: Sequence[float]) -> dict[
     return {name: found[name] for name in (*PARAMETERS, *PHYSICAL) if name in found}
 
 
+def physical_std(parameters: Sequence[float], covariance: Sequence[float]) -> Four:
+    """
+    Return the standard deviations of mass, quadratic drag, linear drag and bias.
+
+    They are those of r = -theta / alpha to first order, dr = -(dtheta + r dalpha) / alpha: right
+    where alpha is well known, which ``intervals`` does not need. NaN for a left-out term, and
+    without a covariance (16 floats, row-major).
+    """
+    if len(covariance) != 16 or not all(map(math.isfinite, (*parameters, *covariance))):
+        return NAN4
+    alpha, alpha_variance = parameters[0], covariance[0]
+    found = [math.sqrt(alpha_variance) / alpha**2 if alpha_variance > 0.0 else math.nan]
+    for i in (1, 2, 3):
+        r = -parameters[i] / alpha
+        variance = covariance[5 * i] + 2.0 * r * covariance[i] + r * r * alpha_variance
+        found.append(math.sqrt(max(variance, 0.0)) / alpha if covariance[5 * i] > 0.0
+                     else math.nan)
+    return tuple(found)  # type: ignore[return-value]
+
+
 def _fieller(theta: float, theta_variance: float, covariance: float, alpha: float,
              alpha_variance: float) -> list[Interval]:
     """Return the interval(s) of r = -theta / alpha, by (theta + r alpha)^2 <= z^2 its variance."""

@@ -33,7 +33,9 @@ class Identifier(Protocol):
     ``doubt`` is ''; of the others the status asks that they predict. ``uncertainty`` is an
     immutable value that says how well the parameters are known. ``delay`` is the delay of the
     thrust [s], NaN if the method does not estimate it. ``note`` says what the method has noticed
-    about vehicle and model, '' if nothing.
+    about vehicle and model, '' if nothing. One that judges its errors has a ``fit``, as
+    ``DofStatus`` has for the others. ``filtered`` tells whether ``v_hat`` is a velocity behind
+    the low-pass.
     """
 
     parameters: Four
@@ -44,6 +46,7 @@ class Identifier(Protocol):
     excitation: float
     converged_share: float = 0.05
     judges_errors: bool = False
+    filtered: bool = True
 
     @property
     def std(self) -> Four:
@@ -59,6 +62,11 @@ class Identifier(Protocol):
     def delay_std(self) -> float:
         """Return the standard deviation of the delay [s]."""
         return self.uncertainty.delay_std
+
+    @property
+    def fit(self) -> float:
+        """Return how much of the motion the model predicts without corrections."""
+        return math.nan
 
     @property
     def note(self) -> str:

@@ -79,6 +79,8 @@ class RecursiveLeastSquares(Identifier):
 
     """
 
+    filtered = False
+
     def __init__(self, scales: Scales, adaptation_time: float = 3.0) -> None:
         self._scales = scales
         # the regressor of a left-out term is 0

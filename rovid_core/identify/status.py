@@ -57,6 +57,16 @@ class DofStatus:
     when the mean of its parameters changes the acceleration by less than this from one window of
     three adaptation times to the next, and the data show the mass. A method that does not judge
     its own errors has to predict the last minute besides. Otherwise the status is ``converging``.
+
+    Attributes
+    ----------
+    settled : bool
+        Whether the model may be used: it has converged and nothing has spoken against it since. It
+        stays so without thrust, and while nothing is adapted.
+    fit : float
+        How much of the motion the model predicts without corrections: 1 - rms(error) / std, over
+        up to a minute; NaN at first.
+
     """
 
     def __init__(self, scales: Scales, adaptation_time: float) -> None:
@@ -79,6 +89,8 @@ class DofStatus:
         self._prediction = _Prediction()
         self._time = 0.0
         self._judgement = CONVERGING
+        self.settled = False
+        self.fit = math.nan
 
     def update(self, identifier: Identifier, step: Step, refused: str, adapt: bool) -> Judgement:
         """Return the status after a step; ``refused`` is the reason if it was refused, or ''."""
@@ -97,8 +109,12 @@ class DofStatus:
             if not adapt:
                 self._drift.reset()
                 self._judgement = Judgement('converging', (), gram)
+                if excited:
+                    self.settled = not self._objection(gram, identifier, self.settled, adapt)
             elif excited:
                 self._judgement = self._judge(gram, identifier)
+                self.settled = self._judgement.status == 'converged'
+            self.fit = identifier.fit if identifier.judges_errors else self._prediction.fit
             self._time = 0.0
         if not adapt:
             return FROZEN
@@ -118,20 +134,25 @@ class DofStatus:
         self._drift.window = max(3.0 * adaptation_time, 3.0 * PERIOD)
 
     def _judge(self, gram: Gram, identifier: Identifier) -> Judgement:
-        limit = identifier.converged_share
-        if self._judgement.status == 'converged':
-            limit *= HYSTERESIS
+        reason = self._objection(gram, identifier, self._judgement.status == 'converged', True)
+        # a covariance that says that all is known outweighs the shape of the regressors
+        excitation = None if identifier.covariance and not reason else gram
+        texts = tuple([text for text in (identifier.note, reason) if text])
+        return Judgement('converging' if reason else 'converged', texts, excitation)
+
+    def _objection(self, gram: Gram, identifier: Identifier, trusted: bool, adapt: bool) -> str:
+        """Return why the model may not be used yet, or no more if it is trusted; '' if it may."""
+        limit = identifier.converged_share * (HYSTERESIS if trusted else 1.0)
         parameters, covariance = identifier.parameters, identifier.covariance
         if covariance:
             reason = _uncertain(gram, parameters, covariance, limit) or identifier.doubt
-        else:
+        elif adapt:
             reason = self._drift.update(gram, parameters, self._time, limit)
+        else:
+            reason = '' if trusted else 'the parameters are frozen'
         if not (reason or identifier.judges_errors):
-            reason = self._prediction.doubt(PREDICTS[self._judgement.status == 'converged'])
-        # a covariance that says that all is known outweighs the shape of the regressors
-        excitation = None if covariance and not reason else gram
-        texts = tuple([text for text in (identifier.note, reason) if text])
-        return Judgement('converging' if reason else 'converged', texts, excitation)
+            reason = self._prediction.doubt(PREDICTS[trusted])
+        return reason
 
 
 def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit: float) -> str:
@@ -157,6 +178,7 @@ class _Prediction:
     def __init__(self) -> None:
         self._begin()
         self._blocks: list[tuple[float, float, float, float]] = []
+        self.fit = math.nan  # over the last blocks
 
     def _begin(self) -> None:
         self._time = self._v = 0.0
@@ -183,6 +205,9 @@ class _Prediction:
         self._time += h
         if self._time >= BLOCK:
             self._blocks = [*self._blocks, self._sums][-BLOCKS:]
+            n, errors, total, squares = (sum(column) for column in zip(*self._blocks))
+            variance = squares - total * total / n
+            self.fit = 1.0 - math.sqrt(errors / variance) if variance > 0.0 else -math.inf
             self._begin()
             self._v, self._end = end, end
             self._parameters, self._kappas = parameters, couplings
@@ -191,12 +216,9 @@ class _Prediction:
         """Return why the fit of the last blocks is not enough, '' if it is."""
         if len(self._blocks) < BLOCKS:
             return 'the model has not predicted a minute yet'
-        n, errors, total, squares = (sum(column) for column in zip(*self._blocks))
-        variance = squares - total * total / n
-        fit = 1.0 - math.sqrt(errors / variance) if variance > 0.0 else -math.inf
-        if fit >= limit:  # False for NaN
+        if self.fit >= limit:  # False for NaN
             return ''
-        return f'without corrections it predicts {max(100.0 * fit, 0.0):.0f} % of the motion'
+        return f'without corrections it predicts {max(100.0 * self.fit, 0.0):.0f} % of the motion'
 
 
 class _Drift:

@@ -29,6 +29,7 @@ class LowPass:
     def __init__(self, cutoff: float) -> None:
         self._rate = 2.0 * math.pi * cutoff
         self.value: tuple[float, ...] | None = None
+        self._last = (0.0, 1.0)  # length [s] and weight of the last step
         self.steps = 0
         self.clamped = 0
 
@@ -43,9 +44,16 @@ class LowPass:
                 turn = MOST_TURN
                 self.clamped += 1
             weight = -math.expm1(-turn)
+            self._last = dt, weight
             self.value = tuple(
                 [y + weight * (u - y) for y, u in zip(self.value, signals)])
         return self.value
+
+    @property
+    def delay(self) -> float:
+        """Return by how much [s] the value lags behind a slow signal, at the last step's rate."""
+        dt, weight = self._last
+        return dt * (1.0 - weight) / weight if weight else math.inf
 
     def retune(self, cutoff: float) -> None:
         """Take another cutoff [Hz] from the next step on."""

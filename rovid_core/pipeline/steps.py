@@ -351,7 +351,7 @@ class Pipeline:
         if planar is not None:
             planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
         for i, step in zip(source.indices, steps):
-            self.dofs[i].add_step(time, step, self.adapt)
+            self.dofs[i].add_step(time, step, self.adapt, source.velocity.delay)
             if self._scorer is not None:
                 self._scorer.add_step(self._settings.dofs[i], span, step)
         source.last = motion
@@ -581,8 +581,12 @@ class Identification:
         """Return what all data leave open, '' if nothing."""
         return self._status.verdict()
 
-    def add_step(self, time: int, step: Step, adapt: bool) -> None:
-        """Add a step that ends at ``time`` [ns]; without ``adapt`` the parameters stay."""
+    def add_step(self, time: int, step: Step, adapt: bool, delay: float) -> None:
+        """
+        Add a step that ends at ``time`` [ns]; without ``adapt`` the parameters stay.
+
+        ``delay`` [s] is that of the low-pass behind which the velocity is.
+        """
         identifier = self.identifier
         refused = identifier.step(step, adapt)
         if refused:
@@ -609,4 +613,8 @@ class Identification:
             excitation=identifier.excitation,
             W=math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth),
             delay=identifier.delay,
-            couplings=identifier.couplings)
+            couplings=identifier.couplings,
+            settled=self._status.settled,
+            fit=self._status.fit,
+            velocity_delay=delay,
+            v_hat_delay=delay if identifier.filtered else 0.0)

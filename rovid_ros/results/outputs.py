@@ -17,6 +17,7 @@ from rovid_core.model.dofs import DOFS, Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
 from rovid_ros.results.current import current_message, current_values, told
+from rovid_ros.results.model_rows import model_columns, model_row
 
 ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
 DIAGNOSTIC_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -26,6 +27,7 @@ TOPICS = {
     'rov/params_std': ARRAY_TYPE,
     'rov/identifier_state': 'sensor_msgs/msg/JointState',
     'rov/velocity': 'geometry_msgs/msg/TwistStamped',
+    'rov/model': ARRAY_TYPE,
     'rov/estimate': DIAGNOSTIC_TYPE,
 }
 """Output topics, relative to the namespace of the node, and their types."""
@@ -37,10 +39,10 @@ CURRENT_TOPICS = {'rov/current': 'geometry_msgs/msg/Vector3Stamped',
                   'rov/current_covariance': ARRAY_TYPE}
 """Further ones where the current of the water is estimated."""
 
-LATCHED = ('rov/params', 'rov/params_std', *COUPLING_TOPICS)
+LATCHED = ('rov/params', 'rov/params_std', *COUPLING_TOPICS, 'rov/model')
 """Those of which a late subscriber gets a message at once, the last or one of the last second."""
 
-OF_STEPS = ('rov/params', 'rov/params_std', *COUPLING_TOPICS)
+OF_STEPS = tuple(topic for topic in LATCHED if topic != 'rov/model')
 """Those in which only a step or a reset changes anything."""
 
 FRAME = 'base_link'
@@ -110,13 +112,18 @@ class Outputs:
         self._latched: dict[str, Callable[[], dict[str, Any]]] = {
             topic: make for topic, make in zip(LATCHED, (
                 lambda: self._values(0), lambda: self._values(1),
-                lambda: self._coupling_values(0), lambda: self._coupling_values(1)))
+                lambda: self._coupling_values(0), lambda: self._coupling_values(1),
+                self._model))
             if topic in self.topics}
         self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = {
             'rov/identifier_state': _state, 'rov/velocity': _twist,
             'rov/estimate': self._diagnostics,
             'rov/current': self._current, 'rov/current_covariance': self._current_covariance}
         self._statuses: dict[str, tuple[DofEstimate, bool, dict[str, Any]]] = {}
+        self._nothing = Estimate(0, tuple([
+            DofEstimate(name, row[0], couplings=tuple(self._initial_kappas[name][0].values()))
+            for name, row in self._initial.items()]), ())
+        self._estimate = self._nothing
 
     def messages(self, estimate: Estimate, topics: Collection[str] | None = None
                  ) -> list[Output]:
@@ -137,6 +144,7 @@ class Outputs:
 
     def each(self, estimate: Estimate, topics: Collection[str]) -> Iterator[Output]:
         """Yield the same one by one, so that the first is out before the next is made."""
+        self._estimate = estimate
         for dof in estimate.dofs:
             if dof.status not in ('invalid', 'stale'):
                 self._rows[dof.dof] = (dof.parameters, dof.std)
@@ -151,6 +159,7 @@ class Outputs:
     def reset(self) -> list[Output]:
         """Go back to the initial values; return the messages that say so without a step."""
         self._rows, self._kappas = dict(self._initial), dict(self._initial_kappas)
+        self._estimate = self._nothing
         return self.latched(list(self._latched))
 
     def latched(self, topics: Collection[str]) -> list[Output]:
@@ -188,6 +197,13 @@ class Outputs:
                                            for value in status['values']]}
         self._statuses[dof.dof] = dof, stepped, status
         return status
+
+    def _model(self) -> dict[str, Any]:
+        """Return the fields of ``rov/model``."""
+        now, stepped, names = self._estimate.now, self._estimate.stepped, self._coupling_names
+        return _array([dof.dof for dof in self._estimate.dofs], model_columns(names), [
+            model_row(dof, self._couplings[dof.dof], names, now, i in stepped)
+            for i, dof in enumerate(self._estimate.dofs)])
 
     def _values(self, which: int) -> dict[str, Any]:
         """Return the fields of ``rov/params`` (0) or ``rov/params_std`` (1)."""

@@ -130,7 +130,7 @@ def test_the_output_holds_every_output_topic(written: tuple[Path, dict[str, Any]
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert {channel.topic for channel in summary.channels.values()} == {
-        '/rov/params', '/rov/params_std', '/rov/identifier_state', '/rov/velocity',
+        '/rov/params', '/rov/params_std', '/rov/model', '/rov/identifier_state', '/rov/velocity',
         '/rov/estimate'}
     for logged, published, estimate in messages(written[0], '/rov/estimate'):
         stamp = estimate.header.stamp

@@ -22,6 +22,7 @@ class Known:
     converged_share = 0.05
     judges_errors = True
     couplings = ()
+    fit = 1.0
 
     def __init__(self, model: float = 0.0, drag: float = 0.0, scale: float = 1.0) -> None:
         """Take the relative standard deviation of all at once (0: unknown) and of drag."""

@@ -27,6 +27,7 @@ from rovid_ros.config.parameters import settings_from
 from rovid_ros.files.whole_files import FileLock
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
+from rovid_ros.model import Model
 from rovid_ros.node.__main__ import StopRequest
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.process import run
@@ -100,6 +101,7 @@ def test_all_outputs_of_a_step_agree(messages: list[Raw], peer: Peer, start: Sta
         '/rov/params_std': 'std_msgs/msg/Float64MultiArray',
         '/rov/identifier_state': 'sensor_msgs/msg/JointState',
         '/rov/velocity': 'geometry_msgs/msg/TwistStamped',
+        '/rov/model': 'std_msgs/msg/Float64MultiArray',
         '/rov/estimate': DIAGNOSTIC_TYPE}
     received = {topic: peer.listen(topic, name) for topic, name in topics.items()}
     node = start({'max_gap': 60.0})  # so that nothing becomes stale
@@ -119,6 +121,10 @@ def test_all_outputs_of_a_step_agree(messages: list[Raw], peer: Peer, start: Sta
     twist = received['/rov/velocity'][-1].twist
     assert twist.linear.x == float(values['surge']['velocity'])
     assert twist.angular.z == float(values['yaw']['velocity'])
+    heave = Model.from_message(received['/rov/model'][-1])['heave']
+    assert heave.status == values['heave']['status']
+    for name in ('mass', 'velocity', 'force'):
+        assert getattr(heave, name) == float(values['heave'][name])
 
     late = peer.listen('/rov/params', 'std_msgs/msg/Float64MultiArray', latched())
     peer.until(lambda: late)  # at once, without another step

@@ -173,4 +173,4 @@ def test_a_lost_subscriber_costs_nothing(
         for _ in range(2):
             for timer in run.node.timers:
                 timer.callback()
-        assert sent == ['/rov/params', '/rov/params_std']
+        assert sent == ['/rov/model', '/rov/params', '/rov/params_std']

@@ -45,6 +45,8 @@ class FullGainIdentifier(AdaptiveIdentifier):
     couplings, symmetric, 0 for terms that are left out.
     """
 
+    filtered = False
+
     def __init__(self, scales: Scales, feedback: float, gamma: Array) -> None:
         super().__init__(scales, Gains(-feedback, tuple(np.diag(gamma).tolist())))
         self._set_gamma(gamma)

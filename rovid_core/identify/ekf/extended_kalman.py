@@ -192,6 +192,7 @@ class ExtendedKalman(Identifier):
 
     converged_share = 0.1
     judges_errors = True
+    filtered = False
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
@@ -306,6 +307,11 @@ class ExtendedKalman(Identifier):
         if span.value is None:
             return 0
         return member.update(span.i, span.value, span.dt, adapt, beginning)
+
+    @property
+    def fit(self) -> float:
+        """Return how much of the motion the model predicts without corrections."""
+        return self._free.fit if math.isfinite(self._free.fit) else math.nan
 
     @property
     def note(self) -> str:

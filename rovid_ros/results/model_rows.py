@@ -1,0 +1,62 @@
+"""What a controller needs of each degree of freedom, as a row of ``rov/model``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import zip_longest
+import math
+
+from rovid_core.identify.estimate import DofEstimate
+from rovid_core.identify.status import STATUSES
+from rovid_core.model.dofs import PARAMETERS, PHYSICAL
+from rovid_core.model.plant import physical
+
+COLUMNS = (
+    'stamp', 'age', 'status', 'valid', 'updated', 'fit', 'delay', 'delay_std',
+    *(column for name in (*PHYSICAL, *PARAMETERS) for column in (name, f'{name}_std')),
+    'velocity', 'v_hat', 'force', 'velocity_delay', 'v_hat_delay')
+"""
+Labels of the columns; those of couplings follow.
+
+``stamp`` is the time of velocity, v_hat and force, ``age`` how much later the newest data were
+when the message was made, ``velocity_delay`` and ``v_hat_delay`` by how much these lag behind the
+motion at ``stamp``, all in seconds. ``status`` is the index in ``STATUSES``. All else is as in
+``rov/estimate``.
+"""
+
+
+def model_columns(couplings: Sequence[str]) -> list[str]:
+    """Return the labels of all columns, for the names of the couplings of all DOFs."""
+    return [*COLUMNS, *(f'kappa_{name}{end}' for name in couplings for end in ('', '_std'))]
+
+
+def model_row(dof: DofEstimate, own: Sequence[str], couplings: Sequence[str], now: int,
+              updated: bool) -> list[float]:
+    """
+    Return the values of a DOF.
+
+    Parameters
+    ----------
+    own, couplings : sequence of str
+        Names of the DOF's couplings, and of those of all DOFs; NaN where it has none.
+    now : int
+        Event time [ns] that the age counts up to.
+    updated : bool
+        Whether the DOF has just made a step.
+
+    """
+    made_step = dof.time > 0 or dof.steps > 0
+    values = [
+        dof.time * 1e-9 if made_step else math.nan,
+        dof.stale_for or (now - dof.time) * 1e-9 if made_step else math.nan,
+        float(STATUSES.index(dof.status)), float(dof.valid), float(updated), dof.fit,
+        dof.delay, dof.delay_std]
+    for numbers, stds in ((physical(dof.parameters), dof.physical_std),
+                          (dof.parameters, dof.std)):
+        for number, std in zip(numbers, stds):
+            values += [number, std]
+    values += [dof.velocity, dof.v_hat, dof.force, dof.velocity_delay, dof.v_hat_delay]
+    kappas = dict(zip(own, zip_longest(dof.couplings, dof.couplings_std, fillvalue=math.nan)))
+    for name in couplings:
+        values += kappas.get(name, (math.nan, math.nan))
+    return values

@@ -307,7 +307,7 @@ def _check_log(settings: Settings, findings: Findings, logs: Sequence[Path], sta
     """Read a log once and say how it fits; return None if it cannot be read."""
     try:
         with Log(logs) as log:
-            seen = Observation(settings)
+            seen = Observation(settings, all_at_hand=True)
             topics = _readable_topics(log, seen.converter, settings, findings)
             with Progress('check', lambda: log.progress) as progress:
                 for message in log.messages(topics, start, duration):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 import math
 from typing import Any, cast
 
@@ -10,7 +10,7 @@ from rovid_core.inputs.refusals import REASONS
 from rovid_core.inputs.units_and_signs import look_like_pulse_widths
 from rovid_core.model.dofs import Quaternion
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings
+from rovid_core.settings.run import IdentifierSettings, Settings, WATCHING
 from rovid_core.velocity.attitude_history import normalised, rotation_between
 from rovid_ros.config.input_topics import section, topics_of
 from rovid_ros.messages.converter import Converter
@@ -165,9 +165,11 @@ class SampleStatistics:
 class Observation:
     """Run messages through the pipeline as the node would, and keep statistics of samples."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, all_at_hand: bool = False) -> None:
         self.settings = settings
-        self.stream = Stream(settings)
+        # of a whole log the method says most that looks for what a model lacks
+        self.stream = Stream(replace(settings, identifier=replace(
+            IdentifierSettings(), method=WATCHING[0])) if all_at_hand else settings)
         self.converter = Converter(settings, self.stream.reject)
         # by input and number of the topic
         self.samples: dict[tuple[str, int], SampleStatistics] = {
@@ -214,6 +216,7 @@ def check_data(seen: Observation, findings: Findings) -> None:
     _check_commands(seen, findings)
     _check_together(seen, findings)
     _check_refused(seen, findings)
+    _check_models(seen, findings)
 
 
 def _summary(one: SampleStatistics) -> str:
@@ -337,3 +340,10 @@ def _check_refused(seen: Observation, findings: Findings) -> None:
         findings.ok('steps', f'{seen.steps:,} estimates')
     else:
         findings.error('steps', 'none: nothing could be identified')
+
+
+def _check_models(seen: Observation, findings: Findings) -> None:
+    """Say what the data show of each DOF that its model does not have."""
+    for dof in seen.settings.dofs:
+        if note := seen.stream.identifier(dof).note:
+            findings.warning(dof, note)

@@ -331,3 +331,25 @@ def test_output_error_finds_masses_and_couplings(sensors: str) -> None:
         assert abs(truth.mass * without.parameters[0] - 1.0) > 0.05
         quick = METHODS['least_squares'](scores.records(dof), scales, settings)
         assert quick.couplings == ()
+
+
+def test_what_is_watched_is_what_would_be_configured_and_nothing_waits_for_it() -> None:
+    with_all = configured()
+    without = replace(with_all, dof={
+        name: replace(dof, couplings=()) for name, dof in with_all.dof.items()})
+    assert without.watched('surge') == ('vr', 'wq', 'cos_heading', 'sin_heading')
+    assert with_all.watched('surge') == ('wq', 'cos_heading', 'sin_heading')
+    as_configured, _ = steps_of(with_all, 30.0)
+    as_watched, _ = steps_of(without, 30.0)
+    for dof, (name, _) in IDEAL.items():
+        column = without.watched(dof).index(name)
+        both = [(step.couplings[0][0], other.watched[column])
+                for step, other in zip(as_configured[dof][5:], as_watched[dof][5:])]
+        measured, watched = np.array(both).T
+        # yaw is measured more often than the velocities that it is watched with
+        assert watched == pytest.approx(measured, abs=0.1 * np.ptp(measured)
+                                        if dof == 'yaw' else 1e-12)
+    # without positions for a while yaw goes on, and what is not known is 0
+    lost, _ = steps_of(without, 30.0, without='position')
+    assert len(lost['yaw']) == len(as_watched['yaw'])
+    assert lost['yaw'][-1].watched == (0.0,) * len(without.watched('yaw'))

@@ -65,7 +65,7 @@ class Missing:
     coefficient : float
         What it would have, in typical velocities per second; of a current its size.
     share : float
-        Of the squared innovations that it would explain.
+        Of the squared innovations that it explains.
 
     """
 
@@ -366,7 +366,8 @@ class _Fit:
         if not t > NAMED_T * NAMED_T:
             return None
         size = float(kappa[0]) if len(kappa) == 1 else float(np.linalg.norm(kappa))
-        return size, power / count, w @ kappa
+        # with the regressor the squared innovations are as many as there are of them
+        return size, power / (power + count), w @ kappa
 
     def contradicts(self, information: Array, score: Array, largest_scatter: float) -> bool:
         """Tell whether newer blocks do, in a way that matters."""

@@ -30,12 +30,12 @@ class Identifier(Protocol):
 
     ``converged_share`` is the relative uncertainty of acceleration and alpha below which a
     model of the method has converged. A method that ``judges_errors`` has looked at its own before
-    ``doubt`` is ''; of the others the status asks that they predict. ``uncertainty`` is an
-    immutable value that says how well the parameters are known. ``delay`` is the delay of the
-    thrust [s], NaN if the method does not estimate it. ``note`` says what the method has noticed
-    about vehicle and model, '' if nothing. One that judges its errors has a ``fit``, as
-    ``DofStatus`` has for the others. ``filtered`` tells whether ``v_hat`` is a velocity behind
-    the low-pass.
+    ``doubt`` is ''; of the others the status looks at what they predict (``LastMinute``).
+    ``uncertainty`` is an immutable value that says how well the parameters are known. ``delay``
+    is the delay of the thrust [s], NaN if the method does not estimate it. ``note`` says what the
+    method has noticed about vehicle and model, '' if nothing. One that judges its errors has a
+    ``fit``, as ``DofStatus`` has for the others. ``filtered`` tells whether ``v_hat`` is a
+    velocity behind the low-pass.
     """
 
     parameters: Four

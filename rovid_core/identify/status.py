@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import math
 
 from rovid_core.identify.excitation import BATCH, Excitation, Gram, MIN_EXCITATION
+from rovid_core.identify.last_minute import LastMinute
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
@@ -18,11 +19,6 @@ STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invali
 # A converged model is converging again above this times the limit to become converged.
 HYSTERESIS = 2.0
 PERIOD = 1.0  # event time [s] from one judgement to the next
-# The prediction of a method that does not look at its own errors: length of a block [s], how many
-# blocks count, and the fit from which a model may be used, to begin with and while it is. Between
-# 95 and 98 % is what the noise of fixes leaves of a right model, 70 to 85 % were seen of masses
-# that were wrong by a factor because the DOFs acted on each other.
-BLOCK, BLOCKS, PREDICTS = 10.0, 6, (0.9, 0.85)
 
 
 @dataclass(frozen=True)
@@ -72,7 +68,6 @@ class DofStatus:
     def __init__(self, scales: Scales, adaptation_time: float) -> None:
         self._scales = scales
         self._drift = _Drift()
-        self._prediction = _Prediction()
         self._set_times(adaptation_time)
         self.reset()
 
@@ -86,7 +81,7 @@ class DofStatus:
         self._excitation = Excitation(self._scales, self._memory)
         self._steps: list[Step] = []  # not yet in the excitation
         self._drift.reset()
-        self._prediction = _Prediction()
+        self._last_minute = LastMinute(self._scales)
         self._time = 0.0
         self._judgement = CONVERGING
         self.settled = False
@@ -99,7 +94,8 @@ class DofStatus:
         self._steps.append(step)
         self._time += step.dt
         if not identifier.judges_errors:
-            self._prediction.add_step(step, identifier.parameters, identifier.couplings)
+            self._last_minute.add_step(
+                step, (*identifier.parameters, *identifier.couplings))
         excited = identifier.excitation >= MIN_EXCITATION
         if len(self._steps) == BATCH:
             self._add_steps()
@@ -114,7 +110,7 @@ class DofStatus:
             elif excited:
                 self._judgement = self._judge(gram, identifier)
                 self.settled = self._judgement.status == 'converged'
-            self.fit = identifier.fit if identifier.judges_errors else self._prediction.fit
+            self.fit = identifier.fit if identifier.judges_errors else self._last_minute.fit
             self._time = 0.0
         if not adapt:
             return FROZEN
@@ -151,7 +147,7 @@ class DofStatus:
         else:
             reason = '' if trusted else 'the parameters are frozen'
         if not (reason or identifier.judges_errors):
-            reason = self._prediction.doubt(PREDICTS[trusted])
+            reason = self._last_minute.doubt(trusted)
         return reason
 
 
@@ -166,59 +162,6 @@ def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit:
     if not share < limit:
         return f'the acceleration is known to {_percent(share)}'
     return ''
-
-
-class _Prediction:
-    """
-    What the model predicts without corrections, from the measured start of each block.
-
-    Its parameters are those that were published before the block.
-    """
-
-    def __init__(self) -> None:
-        self._begin()
-        self._blocks: list[tuple[float, float, float, float]] = []
-        self.fit = math.nan  # over the last blocks
-
-    def _begin(self) -> None:
-        self._time = self._v = 0.0
-        self._end = math.nan  # measured velocity at the end of the last step
-        self._sums = (0.0, 0.0, 0.0, 0.0)  # of 1, error^2, velocity, velocity^2
-
-    def add_step(self, step: Step, parameters: Four, couplings: tuple[float, ...]) -> None:
-        """Predict the end of a step, and begin the next block where one is complete."""
-        start, _, end = step.velocity
-        if start != self._end:  # the first step, or one after an interruption
-            self._begin()
-            self._v, self._parameters, self._kappas = start, parameters, couplings
-        alpha, beta, gamma, delta = self._parameters
-        v, h = self._v, step.dt
-        push = alpha * step.force[1] + delta
-        for kappa, x in zip(self._kappas, step.filtered_couplings):
-            push += kappa * x
-        w = v + 0.5 * h * (push + (beta * abs(v) + gamma) * v)
-        v += h * (push + (beta * abs(w) + gamma) * w)
-        n, errors, total, squares = self._sums
-        error = v - end
-        self._sums = n + 1.0, errors + error * error, total + end, squares + end * end
-        self._v, self._end = v, end
-        self._time += h
-        if self._time >= BLOCK:
-            self._blocks = [*self._blocks, self._sums][-BLOCKS:]
-            n, errors, total, squares = (sum(column) for column in zip(*self._blocks))
-            variance = squares - total * total / n
-            self.fit = 1.0 - math.sqrt(errors / variance) if variance > 0.0 else -math.inf
-            self._begin()
-            self._v, self._end = end, end
-            self._parameters, self._kappas = parameters, couplings
-
-    def doubt(self, limit: float) -> str:
-        """Return why the fit of the last blocks is not enough, '' if it is."""
-        if len(self._blocks) < BLOCKS:
-            return 'the model has not predicted a minute yet'
-        if self.fit >= limit:  # False for NaN
-            return ''
-        return f'without corrections it predicts {max(100.0 * self.fit, 0.0):.0f} % of the motion'
 
 
 class _Drift:

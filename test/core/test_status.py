@@ -38,7 +38,8 @@ def steps(duration, dt=0.1):
     for k in range(round(duration / dt)):
         force = sum(f * sin(2 * pi * hz * (k + 0.5) * dt) for f, hz in TRAINING)
         new = advance(TRUTH, v, force, dt)
-        yield Step(dt, (v, 0.5 * (v + new), new), (force,) * 3)
+        yield Step(dt, (v, 0.5 * (v + new), new), (force,) * 3, new, parts=(dt, 0.0),
+                   forces=(force, 0.0))
         v = new
 
 

@@ -1,0 +1,186 @@
+"""
+What a model predicts of the last minute without corrections, and what its errors follow.
+
+A method that has no covariance and looks at no residuals is judged by this. The path of the last
+minute is predicted in blocks, each from its best start, with the parameters that were published
+before it. The errors are white noise of the fixes where the model is right. Where it is wrong,
+they follow what it lacks: the response of the model to a further force explains them. By the same
+least squares the minute says by itself what the parameters are (output error, one Gauss-Newton
+step).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.model.samples import Step
+from rovid_core.settings.run import Scales
+
+Array = NDArray[np.float64]
+
+BLOCK, BLOCKS = 10.0, 6  # length of a block [s], and how many count
+# The share of the motion that has to be predicted, to become converged and while it is.
+PREDICTS = (0.9, 0.85)
+# What a vehicle often has and the model has not, each an acceleration with one regressor.
+CANDIDATES = ('dead band', 'reverse thrust', 'reverse drag', 'lag')
+DEAD_BAND = 0.2  # thrust up to which a dead-band is looked for, in typical forces
+LAG = 0.15  # [s] of the thruster lag that is looked for
+# A candidate is named from this share of the squared error that it explains, and from this share
+# of the model's acceleration that it is.
+EXPLAINS, MATTERS = 0.3, 0.05
+MASS_OFF = 0.1  # relative difference from the minute's own mass that is too much
+SIGNIFICANT = 2.0  # standard deviations of that mass that are left to chance
+NEAR = 0.5  # relative change of alpha up to which one step of Gauss-Newton is a good one
+ALONE = 1e-6  # least share of a candidate's square that the parameters must not explain
+
+
+@dataclass(frozen=True)
+class Block:
+    """Sums over the fixes of a block, with its start fitted; unknowns are accelerations."""
+
+    normal: Array  # shape (k, k), k = 4 + m + candidates
+    right: Array  # shape (k,)
+    error: float  # squared error of the path [m^2 or rad^2]
+    path: float  # square of the path itself about a straight line
+    squares: Array  # shape (k,), of each regressor
+    acceleration: float  # square of the model's
+    count: int
+
+
+class LastMinute:
+    """The blocks of the last minute of one DOF."""
+
+    def __init__(self, scales: Scales) -> None:
+        self._scales = scales
+        self._size = np.array((*scales.regressor, *scales.coupling_regressor))
+        self._end = math.nan  # filtered velocity at the end of the last step
+        self._steps: list[tuple[float, float, float, tuple[float, ...]]] = []
+        self._blocks: list[Block] = []
+        self._time = self._measured = self._start = 0.0
+        self._model: tuple[float, ...] = ()
+
+    def add_step(self, step: Step, model: tuple[float, ...]) -> None:
+        """Add a step, and the parameters and couplings that are published now."""
+        start, _, end = step.velocity
+        if start != self._end:  # the first step, or one after an interruption
+            self._begin(start, model)
+        h, (lead, tail) = step.dt, step.parts
+        before, after = self._measured, step.mean
+        path = lead * before + tail * after if step.interval else 0.5 * h * (before + after)
+        force = (lead * step.forces[0] + tail * step.forces[1]) / h
+        others = tuple([(lead * x + tail * y) / h for x, y in step.couplings])
+        self._steps.append((h, path, force, others))
+        self._measured, self._end = after, end
+        self._time += h
+        if self._time >= BLOCK:
+            self._blocks = [*self._blocks, self._block()][-BLOCKS:]
+            self._begin(after, model)
+
+    def _begin(self, velocity: float, model: tuple[float, ...]) -> None:
+        self._steps, self._time = [], 0.0
+        self._start = self._measured = velocity
+        self._model = model
+
+    @property
+    def fit(self) -> float:
+        """Return the share of the motion that is predicted: 1 - rms(error) / rms(path)."""
+        error, path = (sum(getattr(b, name) for b in self._blocks) for name in ('error', 'path'))
+        return 1.0 - math.sqrt(error / path) if path > 0.0 else math.nan
+
+    def doubt(self, converged: bool) -> str:
+        """Return why the model must not be used yet (or any more), '' if it may."""
+        if len(self._blocks) < BLOCKS:
+            return 'the model has not predicted a minute yet'
+        error, acceleration = (
+            sum(getattr(b, name) for b in self._blocks) for name in ('error', 'acceleration'))
+        normal, right, squares = (
+            sum(getattr(b, name) for b in self._blocks) for name in ('normal', 'right', 'squares'))
+        on = np.append(np.flatnonzero(self._scales.active), np.arange(4, len(self._size)))
+        own, given = normal[np.ix_(on, on)], right[on]
+        inverse = np.linalg.inv(own + 1e-12 * np.trace(own) * np.eye(len(on)))
+        moved = inverse @ given
+        left = max(error - float(moved @ given), 0.0)
+        alpha = self._model[0] / self._size[0]
+        off = moved[0] / alpha
+        most, name = 0.0, ''
+        for i, candidate in enumerate(CANDIDATES, start=len(self._size)):
+            by_own = inverse @ normal[on, i]
+            alone = normal[i, i] - normal[on, i] @ by_own
+            if not alone > ALONE * normal[i, i]:
+                continue
+            size = (right[i] - by_own @ given) / alone
+            share = size * size * alone / left if left > 0.0 else 0.0
+            matters = size * size * squares[i] > MATTERS**2 * acceleration
+            if matters and share > max(most, EXPLAINS):
+                most, name = share, candidate
+        if name and abs(off) < NEAR:
+            return (f'{100.0 * min(most, 1.0):.0f} % of the error follows {name}, which the model '
+                    'does not have')
+        fit = self.fit
+        if not fit >= PREDICTS[converged]:  # True for NaN
+            return ('without corrections it predicts '
+                    f'{100.0 * fit if fit > 0.0 else 0.0:.0f} % of the motion')
+        count = sum(b.count for b in self._blocks)
+        std = math.sqrt(left / max(count - len(on), 1) * inverse[0, 0]) / alpha
+        if abs(off) <= MASS_OFF + SIGNIFICANT * std:
+            return ''
+        other = 'smaller' if off > 0.0 else 'larger'
+        return f'the last minute by itself asks for a {other} mass'
+
+    def _block(self) -> Block:
+        """Simulate the model over the block and return the sums of its errors."""
+        model = np.array(self._model)
+        alpha, beta, gamma, delta = self._model[:4]
+        force_scale, speed_scale = self._scales.force, self._scales.velocity
+        known = len(model)
+        k = known + len(CANDIDATES)
+        # derivatives of velocity and path with respect to path and velocity at the start, and to
+        # the accelerations
+        of_v, of_x = np.zeros(2 + k), np.zeros(2 + k)
+        of_v[1] = of_x[0] = 1.0
+        v, lagged = self._start, math.nan
+        rows, errors, paths, regressors = [], [], [], []
+        x = measured = acceleration = 0.0
+        phi = np.zeros(2 + k)
+        for h, path, force, others in self._steps:
+            half = 0.5 * h
+            push = alpha * force + delta + sum(p * y for p, y in zip(self._model[4:], others))
+            target, linear, quadratic = v + half * push, 1.0 - half * gamma, -half * beta
+            w = 2.0 * target / (
+                linear + math.sqrt(linear * linear + 4.0 * quadratic * abs(target)))
+            drag = w * abs(w)
+            if lagged != lagged:
+                lagged = force
+            gone = -math.expm1(-h / LAG)
+            late = (force - lagged) * gone * LAG / h
+            lagged += gone * (force - lagged)
+            dead = DEAD_BAND * force_scale
+            phi[2:2 + known] = (force, drag, w, 1.0, *others)
+            phi[2:2 + known] *= self._size
+            phi[2 + known:] = (
+                max(-dead, min(dead, force)) / force_scale, min(force, 0.0) / force_scale,
+                min(drag, 0.0) / speed_scale**2, late / force_scale)
+            mean = (of_v + half * phi) / (1.0 - half * (2.0 * beta * abs(w) + gamma))
+            of_x = of_x + h * mean
+            of_v = 2.0 * mean - of_v
+            x += h * w
+            acceleration += (2.0 * (w - v) / h) ** 2
+            v = 2.0 * w - v
+            measured += path
+            rows.append(of_x)
+            errors.append(measured - x)
+            paths.append(measured)
+            regressors.append(phi[2:].copy())
+        table, error, way = np.array(rows), np.array(errors), np.array(paths)
+        starts, _ = np.linalg.qr(table[:, :2])
+        table = table[:, 2:] - starts @ (starts.T @ table[:, 2:])
+        error -= starts @ (starts.T @ error)
+        # a straight line in time would be a constant velocity
+        line, _ = np.linalg.qr(np.stack(
+            [np.ones(len(way)), np.cumsum([step[0] for step in self._steps])], axis=1))
+        way = way - line @ (line.T @ way)
+        return Block(table.T @ table, table.T @ error, float(error @ error), float(way @ way),
+                     np.square(regressors).sum(axis=0), acceleration, len(way) - 2)

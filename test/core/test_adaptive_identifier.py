@@ -8,7 +8,7 @@ from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
 from rovid_core.identify import make_identifier
-from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains
+from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains, rates
 from rovid_core.identify.aid.full_gain import FullGainIdentifier
 from rovid_core.identify.aid.self_tuning import SelfTuningIdentifier
 from rovid_core.model.plant import advance
@@ -146,6 +146,35 @@ def test_a_broken_state_of_the_mean_is_refused(key, bad):
     with pytest.raises(ValueError):
         identifier.restore({**state, key: bad})
     assert identifier.state() == state
+
+
+def test_the_rates_are_those_of_the_paper():
+    """Eq. 7 and 11, by hand."""
+    v_hat, v, tau, a, gains = -0.5, -0.75, 20.0, -2.0, (0.1, 0.2, 0.3, 0.4)
+    theta = (0.005, -1.5, -0.25, -0.125)
+    dv, phi = v_hat - v, (tau, -0.25, v_hat, 1.0)
+    assert rates(a, gains, (v_hat, *theta), v, tau) == pytest.approx(
+        (a * dv + sum(p * x for p, x in zip(theta, phi)),
+         *[-g * dv * x for g, x in zip(gains, phi)]))
+
+
+@pytest.mark.parametrize(('integrator', 'order'), [('euler', 1), ('heun', 2), ('rk4', 4)])
+def test_an_integrator_has_its_order(integrator, order):
+    """Half the step makes the error smaller by a power of two."""
+    def end(pieces):
+        identifier = AdaptiveIdentifier(
+            Scales.of(DOF), Gains(-1.0, (1e-6, 0.1, 0.1, 0.1)), integrator)
+        identifier.restart(0.3)
+        h = 1.0 / pieces
+        for k in range(pieces):
+            v, f = ([g((k + x) * h) for x in (0.0, 0.5, 1.0)] for g in (
+                lambda t: 0.3 + 0.2 * math.sin(t), lambda t: 100.0 * math.cos(t)))
+            assert not identifier.step(Step(h, tuple(v), tuple(f)))
+        return identifier.v_hat
+
+    exact = end(1024)
+    coarse, fine = (abs(end(n) - exact) for n in (16, 32))
+    assert math.log2(coarse / fine) == pytest.approx(order, abs=0.35)
 
 
 @pytest.mark.parametrize('dt', [0.1, 1.0, 5.0])

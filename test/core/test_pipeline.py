@@ -218,6 +218,21 @@ def test_one_wild_fix_costs_one_step():
     assert got.parameters[3] == pytest.approx(expected.parameters[3], abs=0.001)  # noise: 0.006
 
 
+@pytest.mark.parametrize('method', ['rls', 'ekf'])
+def test_a_step_that_is_refused_is_none_and_says_so(method):
+    stream = Stream(surge_settings(method=method))
+    log = list(simulate(stream.settings, 12.0, 1))
+    wild = [(time, name, (1e9,)) if name == 'thrusters' and 6e9 < time < 7e9
+            else (time, name, value) for time, name, value in log]
+    estimates = run(stream, wild)
+    refused = [e.dofs[0] for e in estimates if e.dofs[0].status == 'invalid']
+    assert len(refused) >= 8
+    assert all(dof.reasons == ('out_of_range',) for dof in refused)
+    assert stream.rejected['surge', 'out_of_range'] == len(refused)
+    assert estimates[-1].dofs[0].steps == len(estimates) - len(refused)
+    assert estimates[-1].dofs[0].status != 'invalid'
+
+
 def test_a_shift_of_the_fix_is_taken_up_once_it_is_no_echo():
     settings = surge_settings()
     clean = events(settings)

@@ -6,8 +6,14 @@ import math
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
-from rovid_core.settings.run import SettingsError, ThrusterSettings
-from rovid_core.thrust.force_history import ForceHistory
+from rovid_core.settings.run import (
+    DofSettings,
+    InputSettings,
+    Settings,
+    SettingsError,
+    ThrusterSettings,
+)
+from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench
 
 from test.support.memory import lengths
@@ -102,6 +108,46 @@ def test_one_topic_per_thruster_needs_all_of_them():
     thrust.add_commands(15 * MS, (2.0,), 0)  # both at one instant: the later message completes it
     thrust.add_commands(15 * MS, (0.0,), 1)
     assert thrust.integrals((25 * MS,))[0][0] == pytest.approx(10e-3 * 80.0)
+
+
+def test_one_topic_that_falls_silent_makes_the_force_stale():
+    thrust = ForceHistory(replace(TWO, topics=('/a', '/b'), timeout=0.5), ('surge', 'yaw'))
+    thrust.add_commands(0, (1.0,), 1)
+    for k in range(10):
+        thrust.add_commands(k * 100 * MS, (2.0,), 0)
+    assert thrust.missing(0, 500 * MS) == ''
+    assert thrust.missing(0, 501 * MS) == 'stale_thrust'
+
+
+def intake(topics, timeout=1.0):
+    """Return what takes commands whose direction has a topic of its own, and their force."""
+    settings = Settings(
+        dofs=('surge', 'yaw'), dof={'surge': DofSettings(50.0), 'yaw': DofSettings(9.0)},
+        thrusters=replace(TWO, topics=topics), attitude=InputSettings('/a'),
+        velocity=InputSettings('/v'), sign=InputSettings('/s', timeout=timeout))
+    history = ForceHistory(settings.thrusters, settings.dofs)
+    return CommandIntake(settings, history, pytest.fail), history
+
+
+def test_directions_are_those_of_each_thruster():
+    both, history = intake(('/t',))
+    assert both.add_commands(0, (1.0, 2.0), 0) == 'no_sign'
+    for signs, force in (((1.0, -1.0), 80.0), ((-1.0, 1.0), -80.0), ((-1.0,), 0.0)):
+        both.add_signs(0, signs)
+        assert both.add_commands(0, (-1.0, 2.0), 0) == ''  # of a magnitude the sign says nothing
+        assert history.newest[0] == force
+    one_each, history = intake(('/t', '/u'))
+    one_each.add_signs(0, (0.5, -0.5))
+    for part, magnitude in enumerate((1.0, 2.0)):
+        assert one_each.add_commands(0, (magnitude,), part) == ''
+    assert history.newest == (80.0, 0.0)
+
+
+def test_a_direction_is_stale_after_its_timeout():
+    both, _ = intake(('/t',))
+    both.add_signs(0, (1.0, 1.0))
+    assert both.add_commands(1000 * MS, (1.0, 1.0), 0) == ''
+    assert both.add_commands(1001 * MS, (1.0, 1.0), 0) == 'stale_sign'
 
 
 def test_forgetting_changes_no_span():

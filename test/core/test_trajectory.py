@@ -1,9 +1,11 @@
 """Whole trials at once, against the same step by step."""
 
+import math
+
 import numpy as np
 import pytest
 from rovid_core.model.lowpass import filtered, LowPass
-from rovid_core.model.plant import advance
+from rovid_core.model.plant import advance, lumped, physical
 from rovid_core.model.trajectory import (
     BLOCK_LENGTH,
     linear_recurrence,
@@ -47,6 +49,34 @@ def test_the_low_pass_of_a_trial_is_that_of_its_steps(cutoff: float) -> None:
     lowpass = LowPass(cutoff)
     expected = [lowpass.step(h, (u,))[0] for h, u in zip(dt, signal)]
     assert filtered(cutoff, dt, signal) == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_cutoff_above_the_rate_of_the_samples_is_clamped() -> None:
+    """A fast cutoff is what 0.4 of the rate is, for a step and for a trial."""
+    weight = 1.0 - math.exp(-2.0 * math.pi * 0.4)
+    for cutoff, dt in ((0.6, 10.0), (8.0, 0.1), (0.4, 1.0)):
+        lowpass = LowPass(cutoff)
+        lowpass.step(0.0, (0.0,))
+        assert lowpass.step(dt, (1.0,)) == pytest.approx((weight,), abs=1e-12)
+        assert filtered(cutoff, np.full(2, dt), np.array([0.0, 1.0]))[1] == pytest.approx(
+            weight, abs=1e-12)
+    lowpass = LowPass(0.5)
+    lowpass.step(0.0, (0.0,))
+    assert lowpass.step(0.1, (1.0,)) == pytest.approx((1.0 - math.exp(-0.1 * math.pi),))
+    assert lowpass.clamped == 0
+
+
+def test_signs_and_units_of_the_plant() -> None:
+    """A bias pulls back, drag slows down whatever the direction, and both forms agree."""
+    parameters = lumped(200.0, 300.0, 40.0, 10.0)
+    assert parameters == (0.005, -1.5, -0.2, -0.05)
+    assert physical(parameters) == pytest.approx((200.0, 300.0, 40.0, 10.0))
+    assert all(map(math.isnan, physical((0.0, -1.0, -1.0, 0.0))))
+    assert advance(parameters, 0.0, 10.0, 1.0) == 0.0
+    assert advance(parameters, 0.0, 0.0, 0.1) == pytest.approx(-0.005, rel=0.02)
+    for v in (0.5, -0.5):
+        ahead = advance((0.005, -1.5, 0.0, 0.0), v, 0.0, 1.0)
+        assert ahead == pytest.approx(v / (1.0 + 1.5 * abs(v)), rel=1e-3)  # in closed form
 
 
 @pytest.mark.parametrize('parameters', [

@@ -1,0 +1,414 @@
+"""What is broken on purpose: a file, a text that is in it once, another one, and the tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A defect that tests have to notice."""
+
+    what: str
+    file: str
+    old: str
+    new: str
+    tests: tuple[str, ...]
+
+
+def _of(file: str, tests: str, *defects: tuple[str, str, str]) -> list[Mutant]:
+    """Return the mutants of a file; ``tests`` are files or tests, the latter after ``::``."""
+    path, *names = tests.split()
+    chosen = tuple(f'{path}::test_{name}' for name in names) or (path,)
+    return [Mutant(what, file, old, new, chosen) for what, old, new in defects]
+
+
+MUTANTS = [
+    *_of('rovid_ros/files/whole_files.py', 'test/files/test_power_loss.py',
+         ('a file is not brought to the disk',
+          'os.fsync(file.fileno())', 'file.fileno()'),
+         ('a folder is not brought to the disk',
+          'os.fsync(directory)', 'str(directory)'),
+         ('a copy is not brought to the disk',
+          'os.fsync(new.fileno())', 'new.fileno()'),
+         ('a file has its name before it is on the disk',
+          'with temporary.open(', 'with path.open('),
+         ('a temporary file is left after an error',
+          'temporary.unlink(missing_ok=True)', 'pass'),
+         ('a spare file is left after an error',
+          'spare.unlink(missing_ok=True)', 'pass'),
+         ('the state before the newest is not kept',
+          'if keep and path.exists()', 'if False')),
+    *_of('rovid_ros/files/whole_files.py', 'test/files/test_checkpoint.py',
+         ('a lock is not taken',
+          'fcntl.flock(', 'str('),
+         ('a lock goes by the name of a link',
+          'place = Path(os.path.realpath(path))', 'place = path'),
+         ('a lock leaves its file',
+          'os.unlink(self._path)', 'str()')),
+    *_of('rovid_ros/files/state_file.py', 'test/files/test_state_file.py',
+         ('the digest is not compared',
+          "content['sha256'] != _digest(made_with, state)", 'False'),
+         ('a digit that does not count may change',
+          'parse_float=_exact', 'parse_float=float'),
+         ('a digest that is renamed is none',
+          'if unknown :=', 'if False and'),
+         ('the depth scale may change',
+          "'depth.scale', ", ''),
+         ('the unit of the heading may change',
+          "'attitude.unit',", ''),
+         ('the sense of the heading may change',
+          "'attitude.heading',", ''),
+         ('the thrusters may change',
+          "*(f'thrusters.{name}' for name in _FORCE)", ''),
+         ('a pipe is read',
+          'path.exists() and not path.is_file()', 'False')),
+    *_of('rovid_ros/files/checkpoint.py', 'test/files/test_checkpoint.py',
+         ('what began anew overwrites what was learned',
+          'if self._stream.reset_by_clock', 'if False'),
+         ('a file that does not fit is overwritten',
+          '                self._set_aside()', '                pass'),
+         ('of a damaged file the one before is not taken',
+          'isinstance(error, DamagedStateError)', 'False')),
+    *_of('rovid_ros/commands/replay.py', 'test/commands/test_replay_state.py '
+         'a_result_that_cannot_be_printed_leaves_the_state_as_it_was '
+         'a_state_that_a_node_uses_is_refused '
+         'a_clock_that_goes_back_in_a_log_leaves_what_was_learned',
+         ('the result is not out before the state',
+          'sys.stdout.flush()', 'pass'),
+         ('a replay takes no lock',
+          'lock = FileLock(state)', "lock = FileLock(state.with_name('other'))"),
+         ('a replay overwrites what was learned',
+          'place_for(args.state, player.stream)', 'args.state')),
+    *_of('rovid_ros/logs/writer.py', 'test/files/test_power_loss.py',
+         ('a finished log is not brought to the disk',
+          'if synced:', 'if False:'),
+         ('the name of a finished log is not brought to the disk',
+          'sync_folder(self._path.parent)', 'pass'),
+         ('a record is not brought to the disk',
+          'os.fdatasync(self._file.fileno())', 'pass')),
+    *_of('rovid_ros/node/recorder.py', 'test/files/test_power_loss.py',
+         ('the name of a record is not brought to the disk',
+          'sync_folder(self.path.parent)', 'pass')),
+    *_of('rovid_ros/node/recorder.py', 'test/node/test_recorder.py',
+         ('size is no reason to split',
+          'writer.size < self._max_size', 'True'),
+         ('time is no reason to split',
+          'now - self._since < self._max_duration', 'True'),
+         ('a part has no state of its time',
+          'self.open(self._state())', 'self.open(None)'),
+         ('a part is left without its end',
+          'writer.close(synced=True)', 'None')),
+    *_of('rovid_ros/logs/log.py', 'test/node/test_recorder.py',
+         ('the parts of a record go by their clock',
+          'key=_by_run_and_part(self._containers)', 'key=lambda one: one.start')),
+    *_of('rovid_ros/logs/sqlite.py', 'test/robustness/test_hostile_files.py '
+         'databases_that_make_up_rows_take_no_memory a_database_without_end_is_left_on_ctrl_c '
+         'a_message_that_is_too_large_is_told_and_not_fetched '
+         'a_pipe_beside_a_database_is_not_waited_for',
+         ('a view is a table',
+          "if kind == 'table' and name", 'if name'),
+         ('columns that are computed are read',
+          'if any(hidden for', 'if False and any(hidden for'),
+         ('a message that is too large is fetched',
+          'CASE WHEN length(data) <= {MAX_MESSAGE_SIZE} THEN data END', 'data'),
+         ('a query has no end',
+          'return self._left < 0', 'return False'),
+         ('Ctrl-C is taken for damage',
+          'raise KeyboardInterrupt from None', 'raise'),
+         ('a pipe beside a database is waited for',
+          'if there and all(path.is_file() for path in there)', 'if there')),
+    *_of('rovid_ros/logs/paths.py', 'test/robustness/test_hostile_files.py a_pipe_is_no_log '
+         'a_bag_with_a_pipe_or_an_impossible_name_reads_the_others '
+         'a_bag_whose_list_is_a_pipe_has_no_list',
+         ('a pipe is a log',
+          'if path.exists() and not path.is_file():', 'if False:'),
+         ('a list that is a pipe is waited for',
+          'if not list_of_files.is_file()', 'if False'),
+         ('one file that cannot be opened spoils the bag',
+          '        except OSError as error:\n            warnings',
+          '        except MemoryError as error:\n            warnings')),
+    *_of('rovid_ros/commands/simulate.py', 'test/robustness/test_hostile_files.py '
+         'a_simulation_that_fails_leaves_the_log_that_was_there',
+         ('a simulation overwrites the log that was there',
+          'OutputLog(path) as writer', 'LogWriter(path) as writer'),
+         ('a simulation gives the log no name',
+          '    writer.finish()', '    pass')),
+    *_of('rovid_ros/commands/running.py', 'test/robustness/test_hostile_files.py '
+         'a_closed_stderr_is_no_reason_to_stop',
+         ('what cannot be told ends the command',
+          '    except OSError:  # Python would', '    except MemoryError:  # Python would'),
+         ('a log is opened in the place of stderr',
+          'os.O_RDWR)) <= 2:', 'os.O_RDWR)) < 0:')),
+    *_of('rovid_ros/commands/main.py', 'test/robustness/test_hostile_files.py '
+         'ctrl_c_during_the_imports_is_one_line',
+         ('Ctrl-C during the imports is a traceback',
+          'except KeyboardInterrupt:', 'except MemoryError:')),
+    *_of('rovid_core/pipeline/stream.py', 'test/core/test_saved_state.py '
+         'a_state_is_restored_whole_or_not_at_all',
+         ('half a state is restored',
+          "self.identifier(name).restore(mine['dofs'][name])", 'pass'),
+         ('a state does not tell that it is frozen',
+          "self._adapt(bool(state.get('adapt', True)))", 'pass')),
+    *_of('rovid_core/pipeline/stream.py', 'test/core/test_pipeline.py '
+         'reset_enable_and_a_jump_of_time parameters_survive_a_jump_when_told_so '
+         'recorded_controls_replay_to_the_same_bits',
+         ('a jump of time resets also where it must not',
+          'if self.settings.reset_on_time_jump:', 'if True:'),
+         ('a jump of time keeps the histories',
+          '        self._restart()\n        if self.settings', '        if self.settings'),
+         ('that adaptation was stopped is not recorded',
+          "self._note('enable', 'true' if adapt else 'false')", 'pass'),
+         ('a reset is not recorded',
+          "self._note('reset', '')", 'pass'),
+         ('a reset resets nothing',
+          "        self._note('reset', '')\n        self._pipeline.reset()",
+          "        self._note('reset', '')")),
+    *_of('rovid_core/pipeline/steps.py', 'test/core/test_pipeline.py '
+         'a_step_that_is_refused_is_none_and_says_so one_wild_fix_costs_one_step '
+         'after_a_gap_filter_and_v_hat_restart_from_the_measurement '
+         'slow_sampling_clamps_the_cutoff_and_says_so '
+         'the_truth_scores_noise_against_the_pipe_and_nothing_against_a_reference '
+         'six_dofs_from_fixes_depth_and_attitude_at_their_own_rates',
+         ('a step that is refused counts',
+          '            self._steps += 1', '            pass\n        self._steps += 1'),
+         ('a wild fix interrupts',
+          "if reason != 'too_fast':", 'if True:'),
+         ('the thrust is not filtered',
+          'forces = source.force.step(dt, tuple([(q - p) / dt for p, q in zip(first, third)]))',
+          'forces = tuple([(q - p) / dt for p, q in zip(first, third)])'),
+         ('the parts of a step have the force of the other',
+          '(q - p) / lead if', '(q - p) / rest if'),
+         ('after a gap a step is made',
+          'if last is not None and motion.time - last.time > source.timeout:', 'if False:')),
+    *_of('rovid_core/thrust/force_history.py', 'test/core/test_thrust.py '
+         'impulse_is_the_exact_integral no_force_before_the_first_command_nor_after_the_timeout '
+         'a_direction_is_stale_after_its_timeout '
+         'linear_hold_waits_for_the_next_command one_topic_per_thruster_needs_all_of_them '
+         'forgetting_changes_no_span one_topic_that_falls_silent_makes_the_force_stale '
+         'directions_are_those_of_each_thruster '
+         'a_held_force_comes_in_pieces_that_add_up_to_its_integral',
+         ('the delay is an advance',
+          'round(settings.delay / NS)', '-round(settings.delay / NS)'),
+         ('there is no lag',
+          'self._lag = settings.time_constant', 'self._lag = 0.0'),
+         ('one topic of several may be silent',
+          'oldest = min(', 'oldest = max('),
+         ('a delayed command is stale too early',
+          'oldest + self._delay + self._timeout', 'oldest + self._timeout'),
+         ('linear commands do not wait',
+          'self._times[-1] >= time', 'self._times[-1] > time'),
+         ('a command is stale at its timeout',
+          'else end) > good_until[i]', 'else end) >= good_until[i]'),
+         ('two topics of one instant are two commands',
+          'if self._times and time == self._times[-1]:', 'if False:'),
+         ('pieces of one force are joined with the next',
+          'if forces[i][j] != force:', 'if forces[i][j] == force:'),
+         ('the direction is that of the first thruster',
+          'signs = signs[part:part + 1]', 'signs = signs[:1]'),
+         ('the sign of a magnitude counts twice',
+          'math.copysign(abs(u), s)', 'u * s'),
+         ('a direction is never stale',
+          "if time - since > self._timeout:\n                return 'stale_sign'",
+          "if False:\n                return 'stale_sign'")),
+    *_of('rovid_core/thrust/thruster_curve.py', 'test/core/test_thrust.py thruster_models '
+         'what_is_far_beyond_the_limit_is_no_command wrench_of_a_port_thruster_turns_to_starboard',
+         ('the dead-band ends before its end',
+          'abs(command) <= deadband', 'abs(command) < deadband'),
+         ('forwards is backwards',
+          'reverse if command < 0.0', 'reverse if command > 0.0'),
+         ('a polynomial is read from the other end',
+          'for c in reversed(coefficients)', 'for c in coefficients'),
+         ('the offset is added',
+          'command = (raw - offset) * scale', 'command = (raw + offset) * scale'),
+         ('an idle thruster is asked',
+          'zip(raw, gains) if k)', 'zip(raw, gains))'),
+         ('rows of the allocation go by their place',
+          'settings.allocation[DOFS.index(d)] for d in dofs',
+          'settings.allocation[i] for i, d in enumerate(dofs)')),
+    *_of('rovid_core/model/lowpass.py', 'test/core/test_trajectory.py '
+         'the_low_pass_of_a_trial_is_that_of_its_steps '
+         'a_cutoff_above_the_rate_of_the_samples_is_clamped',
+         ('the cutoff is not clamped',
+          'turn = MOST_TURN', 'pass'),
+         ('that of a trial is not clamped',
+          'np.minimum(2.0 * math.pi * cutoff * dt, MOST_TURN)', '2.0 * math.pi * cutoff * dt'),
+         ('the low-pass is that of Euler',
+          'weight = -math.expm1(-turn)', 'weight = turn')),
+    *_of('rovid_core/model/plant.py', 'test/core/test_trajectory.py '
+         'a_trajectory_is_that_of_the_plant signs_and_units_of_the_plant',
+         ('the bias pushes forwards',
+          '-bias / mass)', 'bias / mass)'),
+         ('drag has no direction',
+          'k2 = u + beta * w * abs(w)', 'k2 = u + beta * w * w'),
+         ('the mass of parameters is alpha',
+          'return (1.0 / alpha,', 'return (alpha,')),
+    *_of('rovid_core/velocity/attitude_history.py', 'test/core/test_attitude_history.py',
+         ('a gap of the attitude is interpolated',
+          'if i == 0 or self._times[i] - self._times[i - 1] > self._timeout:', 'if i == 0:'),
+         ('an attitude that has jumped is joined with the one before',
+          'del self._times[:], self._values[:]', 'pass'),
+         ('the attitude between two is the first one',
+          '(time - before) / (after - before))', '0.0)'),
+         ('an old depth has a speed',
+          'time - self._depths[-1][0] > self._depth_timeout', 'False'),
+         ('an old position has a speed',
+          'time - self.horizontal[0] > self._position_timeout', 'False'),
+         ('a heading turns clockwise',
+          'math.sin(0.5 * yaw)', '-math.sin(0.5 * yaw)'),
+         ('the long way round is taken',
+          'if w < 0.0:', 'if w > 0.0:')),
+    *_of('rovid_core/velocity/attitude_history.py', 'test/core/test_pipeline.py '
+         'rotations_agree_with_matrices',
+         ('the world is turned into the world',
+          'return rotate((-q[0], -q[1], -q[2], q[3]), v)', 'return rotate(q, v)')),
+    *_of('rovid_core/velocity/velocity_source.py', 'test/core/test_pipeline.py '
+         'lever_arm_is_taken_off six_dofs_from_fixes_depth_and_attitude_at_their_own_rates '
+         'depth_without_heave_still_turns_the_surge '
+         'what_one_source_refuses_does_not_reach_the_others',
+         ('the lever arm is added',
+          'return (value[0] - lx,', 'return (value[0] + lx,'),
+         ('the velocity stays in the world',
+          'body = rotate_back(attitude, world)', 'body = world'),
+         ('the time of a mean is its end',
+          'time=middle,', 'time=end,'),
+         ('the fix gives z where there is a depth',
+          'if vertical is None else vertical)', 'if True else vertical)'),
+         ('what is refused reaches the others',
+          'if not (self._is_slow(measured, dt) and self._is_slow(velocity, dt)):', 'if False:')),
+    *_of('rovid_core/ordering/event_order.py', 'test/core/test_ordering.py '
+         'released_as_soon_as_every_other_input_has_come_as_far '
+         'released_at_the_latest_after_max_wait ties_go_in_the_order_of_the_inputs '
+         'late_duplicate_and_backward_are_dropped_and_counted '
+         'back_by_more_than_time_jump_starts_anew events_that_nothing_releases_are_bounded '
+         'a_reference_decides_nothing',
+         ('ties go by arrival',
+          'RANK[key[0]], self._arrivals', '0, self._arrivals'),
+         ('an event waits for one that is later',
+          'self._held[0][0] <= until', 'self._held[0][0] < until'),
+         ('a duplicate is used',
+          'if event.time <= last:', 'if event.time < last:'),
+         ('events wait without bounds',
+          'if len(self._held) >= MAX_HELD:', 'if False:'),
+         ('nothing is late',
+          'event.time < max(self._past, newest - self._max_wait)', 'False'),
+         ('a reference is waited for',
+          'if key in self._inputs and event.time', 'if event.time'),
+         ('max_wait is no limit',
+          'until = self._newest - self._max_wait', 'until = self._newest - 9 * self._max_wait')),
+    *_of('rovid_core/inputs/outlier_gate.py', 'test/core/test_outliers.py '
+         'a_jump_is_followed_after_six echoes_that_do_not_agree_are_refused_as_long_as_they_come '
+         'a_sensor_that_turns_noisy_is_believed_again',
+         ('a jump is followed after three',
+          'FOLLOW_AFTER = 6', 'FOLLOW_AFTER = 3'),
+         ('outliers need not agree',
+          'if math.hypot(*innovation) <= self._allowed(outliers, dt):', 'if True:'),
+         ('outliers teach nothing',
+          'weight *= OUTLIER_WEIGHT', 'weight = 0.0')),
+    *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py',
+         ('a turned sign is right',
+          'if partial < CONTRARY', 'if partial > -CONTRARY'),
+         ('pulse widths are commands',
+          'PULSES[0] <= low <= NEUTRAL', 'False and PULSES[0] <= low <= NEUTRAL')),
+    *_of('rovid_core/identify/rls.py', 'test/core/test_rls.py '
+         'forgetting_and_update_are_those_of_the_plain_covariance '
+         'exact_data_at_irregular_steps_give_the_truth '
+         'an_estimate_on_its_bound_is_the_best_one_there '
+         'what_is_not_finite_is_refused_and_changes_no_estimate '
+         'left_out_terms_have_no_std_and_no_covariance',
+         ('a gain is too large',
+          't0 = variance + v0 * x0', 't0 = variance'),
+         ('nothing is forgotten',
+          'c = share / (1.0 - share) / information', 'c = 0.0'),
+         ('drag has no direction',
+          'on[1] * (v * abs(v))', 'on[1] * (v * v)'),
+         ('an estimate outside its bounds is cut off',
+          'theta = [x + c * shift for x, c in zip(theta, column)]',
+          'theta[j] += shift * p[j][j]'),
+         ('a standard deviation is a variance',
+          'math.sqrt(p[i][i]) / self.unit[i]', 'p[i][i] / self.unit[i]'),
+         ('a covariance is in other units',
+          'tuple([p / u / v if on', 'tuple([p / u if on')),
+    *_of('rovid_core/identify/aid/adaptive_identifier.py', 'test/core/test_adaptive_identifier.py '
+         'nothing_makes_it_leave_its_bounds '
+         'gains_that_are_too_high_for_the_step_are_divided_then_refused '
+         'a_frozen_identifier_keeps_mean_and_theta_hat_and_gains '
+         'the_rates_are_those_of_the_paper an_integrator_has_its_order',
+         ('the mass is adapted the wrong way',
+          '-gamma[0] * dv * tau', 'gamma[0] * dv * tau'),
+         ('the bias is not adapted',
+          '-gamma[3] * dv,', '0.0 * dv,'),
+         ('the parameters leave their bounds',
+          'bottom if p < bottom else top if p > top else p', 'p'),
+         ('it adapts where it must not',
+          'self._none if not adapt else self._resting if', 'self._resting if'),
+         ('the integrator is another one',
+          'return _shifted(_shifted(x, h / 3.0, k3), h / 6.0, k4)',
+          'return _shifted(_shifted(x, h / 3.0, k3), h / 3.0, k4)')),
+    *_of('rovid_core/identify/status.py', 'test/core/test_status.py '
+         'a_covariance_decides_and_says_what_is_open '
+         'between_the_two_limits_it_stays_what_it_was '
+         'an_acceleration_that_is_not_known_is_not_converged '
+         'refused_frozen_and_unexcited_come_first '
+         'a_method_that_does_not_judge_its_errors_has_to_predict_a_minute',
+         ('nothing is invalid',
+          "return Judgement('invalid', (refused,))", 'return self._judgement'),
+         ('what is frozen converges',
+          'return FROZEN', 'return self._judgement'),
+         ('converged comes and goes',
+          'HYSTERESIS = 2.0', 'HYSTERESIS = 1.0'),
+         ('a minute need not be predicted',
+          'if not (reason or identifier.judges_errors):', 'if False:'),
+         ('the acceleration need not be known',
+          'if not share < limit:', 'if False:')),
+    *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_uncertainty.py',
+         ('the covariance is doubled',
+          '(u * v * self.inflation)', '(2.0 * u * v * self.inflation)'),
+         ('the deviation of the delay is too large',
+          'math.sqrt(self.of_theta[-1][-1] * self.inflation)',
+          '1.5 * math.sqrt(self.of_theta[-1][-1] * self.inflation)'),
+         ('the deviations of the couplings are in other units',
+          'self.unit[3] * math.sqrt(', 'math.sqrt(')),
+    *_of('rovid_core/settings/run.py', 'test/core/test_pipeline.py '
+         'velocity_and_gyro_sensors_are_used_where_there_are_some '
+         'six_dofs_from_fixes_depth_and_attitude_at_their_own_rates',
+         ('a gyro is not used',
+          "('angular_velocity', 'attitude')", "('attitude', 'angular_velocity')"),
+         ('a depth is not used',
+          "('velocity', 'depth', 'position')", "('velocity', 'position', 'depth')")),
+    *_of('rovid_ros/messages/converter.py', 'test/messages/test_convert.py',
+         ('NED is turned like a body',
+          'return (float(y), float(x), -float(z))', 'return (float(x), -float(y), -float(z))'),
+         ('FRD has its left on the right',
+          'return (float(x), -float(y), -float(z))', 'return (float(x), float(y), -float(z))'),
+         ('a compass counts the other way',
+          'sign, zero = (-1.0, 0.5 * math.pi)', 'sign, zero = (1.0, 0.5 * math.pi)'),
+         ('degrees are radians',
+          "unit = math.pi / 180.0 if settings.heading_unit == 'deg'", 'unit = 1.0 if True'),
+         ('the latency is added',
+          'Event(time - source.latency', 'Event(time + source.latency'),
+         ('the offset of the depth is subtracted',
+          'scale * float(value) + offset', 'scale * float(value) - offset'),
+         ('what is not estimated is used',
+          'if variance == -1.0:', 'if False:'),
+         ('an empty stamp is a time',
+          'if seconds or nanoseconds:', 'if True:'),
+         ('joints go by their place',
+          'there.index(name) for name in names', 'i for i, name in enumerate(names)'),
+         ('an attitude in NED stays in NED',
+          'q = (s * (x + y), s * (x - y), s * (w - z), s * (w + z))', 'pass')),
+    *_of('rovid_ros/results/outputs.py', 'test/results/test_outputs.py',
+         ('an invalid row is published',
+          "if dof.status not in ('invalid', 'stale'):", 'if True:'),
+         ('the standard deviations are the parameters',
+          'lambda: self._values(0), lambda: self._values(1)',
+          'lambda: self._values(0), lambda: self._values(0)'),
+         ('what is not identified stands still',
+          'velocity.get(name, math.nan) for', 'velocity.get(name, 0.0) for'),
+         ('the table is by columns',
+          'for row in rows for value in row', 'for row in zip(*rows) for value in row'),
+         ('v_hat and force are exchanged',
+          "'effort': [dof.force for dof", "'effort': [dof.v_hat for dof"),
+         ('what is invalid is a warning',
+          "'invalid': ERROR", "'invalid': WARN")),
+]

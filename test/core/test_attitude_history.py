@@ -1,0 +1,70 @@
+"""What is known of the attitude between two samples, and of velocities in the world."""
+
+import math
+
+import pytest
+from rovid_core.velocity.attitude_history import (
+    AttitudeHistory,
+    from_yaw,
+    rotate,
+    rotation_between,
+    SharedMotion,
+)
+
+from test.support.surge import surge_settings
+
+SECOND = 1_000_000_000
+
+
+def history(*seconds: float) -> AttitudeHistory:
+    """Return attitudes whose heading [rad] is their time [s]; the timeout is 1 s."""
+    attitudes = AttitudeHistory(SECOND, 100 * SECOND)
+    for second in seconds:
+        attitudes.add_sample(round(second * SECOND), from_yaw(second))
+    return attitudes
+
+
+def test_between_two_attitudes_the_heading_is_interpolated() -> None:
+    attitudes = history(0.0, 1.0, 2.0)
+    for second in (0.0, 0.25, 1.0, 1.75):
+        assert attitudes.missing(round(second * SECOND)) == ''
+        assert attitudes.at(round(second * SECOND)) == pytest.approx(from_yaw(second))
+    assert attitudes.missing(2 * SECOND + 1) == 'later'
+    assert attitudes.missing(-1) == 'no_attitude'
+
+
+def test_nothing_is_known_within_a_gap() -> None:
+    attitudes = history(0.0, 0.5, 1.6, 1.8)
+    assert attitudes.missing(SECOND) == 'no_attitude'
+    assert attitudes.missing(round(0.5 * SECOND)) == attitudes.missing(round(1.7 * SECOND)) == ''
+
+
+def test_an_attitude_that_has_jumped_is_not_joined_with_the_one_before() -> None:
+    attitudes = history(0.0, 0.5)
+    attitudes.restart_from(SECOND, from_yaw(3.0))
+    assert attitudes.missing(round(0.75 * SECOND)) == 'no_attitude'
+    assert attitudes.missing(round(0.25 * SECOND)) == 'no_attitude'
+    assert attitudes.at(SECOND) == from_yaw(3.0)
+
+
+def test_a_heading_turns_the_bow_to_port_and_the_short_way_round() -> None:
+    assert rotate(from_yaw(math.pi / 2.0), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0))
+    assert rotation_between(from_yaw(3.0), from_yaw(-3.0))[2] == pytest.approx(
+        2.0 * math.pi - 6.0)
+    assert rotation_between(from_yaw(-3.0), from_yaw(3.0))[2] == pytest.approx(
+        6.0 - 2.0 * math.pi)
+
+
+def test_velocities_of_other_inputs_are_used_for_their_timeout() -> None:
+    shared = SharedMotion(surge_settings())  # 1 s
+    for k in range(4):
+        shared.add_depth(k * SECOND // 4, -0.5 * k / 4)
+    shared.horizontal = SECOND, 0.25, -0.75
+    assert shared.vertical_velocity(SECOND, SECOND // 4) == pytest.approx(-0.5)
+    last = 3 * SECOND // 4
+    assert shared.vertical_velocity(last + SECOND, SECOND // 4) == pytest.approx(-0.5)
+    assert shared.vertical_velocity(last + SECOND + 1, SECOND // 4) is None
+    assert shared.horizontal_velocity(2 * SECOND) == (0.25, -0.75)
+    assert shared.horizontal_velocity(2 * SECOND + 1) == (0.0, 0.0)
+    shared.forget_depths()
+    assert shared.vertical_velocity(SECOND, SECOND // 4) is None

@@ -86,7 +86,7 @@ def piped(settings: Settings) -> Work:
 
 def _dof(settings: Settings) -> Identification:
     return Identification(
-        settings, 0, UnsignedCommandCheck(settings, _ignore), _ignore, _ignore)
+        settings, 0, UnsignedCommandCheck(settings, _ignore), _ignore)
 
 
 def works() -> dict[tuple[str, str], Work]:

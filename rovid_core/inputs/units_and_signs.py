@@ -28,17 +28,7 @@ NEUTRAL = 1500.0
 """[us] No thrust, as a pulse."""
 
 COMPARE_AFTER = 600
-"""Steps after which force and acceleration are compared, and seconds that they take."""
-DURATION = 60.0
-
-CONTRARY, RIGHT = -0.15, 0.1
-"""Partial correlation of acceleration and force that is taken for a wrong or a right sign."""
-
-WRONG_IN_A_ROW = 3
-"""So many in a row have to be wrong."""
-
-EXCITED = 0.1
-"""Force, in typical ones, below which it is no wonder that nothing follows it."""
+"""Commands after which they are taken for what they look like."""
 
 UNITS = {
     'position': 'position.field takes metres',
@@ -193,95 +183,11 @@ class PulseWidthCheck:
                        f'{NEUTRAL:g}')
 
 
-class SignCheck:
-    """
-    Warn when a DOF accelerates against its thrust.
-
-    Judged by the partial correlation of acceleration and force at equal velocity, in
-    stretches of data one after the other; once it is clearly positive nothing more is.
-
-    Parameters
-    ----------
-    dof : str
-        Its name.
-    force : float
-        Its typical force [N or N m].
-    source : str
-        The input that measures its velocity.
-    warn : callable
-        Called with one line, once.
-
-    """
-
-    def __init__(self, dof: str, force: float, source: str,
-                 warn: Callable[[str], None]) -> None:
-        self._dof = dof
-        self._least = (EXCITED * force) ** 2
-        self._source = source
-        self._warn = warn
-        self._is_active = True
-        self._contrary = 0
-        self._begin()
-
-    def _begin(self) -> None:
-        self._count, self._duration = 0, 0.0
-        # means and mean products of acceleration a, force f and velocity v
-        self._a = self._f = self._v = 0.0
-        self._aa = self._ff = self._vv = self._af = self._av = self._fv = 0.0
-
-    def add_step(self, step: Step) -> None:
-        """Add a step."""
-        if not self._is_active:
-            return
-        before, v, after = step.velocity
-        f, dt = step.force[1], step.dt
-        a = (after - before) / dt
-        self._a += a
-        self._f += f
-        self._v += v
-        self._aa += a * a
-        self._ff += f * f
-        self._vv += v * v
-        self._af += a * f
-        self._av += a * v
-        self._fv += f * v
-        self._count += 1
-        self._duration += dt
-        if self._count >= COMPARE_AFTER and self._duration >= DURATION:
-            self._compare()
-
-    def _compare(self) -> None:
-        n = self._count
-        a, f, v = self._a / n, self._f / n, self._v / n
-        aa, ff, vv = self._aa / n - a * a, self._ff / n - f * f, self._vv / n - v * v
-        af, av, fv = self._af / n - a * f, self._av / n - a * v, self._fv / n - f * v
-        self._begin()
-        # what the velocity leaves of each
-        rest = (aa * vv - av * av) * (ff * vv - fv * fv)
-        if not (ff > self._least and rest > 0.0):
-            return
-        partial = (af * vv - av * fv) / math.sqrt(rest)
-        self._contrary = self._contrary + 1 if partial < CONTRARY else 0
-        if partial > RIGHT:
-            self._is_active = False
-        elif self._contrary == WRONG_IN_A_ROW:
-            self._is_active = False
-            self._warn_of_sign()
-
-    def _warn_of_sign(self) -> None:
-        depth = {'depth': ', or that of depth.scale', 'attitude': ', or, of a heading that is '
-                 'a number, see attitude.heading'}.get(self._source, '')
-        frames = '' if self._dof in ('surge', 'roll') else (
-            '; if it is so of sway, heave and yaw, the messages may be in other axes: frames')
-        self._warn(f'{self._dof} accelerates against its thrust: turn the sign of its row of '
-                   f'thrusters.allocation{depth}{frames}')
-
-
 ENOUGH = 600
 """Steps each way after which commands should have been negative once."""
 
-MANY = 600
-"""Steps after which forces and velocities are compared with the typical ones."""
+LONG, SHORT = 300.0, 20.0
+"""[s] of steps after which sizes are compared with the typical ones, and of a log that ends."""
 
 FAR_OFF = 3.0
 """Factor by which typical sizes may be off."""
@@ -367,12 +273,65 @@ class TwoSendersCheck:
                        'two programs publish them?')
 
 
+class NeutralCheck:
+    """
+    Warn when all thrusters rest at a command that the settings take for thrust.
+
+    Three thrusters or more that push different ways have exactly one command at the same time
+    where nothing is asked of them.
+
+    Parameters
+    ----------
+    thrusters : ThrusterSettings
+        The chain.
+    curve : callable
+        The force of a thruster before its gain, of a raw command.
+    warn : callable
+        Called with one line, once.
+
+    """
+
+    def __init__(self, thrusters: ThrusterSettings, curve: Callable[[float], float],
+                 warn: Callable[[str], None]) -> None:
+        self._offset = thrusters.offset
+        self._curve = curve
+        columns = {column for column in zip(*thrusters.allocation) if any(column)}
+        self._is_active = thrusters.count > 2 and len(columns) > 1 and len(thrusters.topics) == 1
+        self._warn = warn
+        self._rests: dict[float, int] = {}
+        self._neutral = 0
+
+    def add_commands(self, values: tuple[float, ...]) -> None:
+        """Add raw commands of all thrusters."""
+        if not self._is_active or values.count(values[0]) < len(values):
+            return
+        rest = values[0]
+        if self._curve(rest) == 0.0:
+            self._neutral += 1
+            return
+        count = self._rests[rest] = self._rests.get(rest, 0) + 1
+        if len(self._rests) > MOST_RESTS:
+            self._is_active = False
+        elif count == RESTING and not self._neutral:
+            self._is_active = False
+            self._warn(f'thrusters.offset is {self._offset:g}, and all thrusters rest at '
+                       f'{rest:g}, never at {self._offset:g}: set it to what gives no thrust')
+
+
+RESTING = 30
+"""Messages with one command for all thrusters after which that is taken for their rest."""
+
+MOST_RESTS = 30
+"""Different commands for all thrusters, after which none is taken for their rest."""
+
+
 class TypicalSizeCheck:
     """
-    Warn when a DOF's force or velocity is far from the typical one.
+    Compare a DOF's force and velocity with the typical ones.
 
     What counts as thrust, as rest and as enough data is measured in typical sizes, whatever
-    the method; ``aid`` takes its gains from the data.
+    the method; ``aid`` takes its gains from the data. The size of what comes and goes is
+    sqrt(mean x^4 / mean x^2): time in which nothing moves does not count.
 
     Parameters
     ----------
@@ -380,35 +339,36 @@ class TypicalSizeCheck:
         Its name.
     settings : DofSettings
         Its typical or initial values.
-    warn : callable
-        Called with one line, once.
+
+    Attributes
+    ----------
+    duration : float
+        Of the steps so far [s].
 
     """
 
-    def __init__(self, dof: str, settings: DofSettings, warn: Callable[[str], None]) -> None:
+    def __init__(self, dof: str, settings: DofSettings) -> None:
         self._dof = dof
         self._scales = Scales.of(settings)
-        self._warn = warn
-        self._steps = 0
+        self.duration = 0.0
         self._squares = [0.0, 0.0]
+        self._fourths = [0.0, 0.0]
 
     def add_step(self, step: Step) -> None:
         """Add a step."""
-        if self._steps >= MANY:
-            return
-        self._steps += 1
-        self._squares[0] += step.force[1] * step.force[1]
-        self._squares[1] += step.velocity[1] * step.velocity[1]
-        if self._steps == MANY:
-            self._compare()
+        self.duration += step.dt
+        for i, x in enumerate((step.force[1], step.velocity[1])):
+            square = x * x
+            self._squares[i] += square * step.dt
+            self._fourths[i] += square * square * step.dt
 
-    def _compare(self) -> None:
-        # the amplitude of a sinusoid with this mean square
-        force, velocity = (math.sqrt(2.0 * x / MANY) for x in self._squares)
-        for name, got, used in (('force', force, self._scales.force),
-                                ('velocity', velocity, self._scales.velocity)):
-            if not used / FAR_OFF <= got <= used * FAR_OFF and force > 0.0:
-                self._warn(
-                    f'{self._dof}: its {name} is about {got:.2g}, and {used:.2g} is taken for '
-                    f'typical, which decides what is rest and what are enough data; set '
-                    f'{self._dof}.typical.{name}')
+    def advice(self) -> list[str]:
+        """Return the keys that are far off, each with what it could be."""
+        if not all(self._squares):
+            return []
+        # the amplitude of a sinusoid
+        sizes = [math.sqrt(4.0 / 3.0 * x / y) for x, y in zip(self._fourths, self._squares)]
+        return [f'{self._dof}.typical.{name} {size:.2g} instead of {used:.2g}'
+                for name, size, used in zip(('force', 'velocity'), sizes,
+                                            (self._scales.force, self._scales.velocity))
+                if not used / FAR_OFF <= size <= used * FAR_OFF]

@@ -189,7 +189,8 @@ class EventOrder:
         count = self._late[key] = self._late.get(key, 0) + 1
         if count == WARN_AFTER and lag > self._far:
             self._warn(f'the stamps of {key[0]} are {lag / 1e9:.1f} s behind those of the other '
-                       'inputs; they are refused as late until its clock is right')
+                       f'inputs; they are refused as late until its clock or {key[0]}.latency is '
+                       'right')
         elif count == WARN_AFTER:
             self._warn(f'messages of {key[0]} come up to {lag / 1e9:.2f} s after newer ones of '
                        'other inputs and are refused as late: raise max_wait, or give the '

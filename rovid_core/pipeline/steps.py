@@ -10,9 +10,11 @@ from rovid_core.identify import make_identifier, retuned_identifier
 from rovid_core.identify.estimate import Current, DofEstimate, Estimate
 from rovid_core.identify.method import Identifier
 from rovid_core.identify.status import DofStatus, Judgement
+from rovid_core.inputs.configuration_check import ConfigurationCheck
 from rovid_core.inputs.stuck_sensor import InputCheck, RESTARTS
 from rovid_core.inputs.units_and_signs import (
-    SignCheck,
+    LONG,
+    SHORT,
     TypicalSizeCheck,
     UnsignedCommandCheck,
 )
@@ -23,6 +25,7 @@ from rovid_core.model.samples import Motion, Sample, Step
 from rovid_core.pipeline.planar_steps import PlanarSteps
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
+from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.velocity.attitude_history import normalised, SharedMotion
 from rovid_core.velocity.couplings import CouplingRegressors
 from rovid_core.velocity.velocity_source import VelocitySource
@@ -63,6 +66,8 @@ class Pipeline:
         Called with one line about what looks wrong in the data.
     scorer : Scorer, optional
         Gets every step.
+    hint : callable, optional
+        Called with one line about what could be better, but is no mistake; default ``warn``.
 
     Attributes
     ----------
@@ -74,7 +79,10 @@ class Pipeline:
     """
 
     def __init__(self, settings: Settings, reject: Callable[[str, str], None],
-                 warn: Callable[[str], None], scorer: Scorer | None = None) -> None:
+                 warn: Callable[[str], None], scorer: Scorer | None = None,
+                 hint: Callable[[str], None] | None = None) -> None:
+        self._hint = hint = hint or warn
+        self._sizes_told = False
         self._settings = settings
         self._reject = reject
         self._scorer = scorer
@@ -82,11 +90,13 @@ class Pipeline:
         self._shared = SharedMotion(settings)
         self._forces = ForceHistory(settings.thrusters, settings.dofs)
         self._commands = CommandIntake(settings, self._forces, warn)
+        self._configuration = ConfigurationCheck(
+            settings, thruster_model(settings.thrusters), warn)
         used = settings.used_inputs()
         self._couplings = CouplingRegressors(settings, self._shared.attitude) if any(
             settings.couplings(d) or settings.watched(d) for d in settings.dofs) else None
         needed = ('position', 'depth', *(self._couplings.inputs if self._couplings else ()))
-        sources = [FilteredSource(settings, name, self._shared, warn) for name in SOURCES]
+        sources = [FilteredSource(settings, name, self._shared, hint) for name in SOURCES]
         # position and depth need each other, and couplings their inputs, also without a DOF
         self._sources = [one for one in sources if one.dofs or one.input in used
                          and one.input in needed]
@@ -96,7 +106,7 @@ class Pipeline:
         self._planar = PlanarSteps(settings, self._shared.attitude) if (
             settings.estimates_current) else None
         rows = self._planar.filter.rows if self._planar is not None else {}
-        self.dofs = [Identification(settings, i, self._commands.unsigned, reject, warn,
+        self.dofs = [Identification(settings, i, self._commands.unsigned, reject,
                                     rows.get(settings.dofs[i]))
                      for i in range(len(settings.dofs))]
         self.adapt = settings.enable
@@ -125,6 +135,7 @@ class Pipeline:
             self._couplings.restart()
         self._forces.restart()
         self._commands.restart()
+        self._configuration.restart()
         for check in self._checks.values():
             check.restart()
         for source in self._sources:
@@ -159,6 +170,23 @@ class Pipeline:
 
     def _current(self) -> Current | None:
         return self._planar.filter.current if self._planar is not None else None
+
+    def finish(self) -> None:
+        """Look at what the data say about the configuration: there may be no more of them."""
+        self._configuration.look()
+        self._compare_sizes(SHORT)
+
+    def _compare_sizes(self, after: float) -> None:
+        """Say once which typical sizes are far off, when there are steps enough [s]."""
+        if self._sizes_told:
+            return
+        known = [dof.sizes for dof in self.dofs if dof.sizes.duration >= after]
+        if known:
+            self._sizes_told = True
+            advice = [line for sizes in known for line in sizes.advice()]
+            if advice:
+                self._hint('typical sizes, which decide what is rest and what are enough data, '
+                           f'are far off: set {", ".join(advice)}')
 
     def add_sample(self, time: int, sample: Sample) -> list[Estimate] | None:
         """
@@ -196,7 +224,10 @@ class Pipeline:
         if name in self._checks:
             return self._add_measurement(time, name, value)
         if name == 'thrusters':
-            return self._commands.add_commands(time, value, sample.part)
+            refused = self._commands.add_commands(time, value, sample.part)
+            if not refused and self._configuration.active and self._forces.raw:
+                self._configuration.add_commands(time, self._forces.raw)
+            return refused
         if name == 'sign':
             self._commands.add_signs(time, value)
         elif self._scorer is not None:
@@ -231,8 +262,8 @@ class Pipeline:
             motion: Motion | str | None = source.held
             if motion is None:
                 motion = source.next_velocity(now)
-                if self._couplings is not None and isinstance(motion, Motion):
-                    self._couplings.add_velocity(source.input, motion)
+                if isinstance(motion, Motion):
+                    self._note_motion(source.input, motion)
             source.held = None
             if motion is None:
                 return
@@ -251,6 +282,13 @@ class Pipeline:
                 self._interrupt(source, reason)
             else:
                 self._make_step(source, motion, now, estimates)
+
+    def _note_motion(self, input: str, motion: Motion) -> None:
+        """Hand a motion to what looks at all of them, whatever steps they make."""
+        if self._couplings is not None:
+            self._couplings.add_velocity(input, motion)
+        if self._configuration.active:
+            self._configuration.add_motion(input, motion, self._shared.heading(motion.time))
 
     def _planar_of(self, source: FilteredSource) -> PlanarSteps | None:
         """Return what takes the steps of surge and sway of a source together, if they are."""
@@ -356,6 +394,7 @@ class Pipeline:
                 self._scorer.add_step(self._settings.dofs[i], span, step)
         source.last = motion
         source.warn_if_clamped()
+        self._compare_sizes(LONG)
         estimates.append(self.estimate(time, now, source.indices))
 
     def _begin(self, source: FilteredSource, motion: Motion) -> None:
@@ -500,8 +539,6 @@ class Identification:
         Gets the velocity of every step.
     reject : callable
         Called with the DOF and the reason for every step that is refused.
-    warn : callable
-        Called with one line about what looks wrong in the data.
     identifier : Identifier, optional
         The method, where it is not the configured one for this DOF alone.
 
@@ -509,13 +546,15 @@ class Identification:
     ----------
     identifier : Identifier
         The method.
+    sizes : TypicalSizeCheck
+        What its force and velocity are in fact.
     estimate : DofEstimate
         The last one.
 
     """
 
     def __init__(self, settings: Settings, i: int, unsigned: UnsignedCommandCheck,
-                 reject: Callable[[str, str], None], warn: Callable[[str], None],
+                 reject: Callable[[str, str], None],
                  identifier: Identifier | None = None) -> None:
         self._name = name = settings.dofs[i]
         dof, method = settings.dof[name], settings.identifier
@@ -525,8 +564,7 @@ class Identification:
         # raw gains have their own adaptation time
         self._status = DofStatus(Scales.of(dof), getattr(
             self.identifier, 'adaptation_time', method.adaptation_time))
-        self._sizes = TypicalSizeCheck(name, dof, warn)
-        self._sign = SignCheck(name, Scales.of(dof).force, settings.source(name), warn)
+        self.sizes = TypicalSizeCheck(name, dof)
         self._unsigned = unsigned
         self._reject = reject
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
@@ -596,8 +634,7 @@ class Identification:
         self._interrupted = False
         judgement = self._status.update(identifier, step, refused, adapt)
         velocity, v_hat = step.velocity[2], identifier.v_hat
-        self._sizes.add_step(step)
-        self._sign.add_step(step)
+        self.sizes.add_step(step)
         self._unsigned.add_velocity(self._i, velocity)
         self.estimate = DofEstimate(
             dof=self._name,

@@ -100,7 +100,9 @@ class Stream:
         if left_out:
             self._warnings.append(f'{", ".join(left_out)}: {settings.identifier.method} leaves '
                                   'them out, ekf identifies them')
-        self._pipeline = Pipeline(settings, self.reject, self._warnings.append, scorer)
+        self._hints: deque[str] = deque((), MAX_WARNINGS)
+        self._pipeline = Pipeline(
+            settings, self.reject, self._warnings.append, scorer, self._hints.append)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
         self._order = EventOrder(keys, settings.max_wait, settings.time_jump, self.reject,
@@ -115,7 +117,9 @@ class Stream:
 
     def finish(self) -> list[Estimate]:
         """Release what is held: the log's end, or shutdown."""
-        return self._handle(self._order.flush())
+        estimates = self._handle(self._order.flush())
+        self._pipeline.finish()
+        return estimates
 
     def reset(self) -> None:
         """Put the parameters back to their initial values, between two steps."""
@@ -214,9 +218,10 @@ class Stream:
         return total
 
     def take_warnings(self) -> list[str]:
-        """Return the warnings since the last call, a line each."""
-        warnings = list(self._warnings)
+        """Return the warnings since the last call, a line each, those that only advise last."""
+        warnings = [*self._warnings, *self._hints]
         self._warnings.clear()
+        self._hints.clear()
         return warnings
 
     def state(self) -> dict[str, Any]:

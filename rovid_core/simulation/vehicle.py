@@ -214,7 +214,10 @@ def _inverse_model(
     raw, forces = raw[rising], forces[rising]
     if len(forces) < 2 or np.any(np.diff(forces) < 0.0):
         raise SettingsError('thrusters.model', 'has to rise with the command to be simulated')
-    return (lambda f: float(np.interp(f, forces, raw)), float(forces[0]), float(forces[-1]))
+    # in a dead-band many commands give no force; what is sent then is the neutral one
+    least = 1e-9 * float(max(abs(forces))) if model(offset) == 0.0 else -1.0
+    return (lambda f: offset if abs(f) <= least else float(np.interp(f, forces, raw)),
+            float(forces[0]), float(forces[-1]))
 
 
 MAX_CHECKED = 20_000

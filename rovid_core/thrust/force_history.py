@@ -8,12 +8,13 @@ import math
 from typing import Any
 
 from rovid_core.inputs.units_and_signs import (
+    NeutralCheck,
     PulseWidthCheck,
     TwoSendersCheck,
     UnsignedCommandCheck,
 )
 from rovid_core.settings.run import Settings, ThrusterSettings
-from rovid_core.thrust.thruster_curve import are_commands, wrench_model
+from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench_model
 
 NS = 1e-9
 MAX_FORCE = 1e12
@@ -47,6 +48,8 @@ class ForceHistory:
     newest : tuple of float
         The newest commanded force on every DOF [N or N m], without delay and lag; 0 before
         the first command.
+    raw : tuple of float
+        The newest commands that it is made of; () while some are still to come.
 
     """
 
@@ -79,6 +82,7 @@ class ForceHistory:
         self._integrals: list[tuple[float, ...]] = []
         self._good_until: list[int] = []
         self.newest = (0.0,) * len(self._dofs)
+        self.raw: tuple[float, ...] = ()
 
     def add_commands(self, time: int, values: Sequence[float], part: int = 0) -> bool:
         """
@@ -104,6 +108,7 @@ class ForceHistory:
         else:
             self._raw = list(values)
         self._part_times[part] = time
+        self.raw = ()
         raw = [u for u in self._raw if u is not None]
         if len(raw) < len(self._raw):
             return True  # some thruster has not been heard yet
@@ -111,6 +116,7 @@ class ForceHistory:
         tau = self._wrench(raw)
         if not all(-MAX_FORCE < f < MAX_FORCE for f in tau):
             return False
+        self.raw = tuple(raw)
         self._append(time + self._delay, tau, oldest + self._delay + self._timeout)
         return True
 
@@ -277,6 +283,8 @@ class CommandIntake:
         self.unsigned = UnsignedCommandCheck(settings, warn)
         self._two_senders = TwoSendersCheck(warn)
         self._pulse_widths = PulseWidthCheck(settings, warn)
+        self._neutral = NeutralCheck(
+            settings.thrusters, thruster_model(settings.thrusters), warn)
         self.change(settings)
         self.restart()
 
@@ -318,5 +326,6 @@ class CommandIntake:
             return 'not_a_command'
         self.unsigned.add_commands(value)
         self._two_senders.add_commands(value, part)
+        self._neutral.add_commands(value)
         self._history.forget(time - self._memory)
         return '' if self._history.add_commands(time, value, part) else 'force_out_of_range'

@@ -184,6 +184,13 @@ class SharedMotion:
                 break
         return (z - before) / ((end - start) * NS)
 
+    def heading(self, time: int) -> float | None:
+        """Return the heading [rad] at a time [ns], None where it is not known."""
+        if self.attitude.missing(time):
+            return None
+        x, y, z, w = self.attitude.at(time)
+        return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+
     def horizontal_velocity(self, time: int) -> tuple[float, float]:
         """Return the newest horizontal velocity [m/s]; 0 where it is too old."""
         if self.horizontal is None or time - self.horizontal[0] > self._position_timeout:

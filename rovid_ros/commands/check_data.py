@@ -8,7 +8,7 @@ from typing import Any, cast
 
 from rovid_core.inputs.refusals import REASONS
 from rovid_core.inputs.units_and_signs import look_like_pulse_widths
-from rovid_core.model.dofs import Quaternion
+from rovid_core.model.dofs import DOFS, Quaternion
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import IdentifierSettings, Settings, WATCHING
 from rovid_core.velocity.attitude_history import normalised, rotation_between
@@ -205,13 +205,17 @@ class Observation:
 
 def check_data(seen: Observation, findings: Findings) -> None:
     """Say what an observation shows: of each input, of all together, and what is refused."""
+    warnings = seen.stream.take_warnings()
+    for line in warnings:  # the likeliest cause of all that follows comes first
+        findings.warning('data', line)
     for (name, part), one in seen.samples.items():
         if one.count:
             topic = topics_of(seen.settings, name)[part]
             subject = f'{name} {topic}' if part else name
             findings.ok(subject, _summary(one))
             _check_times(seen.settings, subject, one, findings)
-            _check_speeds(seen.settings, subject, one, findings)
+            _check_speeds(seen.settings, subject, one, findings,
+                          any(line.startswith(f'{name} moves') for line in warnings))
     _check_standstill(seen, findings)
     _check_commands(seen, findings)
     _check_together(seen, findings)
@@ -251,12 +255,15 @@ def _check_times(settings: Settings, subject: str, one: SampleStatistics,
 
 
 def _check_speeds(settings: Settings, subject: str, one: SampleStatistics,
-                  findings: Findings) -> None:
+                  findings: Findings, told: bool) -> None:
+    """Say what is too fast, unless its unit was ``told`` to be the cause."""
     if not one.steps or one.fast <= ACCEPTABLE * one.steps:
         return
     text = (f'{100.0 * one.fast / one.steps:.0f} % of its steps are faster than velocity.max '
             f'{settings.max_speed:g} (up to {one.fastest:.3g})')
     if one.fast < 0.5 * one.steps:
+        if told:
+            return
         findings.warning(subject, text, 'they are refused: outliers, or velocity.max is too low')
         return
     units = {'attitude': 'is it in the unit of attitude.unit?',
@@ -283,8 +290,9 @@ def _check_commands(seen: Observation, findings: Findings) -> None:
     high = [x for one in parts for x in one.high]
     if len(low) != thrusters.count:
         return
+    rows = [thrusters.allocation[DOFS.index(dof)] for dof in seen.settings.dofs]
     for i, (least, most) in enumerate(zip(low, high)):
-        if least == most and any(row[i] for row in thrusters.allocation):
+        if least == most and any(row[i] for row in rows):
             name = f' ({thrusters.names[i]})' if thrusters.names else ''
             findings.warning('thrusters', f'thruster {i + 1}{name} is always at {least:g}',
                              'what only it drives cannot be identified')
@@ -323,7 +331,7 @@ def _check_together(seen: Observation, findings: Findings) -> None:
 
 
 def _check_refused(seen: Observation, findings: Findings) -> None:
-    """Say what the node would refuse, and what it would warn of."""
+    """Say what the node would refuse."""
     for (name, reason), count in sorted(seen.stream.rejected.items()):
         health = seen.stream.inputs.get(name)
         share = count / max(count + (health.count if health else seen.steps), 1)
@@ -334,8 +342,6 @@ def _check_refused(seen: Observation, findings: Findings) -> None:
             findings.warning(section(name), text, meaning)
         else:
             findings.ok(section(name), f'{text}: {meaning}')
-    for line in seen.stream.take_warnings():
-        findings.warning('data', line)
     if seen.steps:
         findings.ok('steps', f'{seen.steps:,} estimates')
     else:

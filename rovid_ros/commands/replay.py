@@ -354,9 +354,27 @@ def report(result: Result) -> str:
         table(_physical_rows(dofs)),
         table(_lumped_rows(dofs)),
         _couplings_table(dofs),
+        _checklist(result.settings, dofs),
         f'refused   {_refused(result.rejected)}',
     ]
     return '\n\n'.join(part for part in parts if part)
+
+
+def _checklist(settings: Settings, dofs: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return what to look at where a model predicts worse than a constant, '' if none does."""
+    worse = [dof for dof, values in dofs.items() if (values['fit'] or 0.0) < 0.0]
+    if not worse:
+        return ''
+    heading = 'yaw_offset, heading and unit' if settings.attitude.topic else 'topic'
+    return '\n'.join([
+        f'The fit of {", ".join(worse)} is below 0: a constant predicts better. Look at, in this '
+        'order:',
+        '  1. the warnings above: rovid check FILE LOG tells which key they are about',
+        f'  2. the signs in thrusters.allocation, frames, and attitude.{heading}',
+        '  3. thrusters.offset (the command of no thrust) and the order of the thrusters',
+        '  4. the stamps: latency of each input, thrusters.delay',
+        '  5. whether the log moves it: one axis at a time, much thrust, 10 to 50 s a cycle',
+    ])
 
 
 def _names(logs: Sequence[Path]) -> str:

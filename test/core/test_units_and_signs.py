@@ -5,7 +5,11 @@ import math
 from random import Random
 
 import pytest
-from rovid_core.inputs.units_and_signs import look_like_pulse_widths, TwoSendersCheck
+from rovid_core.inputs.units_and_signs import (
+    look_like_pulse_widths,
+    NeutralCheck,
+    TwoSendersCheck,
+)
 from rovid_core.settings.run import InputSettings
 from rovid_core.velocity.attitude_history import from_yaw
 
@@ -30,7 +34,7 @@ SLIPS = {
     'pulses': ('thrusters', lambda t, v, random: tuple([1500.0 + 40.0 * x for x in v]),
                'set thrusters.offset'),
     'thrust the other way': ('thrusters', lambda t, v, random: (-v[1], -v[0], v[2]),
-                             'surge accelerates against its thrust'),
+                             'turn the sign of its row surge'),
 }
 
 
@@ -50,7 +54,7 @@ def test_degrees_are_told_whatever_is_identified_and_may_move(dofs, fastest):
     assert any('attitude.unit' in warning for warning in warnings), warnings
 
 
-def test_ned_read_as_enu_turns_heave_and_yaw():
+def test_ned_read_as_enu_is_told():
     half = math.sqrt(0.5)
 
     def position(t, v, random):
@@ -63,8 +67,7 @@ def test_ned_read_as_enu_turns_heave_and_yaw():
     events = [e for e in clean() if e.samples[0].input != 'depth']
     warnings = run(replace(vehicle(), depth=InputSettings()), spoilt(
         'position', position, spoilt('attitude', attitude, events))).take_warnings()
-    assert sorted(w.split()[0] for w in warnings) == ['heave', 'yaw']
-    assert all('frames' in w for w in warnings)
+    assert [w.split(':')[0] for w in warnings] == ['frames']
 
 
 @pytest.mark.parametrize('method', ['aid', 'ekf', 'rls'])
@@ -117,4 +120,26 @@ def test_commands_of_one_program_are_not_taken_for_those_of_two():
     for k in range(20_000):  # of noise, of steps, of none
         noise = random.gauss(0.0, 1.0) if k < 15_000 else 0.0
         check.add_commands((noise, 3.0 * (k // 5 % 2)), 0)
+    assert told == []
+
+
+@pytest.mark.parametrize('offset', [1450.0, 1550.0])
+def test_neutral_that_is_off_is_told_by_the_rest_of_the_thrusters(offset):
+    told = []
+    thrusters = replace(vehicle().thrusters, offset=offset)
+    check = NeutralCheck(thrusters, lambda u: u - offset, told.append)
+    for k in range(300):
+        check.add_commands((1500.0 + k % 7, 1500.0 - k % 5, 1500.0))
+    assert told == []  # seldom at rest
+    for _ in range(100):
+        check.add_commands((1500.0, 1500.0, 1500.0))
+    assert len(told) == 1 and told[0].startswith('thrusters.offset')
+
+
+def test_thrusters_that_rest_where_they_should_are_no_slip():
+    told = []
+    check = NeutralCheck(replace(vehicle().thrusters, offset=1500.0), lambda u: u - 1500.0,
+                         told.append)
+    for k in range(1000):  # at rest, and now and then pushed all alike
+        check.add_commands((1500.0 + 80.0 * (k % 10 == 3),) * 3)
     assert told == []

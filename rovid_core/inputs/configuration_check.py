@@ -1,0 +1,474 @@
+"""
+Tell which key of the configuration is wrong, from the data: signs, order, heading, frames, time.
+
+Each mistake that is looked for can be undone in the data: a sign turned, two thrusters exchanged,
+the heading turned by 90 degrees or mirrored, the forces moved in time. The mean velocity of a
+block of time follows from that of the block before and the forces f on it,
+
+    v_(k+1) = a v_k - b v_k|v_k| + c f_k + d f_(k+1) + e + couplings        a, b, c, d >= 0
+
+which holds of a vehicle that takes minutes to gain speed, and of one that has it at once (a is 0).
+If this predicts the motion of all axes better with a mistake undone than with the configuration
+as it is, by more than chance allows, that mistake is named. Two laws, neither of which is a
+special case of the other, are compared by the ratio of their likelihoods (Vuong, Econometrica
+57(2), 1989); its variance is that of batches of some seconds, for errors of one second are like
+those of the next. A force that is wrong by a factor cannot be seen, for c and d are free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.model.dofs import DOFS
+from rovid_core.model.samples import Motion
+from rovid_core.settings.run import Settings
+
+Array = NDArray[np.float64]
+
+NS = 1e-9
+
+BLOCK = 500_000_000
+"""[ns] Means over so long are kept; where fixes are rare, several are taken together."""
+
+LOOKS = (128, 256, 512, 1024)
+"""Accelerations after which the mistakes are tried, and after the last no more."""
+
+ERROR_RATE = 1e-2
+"""Chance of naming a mistake where there is none, over all mistakes and looks together."""
+
+BATCH_ROWS, BATCH_DURATION = 4, 2.0
+"""A batch has so many accelerations, and takes so long [s], at least."""
+
+LEAST_BATCHES = 12
+
+CLOSE = 2.3
+"""Student's t below which two mistakes are not told from each other: a chance of 1 %."""
+
+MOST_NAMED = 3
+"""Mistakes in a warning."""
+
+LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)
+"""Blocks by which the forces may be late (positive) or early."""
+
+LEAST_LAG = 1.0
+"""[s] Less may be the thrusters themselves, and ``ekf`` finds it."""
+
+AXES = ('surge', 'sway', 'heave', 'yaw')
+"""Whose motion is explained; roll and pitch are left to themselves on most vehicles."""
+
+
+class BlockMeans:
+    """
+    The means of a quantity over blocks of time.
+
+    Parameters
+    ----------
+    width : int
+        Number of its components.
+
+    Attributes
+    ----------
+    width : int
+        As given.
+    end : int
+        Up to when it is known [ns].
+    blocks : dict
+        Number of a block -> covered share, and integral in blocks.
+
+    """
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        self.end = 0
+        self.blocks: dict[int, tuple[float, list[float]]] = {}
+        self._duration, self._count = 0.0, 0
+
+    @property
+    def interval(self) -> float:
+        """Return the mean length [blocks] of what was added."""
+        return self._duration / max(self._count, 1)
+
+    def add(self, start: int, end: int, value: Sequence[float]) -> None:
+        """Add a value that holds from ``start`` to ``end`` [ns]."""
+        self.end = end
+        self._duration += (end - start) / BLOCK
+        self._count += 1
+        while start < end:
+            number = start // BLOCK
+            until = min(end, (number + 1) * BLOCK)
+            share = (until - start) / BLOCK
+            covered, integral = self.blocks.get(number, (0.0, [0.0] * self.width))
+            self.blocks[number] = (
+                covered + share, [x + share * y for x, y in zip(integral, value)])
+            start = until
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """
+    What may be wrong, and how it is undone.
+
+    Attributes
+    ----------
+    advice : str
+        What to do about it, beginning with the key.
+    allocation : ndarray, shape (6, thrusters)
+        What it should be.
+    quarter, mirrored : int, bool
+        By how many quarters of a turn the heading is off, and whether it counts backwards.
+    lag : int
+        Blocks by which the forces are late.
+
+    """
+
+    advice: str
+    allocation: Array
+    quarter: int = 0
+    mirrored: bool = False
+    lag: int = 0
+
+
+@dataclass
+class _Rows:
+    """Pairs of neighbouring blocks; velocities and forces have shape (rows, 2)."""
+
+    velocity: dict[str, Array]  # by axis
+    mirrored: dict[str, Array]  # of surge and sway, with a mirrored heading
+    forces: dict[int, Array]  # of the thrusters by lag, shape (thrusters, rows, 2)
+    length: float  # of a block [s]
+    batch: int  # rows
+    fits: dict[tuple[object, ...], Array] = field(default_factory=dict)
+
+
+class ConfigurationCheck:
+    """
+    Collect motion and forces, and name the key that is wrong, once.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    curve : callable
+        The force of a thruster before its gain, of a raw command.
+    warn : callable
+        Called with one line, once.
+
+    Attributes
+    ----------
+    active : bool
+        Whether more data are wanted.
+
+    """
+
+    def __init__(self, settings: Settings, curve: Callable[[float], float],
+                 warn: Callable[[str], None]) -> None:
+        self._settings = settings
+        self._curve = curve
+        self._warn = warn
+        thrusters = settings.thrusters
+        self._allocation = np.array(thrusters.allocation)
+        self._late = round((thrusters.delay + thrusters.time_constant) / NS)
+        linear: str = next((n for n in ('velocity', 'position') if settings.input(n).topic), '')
+        self._axes_of = {  # the axes that an input measures, and where they are in its vector
+            linear: {'surge': 0, 'sway': 1},
+            settings.source('heave') or 'depth': {'heave': 2},
+            settings.source('yaw') or 'attitude': {'yaw': 2}}
+        if linear and linear == settings.source('heave'):
+            self._axes_of[linear] = {'surge': 0, 'sway': 1, 'heave': 2}
+        self._means = {name: BlockMeans(5 if name == linear else 3)
+                       for name in self._axes_of if name}
+        self._linear = linear
+        self.active = True
+        self._names: tuple[str, ...] = ()
+        self._kept: dict[int, Array] = {}
+        self._count = self._looks = 0
+        self._thrust = BlockMeans(thrusters.count)
+        self._command: tuple[int, list[float]] | None = None
+        self._points: dict[str, tuple[int, tuple[float, ...]]] = {}
+
+    def restart(self) -> None:
+        """Forget where commands and points were; what was collected stays."""
+        self._command = None
+        self._points.clear()
+
+    def add_commands(self, time: int, raw: Sequence[float]) -> None:
+        """Add the raw commands of all thrusters from ``time`` [ns] on."""
+        thrusters = self._settings.thrusters
+        new = [k * self._curve(u) for k, u in zip(thrusters.gain, raw)]
+        time += self._late
+        last, self._command = self._command, (time, new)
+        if last is None or not 0 < time - last[0] <= round((thrusters.timeout or 1e9) / NS):
+            return
+        held = last[1]
+        if thrusters.hold == 'linear':
+            held = [0.5 * (a + b) for a, b in zip(held, new)]
+        self._thrust.add(last[0], time, held)
+
+    def add_motion(self, input: str, motion: Motion, heading: float | None) -> None:
+        """Add what an input measured; the heading [rad] where a position needed one."""
+        means = self._means.get(input)
+        if means is None:
+            return
+        body: tuple[float, ...] = motion.body
+        if input == self._linear:
+            u, v = body[:2]
+            c, s = (1.0, 0.0) if heading is None else (
+                math.cos(2.0 * heading), math.sin(2.0 * heading))
+            body = (*body, c * u - s * v, s * u + c * v)
+        if motion.start < motion.end:
+            means.add(motion.start, motion.end, body)
+        else:
+            before = self._points.get(input)
+            self._points[input] = motion.time, body
+            if before and 0 < motion.time - before[0] <= self._settings.max_gap / NS:
+                means.add(before[0], motion.time,
+                          [0.5 * (a + b) for a, b in zip(before[1], body)])
+        if self._collect() and self._count >= LOOKS[self._looks]:
+            self._looks += 1
+            last = self._looks == len(LOOKS)
+            self.look(more=not last)
+            if last:
+                self.active = False
+                self._kept.clear()
+
+    def _collect(self) -> bool:
+        """Keep the blocks that are complete; return whether one came."""
+        used = [self._thrust, *(m for m in self._means.values() if m.end)]
+        complete = min(m.end for m in used) // BLOCK
+        oldest = [next(iter(m.blocks), complete) for m in used]
+        if min(oldest) >= complete:
+            return False
+        names = tuple(name for name, m in self._means.items() if m.end)
+        if names != self._names:  # the first message of an input that comes later
+            self._names = names
+            self._kept.clear()
+            self._count = 0
+        before = self._count
+        for number in range(min(oldest), complete):
+            blocks = [m.blocks.pop(number, None) for m in used]
+            if all(b is not None and b[0] > 0.999 for b in blocks) and any(
+                    x != 0.0 for x in blocks[0][1]):  # type: ignore[index]
+                self._kept[number] = np.concatenate(
+                    [b[1] for b in blocks])  # type: ignore[index]
+                self._count += 1
+        for m in used:  # of a gap that no other input has
+            for number in [n for n in m.blocks if n < complete]:
+                del m.blocks[number]
+        return self._count != before
+
+    def look(self, more: bool = False) -> None:
+        """
+        Try the mistakes on what was collected, and warn of the likeliest if it is one.
+
+        While ``more`` data are to come, it waits until they tell it from the others.
+        """
+        rows = self._rows() if self.active else None
+        if rows is None:
+            return
+        mistakes = list(self._mistakes(rows))
+        right = self._evidence(rows, Mistake('', self._allocation))
+        found = []
+        limit = _normal_quantile(ERROR_RATE / (len(LOOKS) * max(len(mistakes), 1)))
+        for mistake in mistakes:
+            evidence = self._evidence(rows, mistake)
+            if _t(_batches(evidence - right, rows.batch)) > _t_quantile(
+                    limit, len(evidence) // rows.batch - 1):
+                found.append((mistake, evidence))
+        if not found:
+            return
+        # of mistakes that are the same here, the first, which is the simplest
+        best = max(float(evidence.sum()) for _, evidence in found)
+        likeliest, top = next(
+            one for one in found if one[1].sum() > best - 1e-9 * abs(best))
+        same = [mistake.advice for mistake, evidence in found if mistake is not likeliest
+                and (evidence is top or np.allclose(evidence, top))]
+        close = [mistake.advice for mistake, evidence in found
+                 if mistake is not likeliest and mistake.advice not in same
+                 and _t(_batches(top - evidence, rows.batch)) < CLOSE]
+        if more and close:
+            return
+        self.active = False
+        self._kept.clear()
+        advice = dict.fromkeys([likeliest.advice, *same, *close])
+        self._warn(f'{"; or ".join(list(advice)[:MOST_NAMED])}: so the data would agree with '
+                   'each other, and as it is configured they do not')
+
+    def _rows(self) -> _Rows | None:
+        """Return the accelerations so far, None if they are too few."""
+        if not self._kept:
+            return None
+        rare = max(self._means[name].interval for name in self._names)
+        several = max(1, math.ceil(2.0 * rare - 0.2))  # two fixes in each at least
+        h = several * BLOCK * NS
+        batch = max(BATCH_ROWS, math.ceil(BATCH_DURATION / h))
+        pairs = [n for n in self._kept if n % several == 0 and all(
+            n + k in self._kept for k in range(2 * several))]
+        if len(pairs) < LEAST_BATCHES * batch:
+            return None
+        merged = {n + k: np.mean([self._kept[n + k + i] for i in range(several)], axis=0)
+                  for n in pairs for k in (0, several)}
+        both = np.array([(merged[n], merged[n + several]) for n in pairs]).transpose(2, 0, 1)
+        index = {n: k for k, n in enumerate(pairs)}
+        n = self._settings.thrusters.count
+        rows = _Rows({}, {}, {0: both[:n]}, h, batch)
+        for lag in LAGS:
+            # where nothing is known, those of now stand in, alike for all mistakes
+            rows.forces[lag] = both[:n, [
+                index.get(at - lag * several, index[at]) for at in pairs]]
+        for name in self._names:
+            for axis, i in self._axes_of[name].items():
+                rows.velocity[axis] = both[n + i]
+            if name == self._linear:
+                rows.mirrored = {'surge': both[n + 3], 'sway': both[n + 4]}
+            n += self._means[name].width
+        return rows
+
+    def _mistakes(self, rows: _Rows) -> Iterator[Mistake]:
+        """Yield all mistakes that can be told, those with the simplest cure first."""
+        pushed = [axis for axis in rows.velocity
+                  if np.any(self._allocation[DOFS.index(axis)] != 0.0)]
+        turned = tuple(axis for axis in pushed if axis != 'surge' and not (
+            axis == 'heave' and self._settings.depth.topic))  # depth has its own sign
+        has_heading = bool(rows.mirrored) and self._linear == 'position'
+        is_ = self._allocation
+        for axis in pushed:
+            yield Mistake(self._row_advice(axis), self._with_signs([axis]))
+        if turned:
+            other = 'enu' if self._settings.frames == 'ned' else 'ned'
+            yield Mistake(
+                f'frames: the messages may be {other}, for {", ".join(turned)} count the other '
+                'way (thrusters.allocation is forward, left, up in both)',
+                self._with_signs(turned))
+        if len(pushed) > 1:
+            yield Mistake('thrusters.gain: turn all signs', -is_)
+        if has_heading:
+            for quarter, degrees in ((1, 90), (2, 180), (3, -90)):
+                yield Mistake(f'attitude.yaw_offset: add {math.radians(degrees):.4f} rad '
+                              f'({degrees} degrees)', is_, quarter=quarter)
+            for quarter in range(4):
+                yield Mistake(
+                    'attitude.heading: the heading counts the other way (of a quaternion, see '
+                    'frames)', is_, quarter=quarter, mirrored=True)
+        yield from self._thruster_mistakes(pushed)
+        for lag in LAGS:
+            apart = abs(lag) * rows.length
+            if apart >= LEAST_LAG:
+                yield Mistake(
+                    f'thrusters.delay, or a latency: the motion is about {apart:g} s '
+                    f'{"later" if lag > 0 else "earlier"} than its thrust', is_, lag=lag)
+
+    def _with_signs(self, axes: Sequence[str], thrusters: Sequence[int] | None = None) -> Array:
+        """Return the allocation with other signs in the rows of axes, of some thrusters or all."""
+        allocation = self._allocation.copy()
+        columns = range(allocation.shape[1]) if thrusters is None else thrusters
+        allocation[np.ix_([DOFS.index(axis) for axis in axes], columns)] *= -1.0
+        return allocation
+
+    def _row_advice(self, axis: str) -> str:
+        if axis == 'heave' and self._settings.depth.topic:
+            return 'depth.scale, or the row heave of thrusters.allocation: turn its sign'
+        return f'thrusters.allocation: turn the sign of its row {axis}'
+
+    def _thruster_mistakes(self, pushed: Sequence[str]) -> Iterator[Mistake]:
+        n = self._settings.thrusters.count
+        names = [f'{k + 1}' + (f' ({self._settings.thrusters.names[k]})'
+                               if self._settings.thrusters.names else '') for k in range(n)]
+        rows = self._allocation[[DOFS.index(axis) for axis in pushed]]
+        for j in range(n):
+            for k in range(j + 1, n):
+                if np.any(rows[:, j] != rows[:, k]):
+                    exchanged = self._allocation.copy()
+                    exchanged[:, [j, k]] = exchanged[:, [k, j]]
+                    yield Mistake('thrusters.allocation or thrusters.names: exchange thrusters '
+                                  f'{names[j]} and {names[k]}', exchanged)
+        for k in range(n):
+            if np.any(rows[:, k] != 0.0):
+                yield Mistake('thrusters.allocation or thrusters.gain: turn the sign of thruster '
+                              f'{names[k]}', self._with_signs(DOFS, [k]))
+        for i, axis in enumerate(pushed):
+            for k in range(n):
+                if rows[i, k] != 0.0 and np.count_nonzero(rows[i]) > 1:
+                    yield Mistake(f'thrusters.allocation: turn the sign of thruster {names[k]} '
+                                  f'in its row {axis}', self._with_signs([axis], [k]))
+
+    def _evidence(self, rows: _Rows, mistake: Mistake) -> Array:
+        """Return the log likelihood of each row with a mistake undone."""
+        velocity = {**rows.velocity, **(rows.mirrored if mistake.mirrored else {})}
+        if mistake.mirrored and 'yaw' in velocity:
+            velocity['yaw'] = -velocity['yaw']  # it turns the other way, too
+        for _ in range(mistake.quarter):
+            velocity['surge'], velocity['sway'] = velocity['sway'], -velocity['surge']
+        total = np.zeros(rows.forces[0].shape[1])
+        for axis, v in velocity.items():
+            row = mistake.allocation[DOFS.index(axis)]
+            key = (axis, row.tobytes(), mistake.lag, mistake.quarter, mistake.mirrored)
+            if key not in rows.fits:
+                force = np.tensordot(row, rows.forces[mistake.lag], 1)
+                rows.fits[key] = _log_likelihood(v, force, _others(axis, velocity))
+            total = total + rows.fits[key]
+        return total
+
+
+def _others(axis: str, velocity: dict[str, Array]) -> list[Array]:
+    """Return what the other axes do to one: the Coriolis terms and the drag of sideways motion."""
+    pairs = {'surge': ('sway', 'yaw'), 'sway': ('surge', 'yaw'), 'yaw': ('surge', 'sway')}
+    a, b = pairs.get(axis, ('', ''))
+    found = [velocity[a][:, 0] * velocity[b][:, 0]] if a in velocity and b in velocity else []
+    if axis == 'yaw' and 'sway' in velocity:
+        found.append(velocity['sway'][:, 0])
+    return found
+
+
+def _log_likelihood(velocity: Array, force: Array, others: Sequence[Array]) -> Array:
+    """
+    Return the log likelihood of each velocity after the one before, by the law.
+
+    Errors have Laplace's distribution, so that a few wild ones do not decide.
+    """
+    v, after = velocity.T
+    signed = [force[:, 0], force[:, 1], v, -v * abs(v)]
+    used = [x for x in signed if np.any(x != 0.0)]
+    while True:
+        terms = np.array([*used, np.ones_like(v), *others]).T
+        scale = np.sqrt(np.mean(terms * terms, axis=0))
+        scale[scale == 0.0] = 1.0
+        factors = np.linalg.lstsq(terms / scale, after, rcond=1e-9)[0]
+        worst = int(np.argmin(factors[:len(used)])) if used else -1
+        if worst < 0 or factors[worst] >= 0.0:
+            break
+        del used[worst]
+    error = abs(after - terms / scale @ factors)
+    mean = float(np.mean(error)) or 1e-300
+    return np.asarray(-math.log(mean) - error / mean)
+
+
+def _batches(values: Array, size: int) -> Array:
+    """Return the sums of batches, the rest in the last."""
+    count = len(values) // size
+    return np.add.reduceat(values, np.arange(count) * size)
+
+
+def _t(values: Array) -> float:
+    """Return Student's t of the mean of values."""
+    deviation = float(np.std(values, ddof=1))
+    return float(np.mean(values)) * math.sqrt(len(values)) / deviation if deviation else 0.0
+
+
+def _normal_quantile(chance: float) -> float:
+    """Return what a standard normal number exceeds with a chance below 0.5."""
+    low, high = 0.0, 40.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if 0.5 * math.erfc(
+            middle / math.sqrt(2.0)) > chance else (low, middle)
+    return high
+
+
+def _t_quantile(normal: float, freedom: int) -> float:
+    """Return Student's quantile to a normal one (Wallace, Ann. Math. Stat. 30(4), 1959)."""
+    z = normal * (8.0 * freedom + 3.0) / (8.0 * freedom + 1.0)
+    return math.sqrt(freedom * math.expm1(min(z * z / freedom, 700.0)))

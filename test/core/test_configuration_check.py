@@ -1,0 +1,166 @@
+"""A wrong key is named from the data, and a right configuration is not accused."""
+
+from collections.abc import Callable
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+from rovid_core.inputs.configuration_check import ConfigurationCheck
+from rovid_core.model.dofs import DOFS
+from rovid_core.model.samples import Motion
+from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
+
+TICK = 100_000_000  # [ns]
+DURATION = 180.0  # [s]
+AXES = ('surge', 'sway', 'heave', 'yaw')
+MASS = {'surge': 20.0, 'sway': 26.0, 'heave': 34.0, 'yaw': 0.6}
+DRAG = {'surge': 90.0, 'sway': 140.0, 'heave': 160.0, 'yaw': 1.5}
+FORCE = {'surge': 25.0, 'sway': 25.0, 'heave': 30.0, 'yaw': 1.5}
+# four level thrusters at 45 degrees, and one upright
+ALLOCATION = np.zeros((6, 5))
+ALLOCATION[0, :4] = -0.7, -0.7, 0.7, 0.7
+ALLOCATION[1, :4] = -0.7, 0.7, -0.7, 0.7
+ALLOCATION[2, 4] = 1.0
+ALLOCATION[5, :4] = -0.2, 0.2, 0.2, -0.2
+
+Drive = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def drive(seed: int) -> Drive:
+    """Return thruster forces, headings and world velocities of a vehicle with couplings."""
+    random = np.random.default_rng(seed)
+    n = round(DURATION * 1e9 / TICK)
+    t = np.arange(n) * TICK * 1e-9
+    pushed = ALLOCATION[[DOFS.index(a) for a in AXES]]
+    wanted = np.array([FORCE[a] * np.sin(2 * np.pi * np.cumsum(
+        random.uniform(0.03, 0.15, 1 + n // 80).repeat(80)[:n]) * TICK * 1e-9 + random.uniform(
+            0.0, 6.0)) for a in AXES])
+    commands = np.linalg.pinv(pushed) @ wanted
+    v, heading = np.zeros(4), random.uniform(-3.0, 3.0)
+    headings, world = np.empty(n), np.empty((n, 4))
+    for k in range(len(t)):
+        force = 0.9 * pushed @ commands[:, k] + random.normal(0.0, 1.0, 4) * [1.0, 1.0, 1.0, 0.05]
+        force[0] += MASS['sway'] * v[1] * v[3]
+        force[1] -= MASS['surge'] * v[0] * v[3]
+        drag = np.array([DRAG[a] for a in AXES]) * abs(v) * v
+        v = v + (force - drag) / np.array([MASS[a] for a in AXES]) * TICK * 1e-9
+        heading += v[3] * TICK * 1e-9
+        c, s = math.cos(heading), math.sin(heading)
+        headings[k] = heading
+        world[k] = c * v[0] - s * v[1], s * v[0] + c * v[1], v[2], v[3]
+    # the noise of fixes, in velocities
+    world[:, :3] += np.diff(random.normal(0.0, 0.005, (n + 1, 3)), axis=0) / (TICK * 1e-9)
+    return commands.T, headings, world
+
+
+def settings_of(allocation: np.ndarray, depth: bool = False) -> Settings:
+    return Settings(
+        dofs=AXES, dof={a: DofSettings(MASS[a]) for a in AXES},
+        position=InputSettings('/p'), attitude=InputSettings('/a'),
+        depth=InputSettings('/d') if depth else InputSettings(),
+        thrusters=ThrusterSettings(
+            ('/t',), gain=(1.0,) * 5, allocation=tuple(map(tuple, allocation.tolist()))))
+
+
+def warnings(data: Drive, allocation: np.ndarray = ALLOCATION, *, depth: bool = False,
+             heading: Callable[[float], float] = float, flipped: tuple[int, ...] = (),
+             late: float = 0.0) -> list[str]:
+    """Return what is told of a drive; ``flipped`` are world z or the vehicle's y."""
+    commands, headings, world = data
+    told: list[str] = []
+    check = ConfigurationCheck(settings_of(allocation, depth), float, told.append)
+    for k, (command, true, (x, y, z, turned)) in enumerate(zip(commands, headings, world)):
+        start, end = k * TICK, (k + 1) * TICK
+        seen = heading(true)
+        c, s = math.cos(seen), math.sin(seen)
+        u, v = c * x + s * y, c * y - s * x
+        rate = turned * (heading(true + 1e-6) - seen) / 1e-6
+        if 1 in flipped:
+            v, rate = -v, -rate
+        if 2 in flipped:
+            z = -z
+        check.add_commands(start + round(late * 1e9), command.tolist())
+        for input, body in (('position', (u, v, z)), ('attitude', (0.0, 0.0, rate)),
+                            *([('depth', (u, v, z))] if depth else [])):
+            check.add_motion(input, Motion(start, end, (start + end) // 2, (), body=body), seen)
+    check.look()
+    return told
+
+
+@pytest.fixture(scope='module')
+def data() -> Drive:
+    return drive(1)
+
+
+def exchanged(j: int, k: int) -> np.ndarray:
+    allocation = ALLOCATION.copy()
+    allocation[:, [j, k]] = allocation[:, [k, j]]
+    return allocation
+
+
+def turned(rows: tuple[int, ...], columns: tuple[int, ...]) -> np.ndarray:
+    allocation = ALLOCATION.copy()
+    allocation[np.ix_(rows, columns)] *= -1.0
+    return allocation
+
+
+MISTAKES = {
+    'exchanged thrusters': ({'allocation': exchanged(0, 1)}, 'exchange thrusters 1 and 2'),
+    'exchanged upright thruster': ({'allocation': exchanged(2, 4)}, 'exchange thrusters 3 and 5'),
+    'one sign': ({'allocation': turned((5,), (2,))}, 'sign of thruster 3 in its row yaw'),
+    'one thruster': ({'allocation': turned((0, 1, 5), (3,))}, 'turn the sign of thruster 4'),
+    'a row': ({'allocation': turned((1,), (0, 1, 2, 3))}, 'turn the sign of its row sway'),
+    'all signs': ({'allocation': -ALLOCATION}, 'thrusters.gain: turn all signs'),
+    'heading off by 90 degrees': ({'heading': lambda psi: psi + 0.5 * math.pi},
+                                  'attitude.yaw_offset: add -1.5708 rad'),
+    'compass': ({'heading': lambda psi: 0.5 * math.pi - psi}, 'attitude.heading'),
+    'mirrored heading': ({'heading': lambda psi: -psi}, 'attitude.heading'),
+    'north-east-down': ({'flipped': (1, 2)}, 'frames: the messages may be ned'),
+    'depth': ({'flipped': (2,), 'depth': True}, 'depth.scale'),
+    'late': ({'late': -1.5}, 'thrusters.delay, or a latency: the motion is about 1'),
+}
+
+
+@pytest.mark.parametrize('name', MISTAKES)
+def test_a_mistake_is_named(name: str, data: Drive) -> None:
+    how, text = MISTAKES[name]
+    line, = warnings(data, **how)  # type: ignore[arg-type]
+    assert text in line
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_a_right_configuration_is_not_accused(seed: int) -> None:
+    assert warnings(drive(seed), depth=bool(seed % 2)) == []
+
+
+def test_a_factor_cannot_be_seen(data: Drive) -> None:
+    assert warnings(data, 3.0 * ALLOCATION) == []
+
+
+def test_little_data_say_nothing(data: Drive) -> None:
+    short = tuple(x[:200] for x in data)
+    assert warnings(short, -ALLOCATION) == []  # type: ignore[arg-type]
+
+
+def test_what_is_alike_is_named_together() -> None:
+    """The sign of the only upright thruster and that of its row are one and the same."""
+    line, = warnings(drive(2), turned((2,), (4,)))
+    assert 'its row heave' in line and 'thruster 5' in line
+
+
+def test_a_gap_hides_nothing(data: Drive) -> None:
+    commands, headings, world = data
+    check = ConfigurationCheck(replace(settings_of(-ALLOCATION), max_gap=1.0), float, (
+        told := []).append)
+    for k, (command, psi, (x, y, z, r)) in enumerate(zip(commands, headings, world)):
+        if k % 200 < 20:
+            continue  # two seconds in twenty
+        c, s = math.cos(psi), math.sin(psi)
+        check.add_commands(k * TICK, command.tolist())
+        for input, body in (('position', (c * x + s * y, c * y - s * x, z)),
+                            ('attitude', (0.0, 0.0, r))):
+            check.add_motion(
+                input, Motion(k * TICK, (k + 1) * TICK, k * TICK, (), body=body), psi)
+    check.look()
+    assert len(told) == 1 and 'thrusters.gain' in told[0]

@@ -124,12 +124,7 @@ def read(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dic
             f'{PARAMETERS}, has {", ".join(sections) or "none"}')
     found: dict[str, Entry] = {}
     for section in matching:
-        for name, entry in sections[section].items():
-            if entry.value == []:
-                raise ParameterFileError(
-                    f'{path}:{entry.line}: {name}: got an empty list, which ROS reads as '
-                    'nothing; leave the key out')
-            found[name] = entry
+        found.update(sections[section])
     return found
 
 

@@ -76,13 +76,12 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     keys = {key.name: key for key in KEYS}
     tree: dict[str, Any] = {}
     for name, value in changes.items():
-        left_out = isinstance(value, (list, tuple, array)) and not len(value)
-        if left_out and name in keys and keys[name].default == ():
+        if name in keys and keys[name].default == () and _is_nothing(value):
             taken = {name: ()}
         else:
             taken = check({name: value})
         if name not in taken or not keys[name].live:
-            raise SettingsError(name, 'takes no change while the node runs')
+            raise SettingsError(name, 'takes a change only while the node is unconfigured')
         *path, last = keys[name].setting.split('.')
         branch = tree
         for group in path:
@@ -104,16 +103,23 @@ def check(values: Mapping[str, Any]) -> dict[str, Any]:
     """
     Return the given values in the types of their keys, without ROS' own parameters.
 
-    Raises SettingsError as :func:`settings_from`, for each value by itself.
+    An empty list, which rcl reads as nothing, stands for a key that is left out where that is the
+    default. Raises SettingsError as :func:`settings_from`, for each value by itself.
     """
     keys = {key.name: key for key in KEYS}
     checked = {}
     for name, value in values.items():
+        if name in keys and keys[name].default == () and _is_nothing(value):
+            continue
         if name in keys:
             checked[name] = _checked(keys[name], value)
         elif not ROS_PARAMETERS.fullmatch(name):
             raise SettingsError(name, _unknown(name, keys))
     return checked
+
+
+def _is_nothing(value: Any) -> bool:
+    return value is None or (isinstance(value, (list, tuple, array)) and not len(value))
 
 
 def _unknown(name: str, keys: Collection[str]) -> str:
@@ -204,7 +210,9 @@ def _simulated(truth: Mapping[str, Any],
                given: Mapping[str, Any]) -> Iterator[tuple[str, SimulatedDof]]:
     for dof in DOFS:
         prefix = f'simulation.{dof}.'
-        if not any(name.startswith(prefix) for name in given):
+        # what is as by default is in each file that ``ros2 param dump`` has made
+        if not any(given.get(key.name, key.default) != key.default for key in KEYS
+                   if key.name.startswith(prefix)):
             continue
         simulated = SimulatedDof(**truth[dof])
         if not simulated.mass:

@@ -63,7 +63,6 @@ class IdentifierNode(ParameterNode):
 
     def __init__(self, values: Mapping[str, Any] | None = None, *, live: bool = True,
                  scorer: Scorer | None = None) -> None:
-        self._configured = False
         self._live = live
         self.saved = True
         self._scorer = scorer
@@ -139,7 +138,7 @@ class IdentifierNode(ParameterNode):
 
     def finish(self) -> list[Estimate]:
         """Publish what is held, save the state and end the record; for the end of a run."""
-        if not self._configured:
+        if not self.configured:
             return []
         if self.active:
             self._inputs.receive_all()
@@ -158,14 +157,14 @@ class IdentifierNode(ParameterNode):
 
     def current_settings(self) -> Settings:
         """Return the settings that a change applies to."""
-        return self.settings if self._configured else super().current_settings()
+        return self.settings if self.configured else super().current_settings()
 
     def apply_changes(self, changes: Mapping[str, Any]) -> None:
         """Go on with other values of live parameters."""
-        if self._configured:
+        if self.configured:
             change_parameters(self.stream, changes)
             self._publish([])
-        if self._configured and 'checkpoint.period' in changes:
+        if self.configured and 'checkpoint.period' in changes:
             self._start_saving()
 
     def _prepare(self, settings: Settings) -> None:
@@ -202,8 +201,8 @@ class IdentifierNode(ParameterNode):
         self._add_service(Trigger, '~/reset', self._on_reset)
         self._add_service(SetBool, '~/enable', self._on_enable)
         self._add_service(Trigger, '~/save', self._on_save)
-        self._configured = True
-        self.resources.callback(setattr, self, '_configured', False)
+        self.configured = True
+        self.resources.callback(setattr, self, 'configured', False)
 
     def _add_timer(self, period: float, callback: Callable[[], None]) -> Timer:
         timer = self.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -48,7 +48,8 @@ def declare(node: Node, values: Mapping[str, Any]) -> None:
     """
     Declare every key with its value, described as in the table of the keys.
 
-    Those that are not live are read-only.
+    None is read-only, as all can be set while the node is unconfigured; whether one can be set
+    later is in its constraints.
     """
     for key in KEYS:
         value = _value(key, values.get(key.name, key.default))
@@ -77,27 +78,32 @@ def _value(key: Key, value: Any) -> Any:
 def _descriptor(key: Key) -> ParameterDescriptor:
     unit = f' [{key.unit}]' if key.unit else ''
     descriptor = ParameterDescriptor(
-        description=key.description + unit, additional_constraints=f'takes {key.takes}',
-        read_only=not key.live)
+        description=key.description + unit,
+        additional_constraints=f'takes {key.takes}' + (
+            '' if key.live else '; only while the node is unconfigured'))
     if key.type == 'double' and (key.low, key.high) != (-LARGE, LARGE):
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=key.low, to_value=key.high)]
     return descriptor
 
 
-LIVE = {key.name: TYPES[key.type] for key in KEYS if key.live}
+OWN = {key.name: TYPES[key.type] for key in KEYS}
+LIVE = {key.name for key in KEYS if key.live}
 
 
 class ParameterNode(ManagedNode):
     """
-    A managed node with all parameters of the table, whose live ones can be set as it runs.
+    A managed node with all parameters of the table.
 
+    While it is unconfigured all can be set, each judged by itself; together they are judged when
+    it is configured, which a wrong one makes fail. Later only the live ones can be set.
     ``-p`` overrides win over ``values``. With ``autostart`` it starts whatever the parameter says.
     Raises ValueError if it starts by itself and something is wrong with a parameter.
     """
 
     def __init__(self, name: str, values: Mapping[str, Any], *, autostart: bool) -> None:
-        self.changes: dict[str, Any] = {}
+        self.configured = False
+        self.changes: dict[str, Any] = {}  # of live keys, since the node was made
         self._given = dict(values)
         self._declared = False
         super().__init__(name, rclpy_overrides(values))
@@ -117,8 +123,15 @@ class ParameterNode(ManagedNode):
             raise
 
     def initial_settings(self) -> Settings:
-        """Return the settings at the beginning; raises SettingsError where they are wrong."""
-        return settings_from(self._given)
+        """
+        Return the settings before any change of a live key.
+
+        Raises SettingsError where they are wrong, also with those changes.
+        """
+        try:
+            return settings_from(self._given)
+        except SettingsError:
+            return settings_from({**self._given, **self.changes})
 
     def current_settings(self) -> Settings:
         """Return the settings that a change applies to; raises as ``initial_settings``."""
@@ -140,32 +153,48 @@ class ParameterNode(ManagedNode):
     def set_parameters_atomically(
             self, parameter_list: list[Parameter[Any]]) -> SetParametersResult:
         """Set all parameters or none: what is wrong is refused as in a parameter file."""
-        changes = live_values(parameter_list)
-        if not (self._declared and changes):
+        values = own_values(parameter_list)
+        if not (self._declared and values):
             return super().set_parameters_atomically(parameter_list)
         try:
-            changed(self.current_settings(), changes)
+            if self.configured:
+                values = self._changing(values)
+                changed(self.current_settings(), values)
+            else:
+                check(values)
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        others = [parameter for parameter in parameter_list if parameter.name not in changes]
-        result = super().set_parameters_atomically(others + typed_parameters(changes))
-        if result.successful:
-            self.changes.update(changes)
-            self.apply_changes(changes)
+        others = [parameter for parameter in parameter_list if parameter.name not in OWN]
+        result = super().set_parameters_atomically(others + typed_parameters(values))
+        if result.successful and values:
+            live = {name: value for name, value in values.items() if name in LIVE}
+            self.changes.update(live)
+            self._given.update({name: value for name, value in values.items()
+                                if name not in LIVE})
+            self.apply_changes(live)
         return result
 
+    def _changing(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Leave out what is not live and has that value already, as all has in a saved file."""
+        try:
+            shown = {p.name: own_values([p])[p.name] for p in typed_parameters(values)}
+        except (TypeError, ValueError):  # it is refused with the key's own words
+            shown = {}
+        return {name: value for name, value in values.items() if name in LIVE
+                or own_values([self.get_parameter(name)])[name] != shown.get(name)}
 
-def live_values(parameters: Iterable[Parameter[Any]]) -> dict[str, Any]:
-    """Return the plain values of those parameters that are live."""
+
+def own_values(parameters: Iterable[Parameter[Any]]) -> dict[str, Any]:
+    """Return the plain values of those parameters that are in the table of the keys."""
     return {p.name: list(p.value) if isinstance(p.value, (list, tuple, array)) else p.value
-            for p in parameters if p.name in LIVE}
+            for p in parameters if p.name in OWN}
 
 
 def typed_parameters(values: Mapping[str, Any]) -> list[Parameter[Any]]:
     """Return checked values as parameters of the declared types: 2 becomes the double 2.0."""
     made = []
     for name, value in values.items():
-        kind = LIVE[name]
+        kind = OWN[name]
         if kind == Parameter.Type.DOUBLE:
             value = float(value)
         elif kind == Parameter.Type.DOUBLE_ARRAY:

@@ -173,7 +173,6 @@ DEADLY = [  # rcl dies on these
 ]
 
 MISREAD = [  # rcl loses or moves something in these, or its versions differ
-    (under('a: []'), ':3: a: got an empty list, which ROS reads as nothing'),
     (under('a: {}'), ':3: a: is empty'),
     (under('x: {y: {}, z: 1}', 'w: 2'), ':3: x.y: is empty'),
     (under('a: [{b: 1}]'), ':3: a: takes a flat list of plain values, got a mapping in it'),

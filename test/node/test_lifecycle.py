@@ -14,6 +14,7 @@ from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.player import CONTROL
@@ -203,6 +204,50 @@ def test_what_is_wrong_fails_the_transition_in_one_line(
         assert 'configure: ' in line
         assert expected in line
     node.destroy_node()
+
+
+def put(node: IdentifierNode, **values: Any) -> str:
+    """Set parameters at once, their dots as ``__``; return why not, or ''."""
+    return node.set_parameters_atomically([
+        Parameter(name.replace('__', '.'), value=value)
+        for name, value in values.items()]).reason
+
+
+def test_what_was_wrong_at_the_start_is_put_right_without_a_restart(ros: None) -> None:
+    node = IdentifierNode(changed({
+        **WAITING, 'surge.initial.mass': -1.0, 'identifier.feedback_gain': -2.0}))
+    assert node.trigger_configure() == FAILURE
+    assert put(node, surge__initial__mass=-2.0).startswith('surge.initial.mass: got -2.0, takes')
+    assert put(node, surge__initial__mass=250) == ''
+    assert node.trigger_configure() == FAILURE  # feedback_gain alone
+    assert put(node, identifier__adaptation_gains=[1e-6, 0.1, 0.1, 1e-3]) == ''
+    assert node.trigger_configure() == SUCCESS
+    assert node.settings.dof['surge'].mass == 250.0
+    assert node.settings.identifier.feedback_gain == -2.0
+    node.destroy_node()
+
+
+def test_cleaned_up_it_takes_everything_and_is_judged_when_configured(
+        waiting: IdentifierNode, capfd: pytest.CaptureFixture[str]) -> None:
+    assert waiting.trigger_configure() == SUCCESS
+    reason = 'position.topic: takes a change only while the node is unconfigured'
+    assert put(waiting, position__topic='/usbl') == reason
+    assert waiting.trigger_activate() == SUCCESS
+    assert put(waiting, position__topic='/usbl') == reason
+    assert put(waiting, position__topic='/position') == ''  # as it is
+    assert waiting.trigger_deactivate() == SUCCESS
+    assert waiting.trigger_cleanup() == SUCCESS
+
+    assert put(waiting, position__topic='/usbl', max_gap=3.0, thrusters__gain=[1.0, 2.0]) == ''
+    assert waiting.trigger_configure() == FAILURE
+    assert 'thrusters.names: has 3 entries for 2 thrusters' in capfd.readouterr().err
+    assert put(waiting, thrusters__gain=[40.0, 40.0, 50.0]) == ''
+    assert waiting.trigger_configure() == SUCCESS
+    settings = waiting.settings
+    assert (settings.position.topic, settings.max_gap, settings.thrusters.gain) == (
+        '/usbl', 3.0, (40.0, 40.0, 50.0))
+    assert waiting.trigger_activate() == SUCCESS
+    assert '/usbl' in [one.topic_name for one in waiting.input_subscriptions]
 
 
 def test_requests_that_fail_or_do_not_fit_the_state(

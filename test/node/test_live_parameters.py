@@ -16,11 +16,14 @@ from rclpy.parameter import Parameter
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import SettingsError
 from rovid_ros.config.keys import KEYS
+from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import changed as changed_settings, settings_from
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.player import change_parameters, repeat_control
 from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.parameters import own_values
 from std_srvs.srv import SetBool, Trigger
+import yaml
 
 from test.support.live_drive import (
     assert_same,
@@ -69,8 +72,9 @@ def test_the_table_says_what_is_live(node: IdentifierNode) -> None:
     assert {key.name for key in KEYS if key.live} == LIVE
     for key in KEYS:
         described = node.describe_parameter(key.name)
-        assert described.read_only == (key.name not in LIVE), key.name
-        assert described.description and described.additional_constraints
+        assert described.description
+        assert ('unconfigured' in described.additional_constraints) == (
+            key.name not in LIVE), key.name
 
 
 @pytest.mark.parametrize('values', [
@@ -114,10 +118,10 @@ def test_refused_as_the_file_would_be(
     assert shown(node) == before
 
 
-def test_all_or_nothing_with_what_is_read_only(node: IdentifierNode) -> None:
+def test_all_or_nothing_with_what_is_not_live(node: IdentifierNode) -> None:
     before, settings = shown(node), node.settings
     result = node.set_parameters_atomically(parameters({'max_gap': 2.0, 'frames': 'ned'}))
-    assert 'read-only' in result.reason
+    assert result.reason == 'frames: takes a change only while the node is unconfigured'
     with pytest.raises(ParameterNotDeclaredException):
         node.set_parameters_atomically(parameters({'max_gap': 2.0, 'max_gaap': 2.0}))
     result = node.set_parameters_atomically(
@@ -138,6 +142,18 @@ def test_back_from_raw_gains_without_a_restart(node: IdentifierNode) -> None:
     assert result.successful, result.reason
     assert node.settings == settings
     assert shown(node)['identifier.adaptation_gains'] == []
+
+
+def test_all_that_the_node_has_loads_again(
+        node: IdentifierNode, given: dict[str, Any], tmp_path: Path) -> None:
+    """As ``ros2 param dump`` writes it, and ``ros2 param load`` and ``--params-file`` take it."""
+    file = tmp_path / 'dump.yaml'
+    values = own_values(node.get_parameters([key.name for key in KEYS]))
+    assert values['thrusters.polynomial'] == []
+    file.write_text(yaml.safe_dump({NAME: {'ros__parameters': values}}))
+    assert settings_from(load(file)) == settings_from(given)
+    assert all(result.successful for result in node.set_parameters(parameters(values)))
+    assert node.settings == settings_from(given)
 
 
 def test_simulated_time_can_still_be_set(node: IdentifierNode) -> None:

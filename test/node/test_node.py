@@ -219,14 +219,14 @@ def test_parameters_are_described_and_fixed(ros: None) -> None:
     assert list(node.get_parameter('thrusters.gain').value) == [40.0, 40.0, 55.0]
     described = node.describe_parameter('time_jump')
     assert described.type == ParameterType.PARAMETER_DOUBLE
-    assert described.read_only
+    assert 'only while the node is unconfigured' in described.additional_constraints
     assert '[s]' in described.description
     assert described.floating_point_range[0].from_value > 0.0
     assert node.describe_parameter('thrusters.polynomial').type == (
         ParameterType.PARAMETER_DOUBLE_ARRAY)
     (result,) = node.set_parameters([Parameter('time_jump', value=2.0)])
     assert not result.successful
-    assert 'read-only' in result.reason
+    assert 'only while the node is unconfigured' in result.reason
     run.close()
 
 

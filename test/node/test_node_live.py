@@ -177,7 +177,7 @@ def test_parameters_over_services(quiet: NodeProcess, peer: Peer) -> None:
     assert values[listed.index('position.topic')].string_value == 'position'
     described = peer.call(DescribeParameters, '/rov1/identifier_node/describe_parameters',
                           DescribeParameters.Request(names=['time_jump'])).descriptors[0]
-    assert described.read_only
+    assert 'only while the node is unconfigured' in described.additional_constraints
     assert described.description
     request = SetParameters.Request(
         parameters=[Parameter('time_jump', value=1.0).to_parameter_msg()])

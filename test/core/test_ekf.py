@@ -102,9 +102,14 @@ def test_the_delay_is_found(delay):
     assert found.delay_std < 0.005
 
 
-def test_a_delay_that_the_force_would_have_to_lead_ends_at_its_bound():
-    [found] = identified(replace(MINUTE, delay=-0.3), 0)
-    assert -0.0501 < found.delay < 0.0
+@pytest.mark.parametrize(('delay', 'bound', 'said'), [
+    (-0.3, -0.05, 'thrust is stamped about 0.2'), (0.9, 0.6, 'motion is stamped about 0.7')])
+def test_clocks_that_disagree_are_named_with_their_size(delay, bound, said):
+    one = ExtendedKalman(Scales.of(HEAVY))
+    follow(one, trial(replace(CLEAN, duration=150.0, delay=delay), 0).pieces())
+    assert one.delay == pytest.approx(bound, abs=2e-3)
+    assert said in one.note
+    assert one.doubt
 
 
 @pytest.mark.parametrize('case', [CLEAN, HONEST], ids=['clean', 'honest'])

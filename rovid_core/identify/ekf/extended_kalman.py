@@ -70,6 +70,9 @@ MAX_COUPLING = 100.0
 DELAYS = (-0.05, 0.6)
 """Range of the delay [s]; far below 0 the force would have to be known ahead."""
 
+BEYOND = 2.0
+"""Standard deviations that data have to want the delay beyond its range, to mean it."""
+
 DELAY_STD = 0.05
 """[s] of the guess that there is none."""
 
@@ -320,6 +323,8 @@ class ExtendedKalman(Identifier):
         since = self._time - self._changed_at
         if since < SAID:
             said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
+        if self._clocks:
+            said.append(self._clocks)
         verdict = self._bank.best.verdict
         missing = verdict.missing if verdict is not None else None
         if missing is not None:
@@ -330,12 +335,29 @@ class ExtendedKalman(Identifier):
         return '; '.join(said)
 
     @property
+    def _clocks(self) -> str:
+        """Return what it means that the data want a delay out of range, '' if they do not."""
+        best, k = self._bank.best, len(self._theta) - 1
+        if best.verdict is None:
+            return ''
+        wanted = best.verdict.theta[k]
+        beyond = BEYOND * math.sqrt(best.filter.theta_covariance[k][k])
+        if wanted < DELAYS[0] - beyond:
+            return (f'clocks disagree: thrust is stamped about {-wanted:.2g} s after the motion '
+                    'that it causes, see thrusters.latency')
+        if wanted > DELAYS[1] + beyond:
+            return f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust'
+        return ''
+
+    @property
     def doubt(self) -> str:
         """Return why the model may not be used yet whatever its intervals are, '' if it may."""
         if self._usable:
             return ''
         if self._bank.best.verdict is None:
             return 'there are no independent pieces of data yet to judge the intervals by'
+        if self._clocks:
+            return 'the delay is out of range'
         correlation = self._bank.best.innovations.correlation
         if not correlation < CORRELATION[0]:
             return 'the errors of the prediction hang together: the model lacks something'
@@ -345,7 +367,7 @@ class ExtendedKalman(Identifier):
         """Find whether the model may be used."""
         k = 1 if self._usable else 0
         self._usable = (
-            self._bank.best.verdict is not None
+            self._bank.best.verdict is not None and not self._clocks
             and self._bank.best.innovations.correlation < CORRELATION[k]
             and self._free.fit > HELD_FIT[k])
 

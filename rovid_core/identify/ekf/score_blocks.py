@@ -89,6 +89,8 @@ class Verdict:
         The regressor that explains most of what the model does not.
     count : int
         Of the blocks.
+    theta : list of p floats
+        The parameters that fit all of them best, also beyond their bounds.
 
     """
 
@@ -96,6 +98,7 @@ class Verdict:
     scatter: float
     missing: Missing | None
     count: int
+    theta: list[float]
 
 
 class ScoreBlocks:
@@ -337,7 +340,9 @@ class _Fit:
             covariance = covariance + variance * np.outer(leaning, leaning)
         full = np.zeros((self._p, self._p))
         full[np.ix_(a, a)] = 0.5 * (covariance + covariance.T)
-        return Verdict(full.tolist(), scatter, missing, n)
+        theta = np.zeros(self._p)
+        theta[a] = self.theta
+        return Verdict(full.tolist(), scatter, missing, n, theta.tolist())
 
     def _test(self, columns: Sequence[int],
               count: float) -> tuple[float, float, Array] | None:

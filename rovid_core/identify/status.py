@@ -84,6 +84,7 @@ class DofStatus:
         self._last_minute = LastMinute(self._scales)
         self._time = 0.0
         self._judgement = CONVERGING
+        self._was_excited = False
         self.settled = False
         self.fit = math.nan
 
@@ -97,6 +98,7 @@ class DofStatus:
             self._last_minute.add_step(
                 step, (*identifier.parameters, *identifier.couplings))
         excited = identifier.excitation >= MIN_EXCITATION
+        self._was_excited = self._was_excited or excited
         if len(self._steps) == BATCH:
             self._add_steps()
         if self._time >= PERIOD:
@@ -115,6 +117,11 @@ class DofStatus:
         if not adapt:
             return FROZEN
         return self._judgement if excited else UNEXCITED
+
+    @property
+    def of_all(self) -> Judgement:
+        """Return the judgement while there was thrust last, or that there never was any."""
+        return self._judgement if self._was_excited else UNEXCITED
 
     def verdict(self) -> str:
         """Return what all data since the start do not show, '' if they show everything."""

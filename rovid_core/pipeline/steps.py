@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 import math
 from typing import cast, Protocol
 
@@ -561,8 +562,9 @@ class Identification:
         self._i = i
         self.identifier = identifier or make_identifier(
             method, dof, settings.raw_gains(name), settings.watched(name))
-        # raw gains have their own adaptation time
-        self._status = DofStatus(Scales.of(dof), getattr(
+        # a method may leave couplings out, and raw gains have their own adaptation time
+        scales = replace(Scales.of(dof), couplings=settings.couplings(name))
+        self._status = DofStatus(scales, getattr(
             self.identifier, 'adaptation_time', method.adaptation_time))
         self.sizes = TypicalSizeCheck(name, dof)
         self._unsigned = unsigned
@@ -614,6 +616,11 @@ class Identification:
             dof=self._name, parameters=identifier.parameters, uncertainty=identifier.uncertainty,
             judgement=Judgement('waiting', ('no step yet',)), delay=identifier.delay,
             couplings=identifier.couplings)
+
+    def judgement(self) -> Judgement:
+        """Return the judgement over all of the data, not that of the last step."""
+        now = self.estimate.judgement
+        return now if now.status in ('waiting', 'frozen') else self._status.of_all
 
     def verdict(self) -> str:
         """Return what all data leave open, '' if nothing."""

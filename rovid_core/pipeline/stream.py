@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from rovid_core.identify.estimate import Estimate
 from rovid_core.identify.method import Identifier
+from rovid_core.identify.status import Judgement
 from rovid_core.model.samples import Event
 from rovid_core.ordering.event_order import EventOrder
 from rovid_core.pipeline.steps import Pipeline, Scorer
@@ -177,6 +178,10 @@ class Stream:
     def identifier(self, dof: str) -> Identifier:
         """Return the identifier of a DOF."""
         return self._pipeline.dofs[self.settings.dofs.index(dof)].identifier
+
+    def judgement(self, dof: str) -> Judgement:
+        """Return the judgement of a DOF over all of the data: that while there was thrust last."""
+        return self._pipeline.dofs[self.settings.dofs.index(dof)].judgement()
 
     def verdict(self, dof: str) -> str:
         """Return what the data since the start or a reset leave open of a DOF, '' if nothing."""

@@ -104,7 +104,7 @@ def comparison_text(models: Sequence[Model], trials: Sequence[Trial], settings: 
     parts.append('\n'.join(f'log {k}: {trial.name}' + ('' if trial.trains else ', not trained on')
                            for k, trial in enumerate(trials, 1)))
     parts.append('own: mean |v_sim - v| on the log that the model was trained on; others: the '
-                 'mean over the\nother logs, with the mean fit.\n')
+                 'mean over the\nother logs that push the DOF, with the mean fit.\n')
     parts += [sentence(best_of(models, dof, trials), trials) for dof in settings.dofs]
     notes = dict.fromkeys(f'{m.dof}, {m.method}, {m.trained_on}: {m.fit.note}'
                           for m in models if m.fit.note)
@@ -132,7 +132,7 @@ def _row(model: Model, name: str, trials: Sequence[Trial]) -> list[str]:
     error = fit = NONE
     if others:
         error = number(model.error(others))
-        fit = percent(sum(model.scores[log].fit for log in others) / len(others))
+        fit = percent(model.fit_on(others))
     return [name, str(logs.index(model.trained_on) + 1),
             *map(number, physical(model.fit.parameters)),
             number(model.scores[model.trained_on].mae), error, fit]

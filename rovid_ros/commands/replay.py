@@ -248,9 +248,10 @@ class _Replay:
         scores = {dof: self._player.scores.score(dof, model) for dof, model in models.items()}
         joint = self._player.scores.score_joint(models)
         verdicts = {dof.dof: stream.verdict(dof.dof) for dof in estimate.dofs}
+        judgements = {dof.dof: stream.judgement(dof.dof) for dof in estimate.dofs}
         return Result(
             tuple(logs), self._settings, self._steps, self._messages, self.duration,
-            dofs_document(self._settings, estimate, scores, verdicts, joint),
+            dofs_document(self._settings, estimate, scores, verdicts, joint, judgements),
             dict(stream.rejected), current_document(self._settings, estimate.current))
 
     def _add_message(self, message: LogMessage) -> None:

@@ -39,7 +39,7 @@ from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.output_error import information
 from rovid_ros import __version__
-from rovid_ros.comparison.trials import best_of, Model, Trial
+from rovid_ros.comparison.trials import best_of, Model, Trial, unseen
 from rovid_ros.results.documents import json_number, json_numbers
 from rovid_ros.results.text import number, percent, unit
 
@@ -63,16 +63,16 @@ def sentence(best: Model, trials: Sequence[Trial]) -> str:
     """Return in one sentence what was identified of a DOF and how well it predicts."""
     dof = best.dof
     mass, quadratic, linear, bias = physical(best.fit.parameters)
-    log = next((t.name for t in trials if t.name != best.trained_on and best.is_scored(t.name)),
-               best.trained_on)
-    score = best.scores[log]
-    own = ', on which it was trained' if log == best.trained_on else ''
+    logs = unseen(best, [trial.name for trial in trials]) or [best.trained_on]
+    error, fit = best.error(logs), best.fit_on(logs)
+    what = logs[0] if len(logs) == 1 else f'{len(logs)} logs that it was not trained on'
+    own = ', on which it was trained' if logs == [best.trained_on] else ''
     return (
         f'{dof.capitalize()}: effective mass {number(mass)} {unit(dof, "mass")}, quadratic drag '
         f'{number(quadratic)} {unit(dof, "quadratic_drag")}, linear drag {number(linear)} '
         f'{unit(dof, "linear_drag")}, bias {number(bias)} {unit(dof, "bias")}; predicts the '
-        f'velocity of {log}{own} to {number(score.mae)} {unit(dof, "mae")} (fit '
-        f'{percent(score.fit)}).')
+        f'velocity of {what}{own} to {number(error)} {unit(dof, "mae")} (fit '
+        f'{percent(fit)}).')
 
 
 def _verdict(relative: Mapping[str, float | None]) -> str:

@@ -14,18 +14,18 @@ import math
 from typing import Any, Protocol, TypeVar
 
 import numpy as np
-from rovid_core.identify import make_identifier, METHODS as ONLINE
+from rovid_core.identify import METHODS as ONLINE
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier
 from rovid_core.identify.estimate import Estimate
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
-from rovid_core.model.samples import Step
-from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales, Settings
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.offline import METHODS as OFFLINE, subsets
 from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.logs.log import LogMessage
-from rovid_ros.logs.player import PipelinePlayer
+from rovid_ros.logs.player import PipelinePlayer, repeat_control
 from rovid_ros.results.documents import couplings_document, json_number, json_numbers, Result
 
 PAPER = 'aid'  # the paper's method, of which the report draws the figures
@@ -61,56 +61,46 @@ class History:
     theta_hats: list[tuple[float, ...]] = field(default_factory=list)
 
 
-class OnlineMethods(ScoreLog):
-    """What a score needs, and every other online method on the very same steps."""
-
-    def __init__(self, settings: Settings) -> None:
-        super().__init__(settings)
-        self.identifiers = {dof: {
-            method: make_identifier(
-                replace(IdentifierSettings(), method=method), settings.dof[dof],
-                watched=settings.watched(dof))
-            for method in ONLINE if method != PAPER} for dof in settings.dofs}
-
-    def begin_run(self, dof: str, time: int, velocity: float) -> None:
-        """Restart the identifiers of a DOF from a velocity."""
-        super().begin_run(dof, time, velocity)
-        for identifier in self.identifiers[dof].values():
-            identifier.restart(velocity)
-
-    def add_step(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
-        """Keep a step with its times [ns], and let the identifiers make it."""
-        super().add_step(dof, span, step)
-        for identifier in self.identifiers[dof].values():
-            identifier.step(step)
-
-
 class TrialPlayer(PipelinePlayer):
-    """The pipeline with all online methods."""
+    """
+    The pipeline of every online method, each as a replay with that method has it.
+
+    The adaptive identifier's steps carry what the scores of all methods need.
+    """
 
     def __init__(self, settings: Settings) -> None:
         # a node that is to start frozen is compared by what it would find
-        paper = replace(settings, identifier=replace(settings.identifier, method=PAPER),
-                        enable=True, all_methods=True)
-        self._others = OnlineMethods(paper)
-        super().__init__(paper, self._others)
+        settings = replace(settings, enable=True)
+        of = {method: replace(settings, identifier=replace(settings.identifier, method=method))
+              for method in ONLINE}
+        paper = replace(of.pop(PAPER), all_methods=True)
+        super().__init__(paper, ScoreLog(paper))
+        self._others = {method: Stream(one) for method, one in of.items()}
         self.history = {dof: History() for dof in settings.dofs}  # of the adaptive identifier
 
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message; return the estimates that it released."""
+        for stream in self._others.values():
+            for event in message.data:
+                stream.receive(event)
         return self._kept(super().add_message(message))
 
     def repeat_control(self, name: str, value: str) -> list[Estimate]:
         """Do again what was done to the node when the log was recorded."""
+        for stream in self._others.values():
+            repeat_control(stream, name, value)
         return self._kept(super().repeat_control(name, value))
 
     def finish(self) -> list[Estimate]:
         """Release what is still held back at the log's end."""
+        for stream in self._others.values():
+            stream.finish()
         return self._kept(super().finish())
 
     def fits(self, dof: str) -> dict[str, Fit]:
         """Return what every online method ended with."""
-        history, others = self.history[dof], self._others.identifiers[dof]
+        history = self.history[dof]
+        others = {method: stream.identifier(dof) for method, stream in self._others.items()}
         if not history.parameters:  # the methods hold their initial values
             return dict.fromkeys((PAPER, *others), Fit.none('no step'))
         paper = self.stream.identifier(dof)
@@ -125,6 +115,10 @@ class TrialPlayer(PipelinePlayer):
                 identifier.parameters, np.array(identifier.covariance).reshape(4, 4),
                 '; '.join(notes), identifier.couplings, identifier.uncertainty.couplings_std)
         return found
+
+    def excites(self, dof: str) -> bool:
+        """Tell whether something pushed a DOF: what predicts it otherwise says nothing."""
+        return self.stream.judgement(dof).status != 'unexcited'
 
     def _kept(self, estimates: list[Estimate]) -> list[Estimate]:
         for estimate in estimates:
@@ -173,6 +167,8 @@ class Model:
     # by the name of the log, with all DOFs of the same method simulated together; empty without
     # couplings
     joint: Mapping[str, Score] = field(default_factory=dict)
+    # names of logs in which nothing pushes the DOF: averages leave them out
+    idle: frozenset[str] = frozenset()
 
     @property
     def all_parameters(self) -> tuple[float, ...]:
@@ -180,13 +176,19 @@ class Model:
         return (*self.fit.parameters, *self.fit.couplings)
 
     def error(self, logs: Sequence[str]) -> float:
-        """Return the mean mae over those logs that it has one in; infinite without any."""
-        values = [self.scores[log].mae for log in logs if self.is_scored(log)]
+        """Return the mean mae over those logs that judge it; infinite without any."""
+        values = [self.scores[log].mae for log in self.judges(logs)]
         return sum(values) / len(values) if values else math.inf
 
-    def is_scored(self, log: str) -> bool:
-        """Tell whether there are steps in a log to score it on."""
-        return not math.isnan(self.scores[log].mae)
+    def fit_on(self, logs: Sequence[str]) -> float:
+        """Return the mean fit over those logs that judge it; NaN without any."""
+        values = [self.scores[log].fit for log in self.judges(logs)]
+        return sum(values) / len(values) if values else math.nan
+
+    def judges(self, logs: Sequence[str]) -> list[str]:
+        """Return those logs that have steps to score it on and push the DOF, if any does."""
+        scored = [log for log in logs if not math.isnan(self.scores[log].mae)]
+        return [log for log in scored if log not in self.idle] or scored
 
     def document(self) -> dict[str, Any]:
         """Return the model's part of the JSON."""
@@ -278,7 +280,8 @@ def _best_terms(trial: Trial, dof: str, settings: Settings,
     # least squares is quicker, but leaves couplings out
     method = OFFLINE[REFERENCE if configured.couplings else 'least_squares']
     records = trial.scores.records(dof)
-    judges = [t for t in trials if t is not trial and t.scores.records(dof)] or [trial]
+    judges = [t for t in trials if t is not trial and t.scores.records(dof)
+              and t.player.excites(dof)] or [trial]
 
     def error(candidate: DofSettings) -> float:
         fit = method(records, Scales.of(candidate), settings)
@@ -304,9 +307,16 @@ def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
         fit = trial.player.fits(dof)[job.method]
     sound = all(map(math.isfinite, fit.parameters))
     model = Model(job.method, trial.name, dof, job.dof_settings.terms, not job.configured, fit, {},
-                  settings.dof[dof].couplings if fit.couplings else ())
+                  settings.dof[dof].couplings if fit.couplings else (),
+                  idle=frozenset([t.name for t in trials if not t.player.excites(dof)]))
     return replace(model, scores={
         t.name: t.scores.score(dof, model.all_parameters) if sound else Score() for t in trials})
+
+
+def unseen(model: Model, logs: Sequence[str]) -> list[str]:
+    """Return the logs that judge a model and that it was not trained on, and push its DOF."""
+    return [log for log in model.judges(logs)
+            if log != model.trained_on and log not in model.idle]
 
 
 def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model:
@@ -319,8 +329,7 @@ def best_of(models: Sequence[Model], dof: str, trials: Sequence[Trial]) -> Model
     names = [trial.name for trial in trials]
 
     def error(model: Model) -> float:
-        others = [name for name in names if name != model.trained_on and model.is_scored(name)]
-        return model.error(others or names)
+        return model.error(unseen(model, names) or names)
 
     own = [model for model in models if model.dof == dof]
     least = min(map(error, own))

@@ -16,6 +16,7 @@ from typing import Any
 
 from rovid_core.identify.estimate import Current, DofEstimate, Estimate
 from rovid_core.identify.intervals import Interval
+from rovid_core.identify.status import Judgement
 from rovid_core.model.dofs import COUPLINGS, DOFS, Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
@@ -73,7 +74,8 @@ class Result:
 def dofs_document(settings: Settings, estimate: Estimate | None,
             scores: Mapping[str, Score] | None = None,
             verdicts: Mapping[str, str] | None = None,
-            joint: Mapping[str, Score] | None = None) -> dict[str, dict[str, Any]]:
+            joint: Mapping[str, Score] | None = None,
+            judgements: Mapping[str, Judgement] | None = None) -> dict[str, dict[str, Any]]:
     """
     Return the ``dofs`` part of the JSON of ``rovid replay``.
 
@@ -89,6 +91,8 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
         What the data leave open of each DOF.
     joint : mapping of str to Score, optional
         The score of DOFs with couplings when all DOFs are simulated together.
+    judgements : mapping of str to Judgement, optional
+        The status of each DOF over all of the data, instead of that of the last step.
 
     Returns
     -------
@@ -105,6 +109,7 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
     for dof in dofs:
         score = (scores or {}).get(dof.dof)
         known = any(math.isfinite(x) for x in dof.std)
+        judgement = (judgements or {}).get(dof.dof, dof.judgement)
         result[dof.dof] = {
             **json_numbers(PARAMETERS, dof.parameters),
             'std': json_numbers(PARAMETERS, dof.std) if known else None,
@@ -120,8 +125,8 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
                if joint and dof.dof in joint else {}),
             'steps': dof.steps,
             # of the model: that the log of a sensor ended earlier takes nothing from it
-            'status': dof.judgement.status,
-            'reasons': list(dof.judgement.reasons),
+            'status': judgement.status,
+            'reasons': list(judgement.reasons),
             'verdict': (verdicts or {}).get(dof.dof, ''),
         }
     return result

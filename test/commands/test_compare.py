@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 from mcap.reader import make_reader
 import pytest
@@ -9,7 +10,10 @@ from rovid_core.identify import METHODS as ONLINE
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.plant import lumped
 from rovid_core.trials.offline import METHODS
+from rovid_core.trials.record import Fit
+from rovid_core.trials.score import Score
 from rovid_ros.commands.main import main
+from rovid_ros.comparison.trials import Model, unseen
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.writer import LogWriter
@@ -60,6 +64,44 @@ def test_output_error_is_nearest_and_knows_how_near(folder: Path) -> None:
     truth = lumped(true.mass, true.quadratic_drag, true.linear_drag, true.bias)
     for name, value in zip(PARAMETERS, truth):
         assert abs(surge[name] - value) < 5 * surge['std'][name]
+
+
+@pytest.mark.parametrize('method', ['ekf', 'rls'])
+def test_a_method_is_what_a_replay_makes_of_it(folder: Path, method: str) -> None:
+    found = folder / f'{method}.json'
+    assert main(['replay', str(folder / 't1.mcap'), '--params-file', str(folder / 'rov.yaml'),
+                 '--method', method, '--json', str(found)]) == 0
+    alone = json.loads(found.read_text())['dofs']['surge']
+    models = json.loads((folder / 'out.json').read_text())['models']
+    compared = next(m['dofs']['surge'] for m in models if m['method'] == method)
+    assert [compared[name] for name in PARAMETERS] == [alone[name] for name in PARAMETERS]
+
+
+def test_a_replay_speaks_of_the_whole_log(folder: Path) -> None:
+    """Not of its end, where nothing pushes any more; where nothing ever did, it says that."""
+    for name, levels in (('end', '150/-150/150/-150/0/0/0/0'), ('idle', '0/0')):
+        log, found = folder / f'{name}.mcap', folder / f'{name}.json'
+        config = str(folder / 'rov.yaml')
+        assert main(['simulate', '--params-file', config, '--duration', '80', '--output',
+                     str(log), '--profile', f'surge=steps:{levels}@10{STILL}']) == 0
+        assert main(['replay', str(log), '--params-file', config, '--json', str(found)]) == 0
+        surge = json.loads(found.read_text())['dofs']['surge']
+        assert (surge['status'] == 'unexcited') == (name == 'idle'), surge
+        assert ('no thrust' in surge['reasons']) == (name == 'idle')
+
+
+def test_averages_leave_out_logs_that_do_not_push() -> None:
+    def model(**more: Any) -> Model:
+        scores = {'own': Score(0.01, 0.9), 'moves': Score(0.02, 0.8), 'idle': Score(9.0, -5.0)}
+        return Model('ekf', 'own', 'surge', PARAMETERS, False, Fit.none(''), scores, **more)
+    logs = ['own', 'moves', 'idle']
+    one = model(idle=frozenset(['idle']))
+    assert unseen(one, logs) == ['moves']
+    assert one.error(['moves', 'idle']) == 0.02 and one.fit_on(['moves', 'idle']) == 0.8
+    assert model().error(['moves', 'idle']) == pytest.approx(4.51)
+    # rather an idle log than none
+    assert one.error(['idle']) == 9.0
+    assert model(idle=frozenset(logs)).error(logs) == pytest.approx(9.03 / 3)
 
 
 def test_the_report_and_export_take_it(folder: Path) -> None:

@@ -106,6 +106,7 @@ class OutlierGate:
         is_angular = input in ('attitude', 'angular_velocity')
         self._is_rotation = input == 'attitude'
         self._is_rate = input in ('velocity', 'angular_velocity')
+        self._is_linear = input in ('position', 'depth')
         # the depth counts instead of z
         self._axes = 1 if input == 'depth' else (
             2 if input == 'position' and settings.depth.topic else 3)
@@ -195,7 +196,10 @@ class OutlierGate:
         if prediction.count == 1:
             return noise + FACTOR * self._velocity * span
         # the rate lags behind by 1.75 periods, see _rate_gain
-        return noise + self._acceleration * span * (0.5 * span + 1.75 * period)
+        change = self._acceleration * (0.5 * span + 1.75 * period)
+        if self._is_linear:  # over seconds, no further than from full astern to full ahead
+            change = min(change, 2.0 * FACTOR * self._velocity)
+        return noise + change * span
 
     def _rate_gain(self, prediction: Prediction, dt: float) -> float:
         """Return the gain [1/s] of the rate; a short interval says little about it."""

@@ -24,6 +24,15 @@ MAX_DOUBTED = 4096
 WARN_AFTER = 20
 """So many events of one input with a wrong stamp are worth a warning."""
 
+LATE_IN_A_ROW, LATE_FOR = 3, 2_000_000_000
+"""Late events of one input in a row, and time that they span [ns], for a longer wait."""
+
+MARGIN = 1.25
+"""Of that wait over the greatest lag."""
+
+KEPT_LAG = 0.99
+"""Share of the greatest lag of an input that is kept with each late event."""
+
 ENOUGH_ALONE = 20
 """So many events with nothing from the others are believed, where they span ``far``."""
 
@@ -53,6 +62,8 @@ class EventOrder:
         (a reference) are put in their place and wait for nobody, nor does anybody for them.
     max_wait : float
         [s] How much later than its stamp an event may come.
+    grows : bool
+        Whether ``max_wait`` grows, up to ``FAR``, for an input that keeps coming later.
     time_jump : float
         [s] A stamp back by more than this is a jump of time; by less, it is dropped.
     reject : callable
@@ -64,8 +75,10 @@ class EventOrder:
     """
 
     def __init__(self, inputs: Sequence[Key], max_wait: float, time_jump: float,
-                 reject: Callable[[str, str], None], warn: Callable[[str], None]) -> None:
+                 reject: Callable[[str, str], None], warn: Callable[[str], None],
+                 grows: bool = False) -> None:
         self._inputs = frozenset(inputs)
+        self._grows = grows
         self._max_wait = round(max_wait * 1e9)
         self._far = max(FAR, self._max_wait)  # a stamp may lag by max_wait
         self._time_jump = round(time_jump * 1e9)
@@ -86,12 +99,20 @@ class EventOrder:
         self._jumps.restart()
         self._arrivals = 0
         self._late: dict[Key, int] = {}
+        self._last_lags: dict[Key, int] = {}
+        self._lags: dict[Key, list[tuple[int, int]]] = {}  # time and lag of each late one in a row
 
-    def change(self, max_wait: float) -> None:
+    def change(self, max_wait: float, grows: bool = False) -> None:
         """Use another ``max_wait`` [s]; what has been released stays the past."""
+        self._grows = grows
         self._past = max(self._past, self._newest - self._max_wait)
         self._max_wait = round(max_wait * 1e9)
         self._jumps.far = self._far = max(FAR, self._max_wait)
+
+    def lag(self, name: str) -> float:
+        """Return by how much [s] late events of an input are behind the newest one, at most."""
+        return max([lag for key, lag in self._last_lags.items() if key[0] == name],
+                   default=0) * 1e-9
 
     def push(self, event: Event) -> tuple[list[Event], bool]:
         """
@@ -138,7 +159,7 @@ class EventOrder:
         elif (event.time < max(self._past, newest - self._max_wait)
                 and event.time > self._last.get(key, BEFORE_ALL)):
             self._drop(event, 'late')
-            self._note_late(key, newest - event.time)
+            self._note_late(key, event.time, newest - event.time)
         else:
             self._hold(key, event)
         if jumps.ahead:
@@ -158,6 +179,8 @@ class EventOrder:
         if len(self._held) >= MAX_HELD:
             self._drop(event, 'overload')
             return
+        if self._lags:
+            self._lags.pop(key, None)
         for sample in event.samples:
             self._last[(sample.input, sample.part)] = event.time
         if len(event.samples) > 1:  # some of these inputs may have been further
@@ -185,12 +208,24 @@ class EventOrder:
             released.append(heappop(self._held)[3])
         return released
 
-    def _note_late(self, key: Key, lag: int) -> None:
+    def _note_late(self, key: Key, time: int, lag: int) -> None:
+        self._last_lags[key] = max(lag, round(KEPT_LAG * self._last_lags.get(key, 0)))
+        if self._grows and lag <= FAR:
+            lags = self._lags.setdefault(key, [])
+            lags.append((time, lag))
+            if len(lags) >= LATE_IN_A_ROW and time - lags[0][0] >= LATE_FOR:
+                wait = min(FAR, round(MARGIN * max(lag for _, lag in lags)))
+                self._lags.clear()
+                self.change(max(wait, self._max_wait) * 1e-9, grows=True)
+                self._warn(f'{key[0]} keeps coming {lag / 1e9:.2f} s after newer messages of '
+                           f'other inputs: they wait up to {wait / 1e9:.2f} s for it from now on')
+            return
         count = self._late[key] = self._late.get(key, 0) + 1
         if count == WARN_AFTER and lag > self._far:
             self._warn(f'the stamps of {key[0]} are {lag / 1e9:.1f} s behind those of the other '
-                       f'inputs; they are refused as late until its clock or {key[0]}.latency is '
-                       'right')
+                       'inputs; they are refused as late: correct its clock or '
+                       f'{key[0]}.latency, or, if they come so late, set max_wait to '
+                       f'{MARGIN * lag / 1e9:.1f}')
         elif count == WARN_AFTER:
             self._warn(f'messages of {key[0]} come up to {lag / 1e9:.2f} s after newer ones of '
                        'other inputs and are refused as late: raise max_wait, or give the '

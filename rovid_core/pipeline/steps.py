@@ -23,6 +23,7 @@ from rovid_core.model.dofs import Quaternion
 from rovid_core.model.lowpass import LowPass
 from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Motion, Sample, Step
+from rovid_core.ordering.cadence import Cadence
 from rovid_core.pipeline.planar_steps import PlanarSteps
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
@@ -87,7 +88,8 @@ class Pipeline:
         self._settings = settings
         self._reject = reject
         self._scorer = scorer
-        self._max_gap = round(settings.max_gap / NS)
+        self._cadences = {name: Cadence() for name in settings.used_inputs() if name in SOURCES}
+        self._patience = round(settings.longest_timeout / NS)
         self._shared = SharedMotion(settings)
         self._forces = ForceHistory(settings.thrusters, settings.dofs)
         self._commands = CommandIntake(settings, self._forces, warn)
@@ -115,9 +117,24 @@ class Pipeline:
     def change(self, settings: Settings) -> None:
         """Use other gains and limits; filters, histories and parameters stay."""
         gains_change = settings.identifier != self._settings.identifier
+        cutoff_changes = settings.cutoff != self._settings.cutoff
         self._settings = settings
-        self._max_gap = round(settings.max_gap / NS)
+        self._take(self._with_gaps(), gains_change)
+        if self._scorer is not None and cutoff_changes:
+            self._scorer.set_cutoff(settings.cutoff)
+
+    def _with_gaps(self) -> Settings:
+        """Return the settings with the gap of each input that follows its rate."""
+        return self._settings if self._settings.max_gap else self._settings.with_timeouts(
+            {name: cadence.gap for name, cadence in self._cadences.items()
+             if not self._settings.input(name).timeout})
+
+    def _take(self, settings: Settings, gains_change: bool = False) -> None:
+        """Hand other settings to all that depends on them."""
+        self._patience = round(settings.longest_timeout / NS)
         self._shared.change(settings)
+        if self._couplings is not None:
+            self._couplings.change(settings)
         self._forces.change(settings.thrusters.timeout)
         self._commands.change(settings)
         for check in self._checks.values():
@@ -126,8 +143,6 @@ class Pipeline:
             source.change(settings)
         for dof in self.dofs:
             dof.change(settings, gains_change)
-        if self._scorer is not None:
-            self._scorer.set_cutoff(settings.cutoff)
 
     def restart(self) -> None:
         """Forget filters and histories, and keep the parameters."""
@@ -137,6 +152,8 @@ class Pipeline:
         self._forces.restart()
         self._commands.restart()
         self._configuration.restart()
+        for cadence in self._cadences.values():
+            cadence.restart()
         for check in self._checks.values():
             check.restart()
         for source in self._sources:
@@ -237,6 +254,8 @@ class Pipeline:
 
     def _add_measurement(self, time: int, name: str, value: tuple[float, ...]) -> str:
         """Check a measurement and hand it to its velocity source, or to the attitudes."""
+        if self._cadences[name].add_time(time) and not self._settings.max_gap:
+            self._take(self._with_gaps())
         if name == 'attitude':
             try:
                 value = rotation = normalised(cast(Quaternion, value))
@@ -272,12 +291,12 @@ class Pipeline:
                 self._interrupt(source, motion)
             elif not source.indices:
                 continue  # measured for the other sources only
-            elif not self._forces.known(motion.end) and now - motion.end <= self._max_gap:
+            elif not self._forces.known(motion.end) and now - motion.end <= self._patience:
                 source.held = motion  # the command that ends its span is still to come
                 return
             elif lacking := self._lacking(source, motion):
                 missing, reason = lacking
-                if missing == 'later' and now - motion.end <= self._max_gap:
+                if missing == 'later' and now - motion.end <= self._patience:
                     source.held = motion
                     return
                 self._interrupt(source, reason)
@@ -486,6 +505,7 @@ class FilteredSource(VelocitySource):
         """Use other limits and another cutoff; the filters go on from where they are."""
         super().change(settings)
         self.timeout = round(settings.timeout_of(self.input) / NS)
+        self._is_chosen = settings.cutoff != Settings.cutoff  # else it follows the rate
         self.velocity.retune(settings.cutoff)
         self.force.retune(settings.cutoff)
         self.regressors.retune(settings.cutoff)
@@ -520,7 +540,7 @@ class FilteredSource(VelocitySource):
     def warn_if_clamped(self) -> None:
         """Warn once when the samples come too slowly for the cutoff."""
         steps, clamped = self.velocity.steps, self.velocity.clamped
-        if self._warn and steps >= 50 and clamped > steps // 2:
+        if self._warn and self._is_chosen and steps >= 50 and clamped > steps // 2:
             self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.input}, and '
                        'clamped to that')
             self._warn = None

@@ -106,8 +106,8 @@ class Stream:
             settings, self.reject, self._warnings.append, scorer, self._hints.append)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
-        self._order = EventOrder(keys, settings.max_wait, settings.time_jump, self.reject,
-                                 self._warnings.append)
+        self._order = EventOrder(keys, settings.wait, settings.time_jump, self.reject,
+                                 self._warnings.append, settings.max_wait < 0.0)
 
     def receive(self, event: Event) -> list[Estimate]:
         """Add an event, in any order, and return the estimates that it releases."""
@@ -147,7 +147,7 @@ class Stream:
 
         """
         self._note('parameters', told)
-        self._order.change(settings.max_wait)
+        self._order.change(settings.wait, settings.max_wait < 0.0)
         self._pipeline.change(settings)
         self.settings = settings
         self._pipeline.adapt = settings.enable
@@ -214,6 +214,10 @@ class Stream:
     def reject(self, input: str, reason: str) -> None:
         """Count a refusal."""
         self.rejected[(input, reason)] = self.rejected.get((input, reason), 0) + 1
+
+    def lag(self, input: str) -> float:
+        """Return by how much [s] late samples of an input are behind the others, at most."""
+        return self._order.lag(input)
 
     def rejected_by_reason(self) -> dict[str, int]:
         """Return how many samples or steps were refused, by reason."""

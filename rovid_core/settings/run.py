@@ -8,8 +8,9 @@ it stands in the parameter file.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
+from typing import Any
 
 from rovid_core.model.dofs import (
     ANGULAR_DOFS,
@@ -44,6 +45,12 @@ WATCHING = ('ekf',)
 
 WITH_CURRENT: tuple[str, ...] = ()
 """Methods that estimate the current of the water; the others assume that it is still."""
+
+LEAST_GAP = 1.0
+"""[s] Least gap where ``max_gap`` follows the rates; no vehicle is slower than that."""
+
+LEAST_WAIT = 0.1
+"""[s] Least wait for the slowest input where ``max_wait`` follows what comes."""
 
 TINY, HUGE = 1e-6, 1e12
 """What a mass, force or velocity can be in any unit; squares of it are far from overflow."""
@@ -236,8 +243,8 @@ class Settings:
     sign: InputSettings = InputSettings()
     hardware_id: str = ''  # '': the name of the node
     frames: str = 'enu'
-    max_wait: float = 0.1
-    max_gap: float = 1.0
+    max_wait: float = -1.0  # [s]; below 0: as long as the inputs need
+    max_gap: float = 0.0  # [s]; 0: by the rate of each input
     time_jump: float = 1.0
     enable: bool = True  # False: the parameters are frozen at the start
     reset_on_time_jump: bool = True
@@ -361,12 +368,31 @@ class Settings:
         """Return after how long [s] an input counts as silent; infinite for held thrust."""
         if name == 'thrusters':
             return self.thrusters.timeout or math.inf
-        return self.input(name).timeout or self.max_gap
+        return self.input(name).timeout or self.max_gap or LEAST_GAP
+
+    def with_timeouts(self, timeouts: Mapping[str, float]) -> Settings:
+        """Return the same settings with other timeouts [s] of some inputs, by their names."""
+        inputs: dict[str, Any] = {
+            name: replace(self.input(name), timeout=timeout) for name, timeout in timeouts.items()}
+        return replace(self, **inputs)
+
+    @property
+    def wait(self) -> float:
+        """
+        Return how long [s] the inputs wait for the slowest one at first.
+
+        What comes with a latency has event times that lie back by it.
+        """
+        if self.max_wait >= 0.0:
+            return self.max_wait
+        latencies = [self.thrusters.latency if name == 'thrusters' else self.input(name).latency
+                     for name in self.used_inputs()]
+        return LEAST_WAIT + max(latencies) - min(latencies)
 
     @property
     def longest_timeout(self) -> float:
         """Return how far back [s] the measurements may reach that a step is made of."""
-        return max(self.max_gap, *(
+        return max(self.max_gap or LEAST_GAP, *(
             self.timeout_of(name) for name in self.used_inputs() if name != 'thrusters'))
 
     def used_inputs(self) -> tuple[str, ...]:

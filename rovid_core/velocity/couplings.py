@@ -35,15 +35,15 @@ class MeanVelocities:
     """
     The mean of a velocity over any span, from means over intervals that follow each other.
 
-    Parameters
+    Attributes
     ----------
     memory : int
         [ns] How far back velocities are needed.
 
     """
 
-    def __init__(self, memory: int) -> None:
-        self._memory = memory
+    def __init__(self) -> None:
+        self.memory = 0
         self.restart()
 
     def restart(self) -> None:
@@ -62,7 +62,7 @@ class MeanVelocities:
         if means and means[-1][1] != start:
             means.clear()  # an interval is missing: nothing is known across it
         means.append((start, end, velocity))
-        while means[0][1] < end - self._memory:
+        while means[0][1] < end - self.memory:
             means.popleft()
 
     def add_point(self, time: int, velocity: Vector, timeout: int) -> None:
@@ -119,8 +119,12 @@ class CouplingRegressors:
                    if name not in OF_ATTITUDE for x in name}
         self.inputs = (self._linear_input if letters & set(LINEAR) else '',
                        self._rates_input if letters & set(ANGULAR) else '')
-        memory = 2 * round(settings.longest_timeout / NS)
-        self._linear, self._rates = MeanVelocities(memory), MeanVelocities(memory)
+        self._linear, self._rates = MeanVelocities(), MeanVelocities()
+        self.change(settings)
+
+    def change(self, settings: Settings) -> None:
+        """Use other timeouts."""
+        self._linear.memory = self._rates.memory = 2 * round(settings.longest_timeout / NS)
         self._timeouts = {name: round(settings.timeout_of(name) / NS)
                           for name in (self._linear_input, self._rates_input)}
 

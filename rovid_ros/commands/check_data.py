@@ -9,8 +9,9 @@ from typing import Any, cast
 from rovid_core.inputs.refusals import REASONS
 from rovid_core.inputs.units_and_signs import look_like_pulse_widths
 from rovid_core.model.dofs import DOFS, Quaternion
+from rovid_core.ordering.cadence import PERIODS
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import IdentifierSettings, Settings, WATCHING
+from rovid_core.settings.run import IdentifierSettings, LEAST_GAP, Settings, WATCHING
 from rovid_core.velocity.attitude_history import normalised, rotation_between
 from rovid_ros.config.input_topics import section, topics_of
 from rovid_ros.messages.converter import Converter
@@ -240,7 +241,8 @@ def _summary(one: SampleStatistics) -> str:
 
 def _check_times(settings: Settings, subject: str, one: SampleStatistics,
                  findings: Findings) -> None:
-    limit, key = settings.max_gap, 'max_gap'
+    usual = PERIODS / one.rate if one.rate else 0.0
+    limit, key = settings.max_gap or max(LEAST_GAP, usual), 'max_gap'
     if one.input == 'thrusters':
         limit, key = settings.thrusters.timeout, 'thrusters.timeout'
     if one.input not in ('reference', 'sign') and 0.0 < limit < one.longest_gap:

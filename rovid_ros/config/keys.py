@@ -124,11 +124,12 @@ def _run() -> list[Key]:
                'frames of the input messages: enu (z up, body flu) or ned (z down, body frd)',
                choices=('enu', 'ned')),
         key_of('max_wait', 'max_wait', Settings,
-               'a slow input is waited for until the newest event time is this much later', 's',
-               0.0, 60.0, live=True),
+               'a slow input is waited for until the newest event time is this much later; below '
+               '0: 0.1 s, as much more as the latencies of the inputs differ, and up to 1 s where '
+               'one keeps coming later', 's', -1.0, 60.0, live=True),
         key_of('max_gap', 'max_gap', Settings,
-               'after a longer gap filter and observer restart from the measurement', 's',
-               0.001, 3600.0, live=True),
+               'after a longer gap filter and observer restart from the measurement; 0: five '
+               'usual intervals of the input, and at least 1 s', 's', 0.0, 3600.0, live=True),
         key_of('time_jump', 'time_jump', Settings,
                'stamps that go back by more are a jump (a restarted log), by less are dropped',
                's', 0.001, 3600.0),

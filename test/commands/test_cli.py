@@ -123,7 +123,7 @@ def test_an_input_at_fault_is_one_line_and_exit_code_1(
 def test_an_error_in_the_parameters_names_file_and_key(
         config: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / 'wrong.yaml'
-    path.write_text(Path(config).read_text().replace('max_gap: 1.0', 'max_gap: -1.0'))
+    path.write_text(Path(config).read_text().replace('max_gap: 0.0', 'max_gap: -1.0'))
     assert main(['replay', 'no.mcap', '--params-file', str(path)]) == 1
     number = path.read_text()[:path.read_text().index('max_gap')].count('\n') + 1
     assert one_line(capsys).startswith(

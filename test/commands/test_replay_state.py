@@ -203,7 +203,7 @@ def test_another_configuration_is_refused(
     assert text.count('gain: [40.0, 40.0, 55.0]') == 1
     call.config.write_text(text.replace('gain: [40.0, 40.0, 55.0]', 'gain: [40.0, 41.0, 55.0]'))
     refused(call, dives[1], capsys=capsys, says='was made with thrusters.gain [40.0, 40.0, 55.0]')
-    call.config.write_text(text.replace('max_wait: 0.1', 'max_wait: 0.2'))
+    call.config.write_text(text.replace('max_wait: -1.0', 'max_wait: 0.2'))
     assert call(dives[1]) == 0  # what gives the parameters no other meaning is free
 
 

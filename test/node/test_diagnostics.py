@@ -197,7 +197,7 @@ def test_messages_that_are_all_refused(messages: list[Raw]) -> None:
     run.later(0.5)
     _, level, message, values = run.statuses()['position']
     assert (level, message) == (
-        WARN, 'messages come, none is taken: position non_finite 40')
+        ERROR, 'messages come, none is taken: position non_finite 40')
     assert values['refused non_finite'] == '40'
     assert values['refused non_finite, meaning'] == REASONS['non_finite']
     assert run.statuses()['rejected'][3] == {'position.non_finite': '40'}
@@ -211,7 +211,7 @@ def test_values_that_are_all_refused_are_not_taken(messages: list[Raw]) -> None:
     assert run.stream.rejected['attitude', 'not_a_rotation'] > 100
     assert run.stream.inputs['attitude'].count == 0
     _, level, message, _ = run.statuses()['attitude']
-    assert (level, message[:35]) == (WARN, 'messages come, none is taken: attit')
+    assert (level, message[:35]) == (ERROR, 'messages come, none is taken: attit')
 
 
 def test_a_command_that_holds_for_ever(messages: list[Raw]) -> None:

@@ -101,7 +101,7 @@ WRONG = [
     {'identifier.adaptation_gains': [1.0] * 4}, {**RAW, 'identifier.adaptation_gains': [1.0] * 5},
     {**RAW, 'identifier.adaptation_gains': [1.0, 1.0, 1.0, math.nan]},
     {**RAW, 'identifier.adaptation_gains': ['1', '2', '3', '4']},
-    {'max_wait': 1.0, 'max_gap': 0.0}, {'velocity.max': 1.0, **RAW, 'max_wait': 61}]
+    {'max_wait': 1.0, 'max_gap': -1.0}, {'velocity.max': 1.0, **RAW, 'max_wait': 61}]
 
 
 @pytest.mark.parametrize('values', WRONG, ids=str)

@@ -32,13 +32,13 @@ import math
 from rovid_core.identify.estimate import DofEstimate
 from rovid_core.inputs.refusals import STILL_USED
 from rovid_core.model.samples import Event
+from rovid_core.ordering.cadence import PERIODS
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import topics_of
 from rovid_ros.node.health.graph import TopicState
 from rovid_ros.results.outputs import dof_message, ERROR, LEVELS, OK, STALE, WARN
 
-PERIODS = 5.0  # an input is late when it has been silent for this many of its periods
 ACCEPTABLE = 0.02  # share of refused samples above which something is wrong with the data
 WINDOW = 10.0  # [s] how far back the recent counts go
 RATE_SAMPLES = 30  # messages over which the rate of a topic is measured
@@ -171,12 +171,17 @@ def _arriving_level(data: HealthData, name: str, limit: float) -> LevelAndMessag
     """Judge an input whose messages come."""
     health, refused = data.stream.inputs[name], data.recent.refused(name)
     taken = data.recent.used(name)
-    if not taken and (refused or data.recent.span >= WINDOW / 2.0):
-        return WARN, 'messages come, none is taken: ' + (
-            counts_text(refused, 3) or 'they wait for the other inputs')
+    if not taken and refused:
+        return ERROR, (f'messages come, none is taken: {counts_text(refused, 3)}'
+                       + remedy(data, name, next(iter(refused))[1]))
+    if not taken and data.recent.span >= WINDOW / 2.0:
+        return WARN, 'messages come, none is taken: they wait for the other inputs'
+    if refused.get((name, 'gap'), 0) > 0.5 * taken:
+        return ERROR, ('every measurement comes after a gap and begins anew'
+                       + remedy(data, name, 'gap'))
     if health.last_time is not None:
         age = (data.now - health.last_time) / 1e9
-        if abs(age) > limit + data.settings.max_wait:
+        if abs(age) > limit + data.settings.wait:
             where = 'behind' if age > 0.0 else 'ahead of'
             return WARN, f'stamps are {abs(age):.1f} s {where} this clock'
     count = sum(refused.values())
@@ -185,6 +190,20 @@ def _arriving_level(data: HealthData, name: str, limit: float) -> LevelAndMessag
         return WARN, f'{100.0 * share:.0f} % refused of late: {counts_text(refused, 3)}'
     rate = min(data.arrivals.rate(topic) for topic in topics_of(data.settings, name))
     return OK, rate_text(rate)
+
+
+def remedy(data: HealthData, name: str, reason: str) -> str:
+    """Return what to set so that an input is no longer refused for a reason, '' if unknown."""
+    rates = [data.arrivals.rate(topic) for topic in topics_of(data.settings, name)]
+    if reason == 'late':
+        wait = math.ceil(12.5 * data.stream.lag(name)) / 10.0  # with a margin
+        return f'; set max_wait to {wait:g}, or correct its clock'
+    if reason == 'gap' and min(rates) > 0.0:
+        gap = math.ceil(10.0 * PERIODS / min(rates)) / 10.0
+        return f'; set max_gap to {gap:g}, or leave it out'
+    if reason == 'too_fast':
+        return f'; is it in m? Otherwise raise velocity.max, which is {data.settings.max_speed:g}'
+    return ''
 
 
 def dof_level(data: HealthData, dof: str) -> LevelAndMessage:
@@ -196,7 +215,7 @@ def dof_level(data: HealthData, dof: str) -> LevelAndMessage:
     age = data.steady - data.steps.get(dof, data.steady)
     limits = [allowed_silence(data, name) for name in data.settings.needs(dof)]
     limit = max(filter(math.isfinite, limits))
-    if age > limit + data.settings.max_wait:
+    if age > limit + data.settings.wait:
         why = _obstacle(data, dof)
         return STALE, f'no step for {age:.1f} s' + (f': {why}' if why else '')
     return LEVELS[estimate.status], dof_message(estimate)

@@ -77,6 +77,7 @@ class _Live:
     def __init__(self, bench: Bench, folder: Path, namespace: str) -> None:
         self._dofs = bench.recording.settings.dofs
         self._namespace = namespace
+        self._times: set[int] = set()
         self._never = 0.0  # steps of the replay that were waited for in vain
         values, topics = _values(bench, namespace)
         self.peer = Peer()
@@ -94,6 +95,7 @@ class _Live:
     def publish(self, messages: Messages, expected: Outcome) -> None:
         """Publish chunk by chunk."""
         arrivals = [arrival for arrival, _ in expected.released]
+        self._times = {int(step.split()[0]) for step in expected.steps}
         end = messages[0].time + CHUNK
         for message in messages:
             if message.time >= end:
@@ -118,9 +120,10 @@ class _Live:
             last = list(self._models[-1].data)
             outcome.models = {dof: tuple(last[4 * i:4 * i + 4])
                               for i, dof in enumerate(self._dofs)}
-        outcome.steps = [step_text(
-            s.header.stamp.sec * SECOND + s.header.stamp.nanosec, list(s.velocity),
-            list(s.effort)) for s in self._states]
+        # that a DOF has become stale is told between the steps
+        outcome.steps = [step_text(_stamp(s), list(s.velocity), list(s.effort))
+                         for s in self._states
+                         if _stamp(s) in self._times or all(map(isfinite, s.velocity))]
         return outcome
 
     def _settle(self, count: float = inf) -> None:
@@ -138,6 +141,11 @@ class _Live:
     def _own(self, since: int) -> list[Any]:
         return [m for m in self._health[since:]
                 if any(s.name.startswith(f'{self._namespace}/') for s in m.status)]
+
+
+def _stamp(state: Any) -> int:
+    """Return the time of a message [ns]."""
+    return int(state.header.stamp.sec * SECOND + state.header.stamp.nanosec)
 
 
 def _values(bench: Bench, namespace: str) -> tuple[dict[str, Any], dict[str, str]]:

@@ -64,7 +64,7 @@ all seeds, over the smaller of the standard deviations before and after.
 The peers get the same fixes and thrust: filterpy's filter has position, velocity and the four
 parameters as its state, the true R, a fixed Q and a gate of 5 standard deviations, set to be
 among the best of 12 settings; padasip's takes low-passed regressors, with settings of a first
-choice. Neither knows of a delay, nor do `rls` and `aid`."""
+choice. Neither knows of a delay, nor does `aid`."""
 
 MARKS = (60.0, 300.0)
 TRUE = np.array(SURGE_TRUTH)
@@ -107,9 +107,8 @@ def _print_surge(pool: Executor, seeds: int) -> None:
     split = pool.map(partial(run, SPLIT, 'ekf'), range(min(seeds, 50)))
     _errors('each sinusoid on its own thruster', 'ekf', [r.error for r in split])
     _errors('the same', 'the truth', [prediction_error(SURGE_TRUTH, SPLIT.delay, SPLIT)])
-    for method, most in (('aid', seeds), ('rls', min(seeds, 200))):
-        _errors('clean', method, [r.error for r in pool.map(
-            partial(run, CLEAN, method), range(most), chunksize=5)])
+    _errors('clean', 'aid', [r.error for r in pool.map(
+        partial(run, CLEAN, 'aid'), range(seeds), chunksize=5)])
     _header('what else ekf says in the end', 'case', 'delay, mean [ms]', 'std [ms]',
             'the vehicle changed, though it had not')
     for name, runs in found.items():
@@ -155,12 +154,11 @@ def _print_guesses(pool: Executor, seeds: int) -> None:
 
 
 def _print_rest(pool: Executor, seeds: int) -> None:
-    _header(f'one hour without thrust, {seeds} seeds: largest move over the standard deviation',
-            'method', 'case', *PARAMETERS, 'delay')
-    for method in ('ekf', 'rls'):
-        for rest in Rest:
-            found = list(pool.map(partial(moved, rest, method), range(seeds)))
-            _row(method, rest.value, *_numbers(np.max(found, axis=0), 3))
+    _header(f'one hour without thrust, ekf, {seeds} seeds: largest move over the std',
+            'case', *PARAMETERS, 'delay')
+    for rest in Rest:
+        found = list(pool.map(partial(moved, rest, 'ekf'), range(seeds)))
+        _row(rest.value, *_numbers(np.max(found, axis=0), 3))
 
 
 def _print_payload(pool: Executor, seeds: int) -> None:
@@ -176,7 +174,7 @@ def _print_payload(pool: Executor, seeds: int) -> None:
 
 
 def _print_peers(pool: Executor, seeds: int) -> None:
-    columns = ('ekf', 'rls', 'aid', *PEERS)
+    columns = ('ekf', 'aid', *PEERS)
     per_step = times(CLEAN)
     for name, case in (('clean', CLEAN), ('outliers, dropouts, delay', HONEST)):
         found = list(pool.map(partial(peer_errors, case), range(seeds), chunksize=2))
@@ -203,7 +201,7 @@ def _print_piped(pool: Executor, seeds: int) -> None:
 def _print_tank(logs: Path) -> None:
     _header('tank recordings: fit [%] on data not trained on', 'method', *LEAST)
     _row('asked of ekf', *(f'{x}' for x in LEAST.values()))
-    for method in ('ekf', 'aid', 'rls'):
+    for method in ('ekf', 'aid'):
         _row(method, *_numbers([100 * x for x in online_fits(logs, method).values()], 1))
 
 

@@ -9,7 +9,6 @@ from time import process_time
 from typing import Any
 
 import numpy as np
-from rovid_core.identify.rls import CORNER
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
@@ -20,6 +19,7 @@ from test.support.surge import HEAVY, SURGE_TRUTH
 from test.support.trials import Array, NOISE
 
 GATE = 5.0
+CORNER = 3.0  # [rad/s] of the filter on the regressors of least squares
 
 
 @dataclass(frozen=True)

@@ -310,25 +310,6 @@ MUTANTS = [
           'if partial < CONTRARY', 'if partial > -CONTRARY'),
          ('pulse widths are commands',
           'PULSES[0] <= low <= NEUTRAL', 'False and PULSES[0] <= low <= NEUTRAL')),
-    *_of('rovid_core/identify/rls.py', 'test/core/test_rls.py '
-         'forgetting_and_update_are_those_of_the_plain_covariance '
-         'exact_data_at_irregular_steps_give_the_truth '
-         'an_estimate_on_its_bound_is_the_best_one_there '
-         'what_is_not_finite_is_refused_and_changes_no_estimate '
-         'left_out_terms_have_no_std_and_no_covariance',
-         ('a gain is too large',
-          't0 = variance + v0 * x0', 't0 = variance'),
-         ('nothing is forgotten',
-          'c = share / (1.0 - share) / information', 'c = 0.0'),
-         ('drag has no direction',
-          'on[1] * (v * abs(v))', 'on[1] * (v * v)'),
-         ('an estimate outside its bounds is cut off',
-          'theta = [x + c * shift for x, c in zip(theta, column)]',
-          'theta[j] += shift * p[j][j]'),
-         ('a standard deviation is a variance',
-          'math.sqrt(p[i][i]) / self.unit[i]', 'p[i][i] / self.unit[i]'),
-         ('a covariance is in other units',
-          'tuple([p / u / v if on', 'tuple([p / u if on')),
     *_of('rovid_core/identify/aid/adaptive_identifier.py', 'test/core/test_adaptive_identifier.py '
          'nothing_makes_it_leave_its_bounds '
          'gains_that_are_too_high_for_the_step_are_divided_then_refused '

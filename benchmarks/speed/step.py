@@ -34,7 +34,6 @@ METHODS: dict[str, IdentifierSettings] = {
     'aid': IdentifierSettings(),
     'aid, raw gains, euler': IdentifierSettings(
         integrator='euler', feedback_gain=-2.0, adaptation_gains=(2e-7, 1e-1, 1e-1, 1e-2)),
-    'rls': IdentifierSettings('rls'),
     'ekf': IdentifierSettings('ekf'),
 }
 ALONE, PIPED = 'alone', 'in the pipeline'
@@ -47,7 +46,7 @@ PEERS = {
     ADAPT: padasip_adapt,
 }
 ASKED = (('aid', EKF, 0.1), ('aid', UPDATE, 0.1), ('aid', RLS, 0.2), ('aid', ADAPT, 0.2),
-         ('ekf', EKF, 1.0), ('rls', RLS, 1.0), ('rls', ADAPT, 1.0))
+         ('ekf', EKF, 1.0))
 """Method, peer, and the ratio of their times that is asked for."""
 
 Work = Callable[[Trial], float]

@@ -125,7 +125,7 @@ def main() -> None:
             rovid(['simulate', '--params-file', str(CONFIG), '--output', str(log),
                    '--duration', '60'])
         routes = {f'the estimate of {method}': typical(trace(log, CONFIG, method))
-                  for method in ('ekf', 'aid', 'rls')}
+                  for method in ('ekf', 'aid')}
         written = typical(trace(log, CONFIG, 'ekf', '--output', str(output)))
     print(table(('one position message, from the log to', 'calls', 'files', 'changes of file'), [
         (name, *figures(route)) for name, route in

@@ -9,7 +9,6 @@ from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gain
 from rovid_core.identify.aid.self_tuning import SelfTuningIdentifier
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.method import Identifier
-from rovid_core.identify.rls import RecursiveLeastSquares
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales, SettingsError
 
 
@@ -25,7 +24,6 @@ def _aid(scales: Scales, settings: IdentifierSettings,
 METHODS: dict[
     str, Callable[[Scales, IdentifierSettings, tuple[float, ...] | None], Identifier]] = {
     'aid': _aid,
-    'rls': lambda scales, settings, _: RecursiveLeastSquares(scales, settings.adaptation_time),
     'ekf': lambda scales, settings, _: ExtendedKalman(scales),
 }
 

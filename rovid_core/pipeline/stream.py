@@ -96,11 +96,6 @@ class Stream:
             'neutral in it' for dof in settings.dofs
             if dof in ('roll', 'pitch') and f'sin_{dof}' not in settings.couplings(dof)],
             MAX_WARNINGS)
-        left_out = [f'{dof}.couplings' for dof in settings.dofs
-                    if settings.dof[dof].couplings != settings.couplings(dof)]
-        if left_out:
-            self._warnings.append(f'{", ".join(left_out)}: {settings.identifier.method} leaves '
-                                  'them out, ekf identifies them')
         self._hints: deque[str] = deque((), MAX_WARNINGS)
         self._pipeline = Pipeline(
             settings, self.reject, self._warnings.append, scorer, self._hints.append)

@@ -37,9 +37,6 @@ INPUTS = (
 )
 """The inputs, in the order in which samples of one event time are taken."""
 
-WITH_COUPLINGS = ('aid', 'ekf')
-"""Methods that identify couplings; the others leave them out."""
-
 WATCHING = ('ekf',)
 """Methods that are given each step in detail, and look for what the model lacks."""
 
@@ -315,9 +312,8 @@ class Settings:
                    if name not in ('sign', 'thrusters'))
 
     def couplings(self, dof: str) -> tuple[str, ...]:
-        """Return the couplings of a DOF that the method identifies."""
-        identified = self.all_methods or self.identifier.method in WITH_COUPLINGS
-        return self.dof[dof].couplings if identified else ()
+        """Return the couplings of a DOF."""
+        return self.dof[dof].couplings
 
     @property
     def watches(self) -> bool:

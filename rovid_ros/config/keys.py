@@ -229,8 +229,8 @@ def _thrusters() -> list[Key]:
 def _identifier() -> list[Key]:
     key = partial(in_group, 'identifier', IdentifierSettings)
     return [
-        key('method', 'aid (the adaptive identifier of the paper), rls (recursive least '
-            'squares) or ekf (extended Kalman filter)', choices=tuple(METHODS)),
+        key('method', 'aid (the adaptive identifier of the paper) or ekf (extended Kalman '
+            'filter)', choices=tuple(METHODS)),
         key('integrator', 'how aid integrates its state, with raw gains',
             choices=('euler', 'heun', 'rk4')),
         key('adaptation_time', 'half of the time in which the estimate closes 63 % of its error',

@@ -18,7 +18,7 @@ SYMBOLS = {
 }
 NAMES = {'mass': 'effective mass', 'aid': 'adaptive identifier',
          'aid_offline': 'adaptive identifier, repeated passes',
-         'rls': 'recursive least squares', 'ekf': 'extended Kalman filter'}
+         'ekf': 'extended Kalman filter'}
 
 
 class Html(str):

@@ -53,7 +53,7 @@ def test_every_method_scores_every_log(folder: Path) -> None:
         assert set(surge['scores']) == {'t1.mcap', 't2.mcap'}
         assert surge['scores']['t2.mcap']['fit'] > 0.9
         assert (surge['std'] is not None) == (
-            model['method'] in ('output_error', 'rls', 'ekf'))
+            model['method'] in ('output_error', 'ekf'))
     assert sum(m['selected_terms'] for m in models) == len(METHODS)
 
 
@@ -66,7 +66,7 @@ def test_output_error_is_nearest_and_knows_how_near(folder: Path) -> None:
         assert abs(surge[name] - value) < 5 * surge['std'][name]
 
 
-@pytest.mark.parametrize('method', ['ekf', 'rls'])
+@pytest.mark.parametrize('method', ['ekf', 'aid'])
 def test_a_method_is_what_a_replay_makes_of_it(folder: Path, method: str) -> None:
     found = folder / f'{method}.json'
     assert main(['replay', str(folder / 't1.mcap'), '--params-file', str(folder / 'rov.yaml'),

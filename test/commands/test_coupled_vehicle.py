@@ -125,10 +125,6 @@ def test_the_table_has_them_with_their_intervals(
     for dof, (name, _) in KAPPAS.items():
         kappa, low, _, high = rows[dof, name]
         assert float(low) < float(kappa) < float(high)
-    assert main([*arguments, '--method', 'rls']) == 0
-    out, err = capsys.readouterr()
-    assert 'all together' not in out
-    assert err.count('leaves them out') == 1
 
 
 def test_the_node_gives_the_same_bits(folder: Path, tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from rovid_ros.messages.converter import Converter
 
 from test.support.processes import child_environment, REPOSITORY
 
-METHODS = ('aid', 'ekf', 'rls')
+METHODS = ('aid', 'ekf')
 
 MIDDLE = 1_700_000_009_000_000_000
 """[ns] When the first dive ends and the second one begins."""
@@ -196,8 +196,8 @@ def test_another_configuration_is_refused(
         call: Call, dives: list[Path], tmp_path: Path,
         capsys: pytest.CaptureFixture[str]) -> None:
     assert call(dives[0]) == 0
-    refused(call, dives[1], '--method', 'rls', capsys=capsys,
-            says='was made with identifier.method ekf, configured is rls')
+    refused(call, dives[1], '--method', 'aid', capsys=capsys,
+            says='was made with identifier.method ekf, configured is aid')
     text = call.config.read_text()
     call.config = tmp_path / 'other.yaml'
     assert text.count('gain: [40.0, 40.0, 55.0]') == 1

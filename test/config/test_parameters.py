@@ -111,7 +111,7 @@ def test_the_parameters_of_every_node_are_left_alone() -> None:
     ('position.topic', False, 'got the truth value false, takes text; write text'),
     ('position.type', 'PointStamped', "got 'PointStamped', takes package/msg/Type"),
     ('frames', 'NED', "got 'NED', takes one of 'enu', 'ned'; did you mean 'ned'?"),
-    ('identifier.method', 'ridge', "got 'ridge', takes one of 'aid'"),
+    ('identifier.method', 'rls', "got 'rls', takes one of 'aid', 'ekf'"),
     ('dofs', ['surge', 'have'], "got 'have', takes a list of surge, sway, heave, roll, pitch, "
                                 "yaw; did you mean 'heave'?"),
     ('dofs', 'surge', "got the text 'surge', takes a list of surge"),

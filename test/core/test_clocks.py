@@ -50,10 +50,9 @@ def test_the_clock_of_one_input_steps_for_20_s(input, by):
     assert stream.estimate.dofs[0].steps > 0.8 * DURATION * 10.0
 
 
-@pytest.mark.parametrize('method', ['ekf', 'rls'])
 @pytest.mark.parametrize('by', [10.0, -10.0, -SINCE_1970])
-def test_other_methods_get_over_it_too(method, by):
-    assert worse(run(vehicle(method), stepped(('position',), 100.0, 120.0, by))) < 1.1
+def test_the_filter_gets_over_it_too(by):
+    assert worse(run(vehicle('ekf'), stepped(('position',), 100.0, 120.0, by))) < 1.1
 
 
 @pytest.mark.parametrize('by', EXPECTED)

@@ -21,7 +21,7 @@ from test.support.injected_faults import (
     worse,
 )
 
-METHODS = ('aid', 'rls', 'ekf')
+METHODS = ('aid', 'ekf')
 
 
 def spikes(share, size):

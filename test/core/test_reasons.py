@@ -14,8 +14,7 @@ RETURNING = {
     'outlier_gate': ('check',), 'stuck_sensor': ('check',),
     'force_history': ('add_commands', 'missing'), 'steps': ('_add', '_add_measurement'),
     'velocity_source': ('next_velocity',), 'attitude_history': ('missing',),
-    'adaptive_identifier': ('step',), 'self_tuning': ('step',), 'rls': ('step',),
-    'extended_kalman': ('step',)}
+    'adaptive_identifier': ('step',), 'extended_kalman': ('step',)}
 """Functions that return one, or ''."""
 
 NO_REASONS = {'first', 'later'}

@@ -19,7 +19,7 @@ from rovid_ros.messages.converter import Converter
 
 from test.support.surge import HEAVY, LIGHT, run, surge_log, surge_settings
 
-METHODS = ('aid', 'ekf', 'rls')
+METHODS = ('aid', 'ekf')
 
 
 class Events(list[Event]):

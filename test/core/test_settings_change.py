@@ -73,9 +73,8 @@ def test_new_gains_keep_the_estimate_and_count_from_the_next_step(
     assert after[-1].dofs[0].steps == unchanged[-1].dofs[0].steps
 
 
-@pytest.mark.parametrize('method', ['ekf', 'rls'])
-def test_raw_gains_mean_nothing_to_the_other_methods(method: str, events: list[Event]) -> None:
-    settings = surge_settings(method=method)
+def test_raw_gains_mean_nothing_to_the_filter(events: list[Event]) -> None:
+    settings = surge_settings(method='ekf')
     stream, same = Stream(settings), Stream(settings)
     half = len(events) // 2
     feed(stream, events[:half])
@@ -92,7 +91,7 @@ CHANGES = {
 }
 
 
-@pytest.mark.parametrize('method', ['aid', 'ekf', 'rls'])
+@pytest.mark.parametrize('method', ['aid', 'ekf'])
 @pytest.mark.parametrize('case', CHANGES)
 def test_changed_at_the_start_is_as_if_it_had_been_so(
         case: str, method: str, events: list[Event]) -> None:

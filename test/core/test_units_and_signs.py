@@ -70,7 +70,7 @@ def test_ned_read_as_enu_is_told():
     assert [w.split(':')[0] for w in warnings] == ['frames']
 
 
-@pytest.mark.parametrize('method', ['aid', 'ekf', 'rls'])
+@pytest.mark.parametrize('method', ['aid', 'ekf'])
 def test_a_sound_stream_is_not_accused(method):
     assert run(vehicle(method), clean()).take_warnings() == []
 

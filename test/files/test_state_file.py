@@ -51,7 +51,7 @@ THRUSTERS = settings().thrusters
 
 
 @pytest.mark.parametrize('other, text', [
-    (settings(identifier=IdentifierSettings(method='rls')), 'identifier.method aid, '),
+    (settings(identifier=IdentifierSettings(method='ekf')), 'identifier.method aid, '),
     (settings(dofs=('yaw',), dof={'yaw': DofSettings(20.0)}), "dofs ['surge'], "),
     (settings(dof={'surge': DofSettings(200.0, terms=('alpha', 'beta'))}), 'surge.terms '),
     (settings(dof={'surge': DofSettings(210.0)}), 'surge.initial.mass 200.0, '),

@@ -124,7 +124,7 @@ def test_couplings_are_held_while_invalid_and_go_back_on_a_reset() -> None:
 
 
 def test_without_couplings_there_are_no_topics_of_them() -> None:
-    outputs = Outputs(replace(coupled_settings(), identifier=IdentifierSettings(method='rls')))
+    outputs = Outputs(settings())
     assert outputs.topics == TOPICS
     assert [out.topic for out in outputs.reset()] == ['rov/params', 'rov/params_std', 'rov/model']
     assert list(by_topic(outputs.messages(estimate()))) == list(TOPICS)

@@ -30,7 +30,7 @@ from test.support.surge import HEAVY, surge_log, surge_settings, SURGE_TRUTH, TR
 from test.support.trials import Array, Waves
 
 TRUTH = dict(zip((*PARAMETERS, *PHYSICAL), (*SURGE_TRUTH, 290.0, 290.0, 43.5, 2.9)))
-METHODS = ('ekf', 'rls', 'aid')
+METHODS = ('ekf', 'aid')
 
 
 def identifier(method: str, guess: DofSettings = HEAVY, **settings: float) -> Identifier:

@@ -7,6 +7,8 @@ csv
     A table: one row per degree of freedom, all parameters and their units, couplings last.
 sdf
     Gazebo Sim's hydrodynamics plugin.
+urdf, ros-params, fossen
+    See ``hydrodynamics.py``.
 
 The plugin puts on the link, per degree of freedom, in the frame of the link (without the
 Coriolis forces between DOFs, which it makes from the added masses, and without a current)::
@@ -51,6 +53,15 @@ from xml.sax.saxutils import escape
 from rovid_core.model.dofs import DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import Settings
 from rovid_ros.results.documents import Identified
+from rovid_ros.results.hydrodynamics import (
+    DIALECTS,
+    dry_masses,
+    fossen,
+    left_out,
+    ros_params,
+    urdf,
+    vehicle,
+)
 from rovid_ros.results.text import number, quantity, unit
 
 _AXES = dict(zip(DOFS, ('xU', 'yV', 'zW', 'kP', 'mQ', 'nR')))
@@ -59,6 +70,9 @@ _AXES = dict(zip(DOFS, ('xU', 'yV', 'zW', 'kP', 'mQ', 'nR')))
 _DRY = dict(zip(DOFS, ('mass', 'mass', 'mass', 'ixx', 'iyy', 'izz')))
 _ADDED = dict(zip(DOFS, ('xx', 'yy', 'zz', 'pp', 'qq', 'rr')))
 """Elements in a link's ``<inertial>`` and in its ``<fluid_added_mass>``."""
+
+
+FORMATS = ('yaml', 'sdf', 'csv', 'urdf', 'ros-params', 'fossen')
 
 
 class ExportError(ValueError):
@@ -74,7 +88,8 @@ class Export:
 
 
 def export(models: Sequence[Identified], format: str, origin: Path, *,
-           settings: Settings | None = None, link: str = 'base_link') -> Export:
+           settings: Settings | None = None, link: str = 'base_link',
+           dialect: str = DIALECTS[0]) -> Export:
     """
     Write identified parameters in another format.
 
@@ -83,28 +98,40 @@ def export(models: Sequence[Identified], format: str, origin: Path, *,
     models : sequence of Identified
         One per degree of freedom.
     format : str
-        yaml, csv or sdf.
+        One of ``FORMATS``.
     origin : Path
         The file they are from, for a comment.
     settings : Settings, optional
-        The vehicle's; sdf takes the dry masses from there.
+        The vehicle's; all but yaml and csv take the dry masses from there.
     link : str
         The name of the link that the plugin acts on; sdf only.
+    dialect : str
+        Of ros-params, one of ``DIALECTS``.
 
     Raises
     ------
-    ExportError
-        If a dry mass is unknown or above the effective mass; sdf only.
+    ExportError, HydrodynamicsError
+        If a dry mass is unknown or above the effective mass; not for yaml and csv.
 
     """
-    notes = [note for model in models for note in _notes(model)]
+    about = notes(models)
     if format == 'csv':
-        return Export(_csv(models), tuple(notes))
+        return Export(_csv(models), tuple(about))
     if format == 'yaml':
         text, more = _yaml(models, origin)
-    else:
+    elif format == 'sdf':
         text, more = _sdf(models, settings, link, origin)
-    return Export(text, (*notes, *more))
+    else:
+        found = vehicle(models, dry_masses(settings))
+        more = left_out(models, format)
+        text = ros_params(found, dialect, origin) if format == 'ros-params' else (
+            urdf if format == 'urdf' else fossen)(found)
+    return Export(text, (*about, *more))
+
+
+def notes(models: Sequence[Identified]) -> list[str]:
+    """Return which models they are, where there was a choice, and what is doubtful in them."""
+    return [note for model in models for note in _notes(model)]
 
 
 def _notes(model: Identified) -> list[str]:

@@ -416,7 +416,7 @@ def test_bad_input_is_one_line(
 
 
 @pytest.mark.parametrize(('arguments', 'code', 'says'), [
-    (['--format', 'urdf'], 2, "'urdf'"),
+    (['--format', 'dae'], 2, "'dae'"),
     ([], 2, '--format'),
     (['--format', 'csv', '--link', 'hull'], 2, '--link goes with --format sdf'),
     (['--format', 'sdf', '--link', ' '], 2, 'the name of a link'),
@@ -434,7 +434,7 @@ def test_wrong_usage(run: Run, arguments: list[str], code: int,
 def test_help(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['export', '--help']) == 0
     out, err = capsys.readouterr()
-    assert err == '' and '{yaml,sdf,csv}' in out
+    assert err == '' and '{yaml,sdf,csv,urdf,' in out
 
 
 def test_no_file_and_not_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

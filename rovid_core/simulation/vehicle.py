@@ -193,6 +193,9 @@ def _inverse_allocation(settings: ThrusterSettings, moved: Sequence[str],
     return np.asarray(inverse - free @ np.linalg.pinv(against) @ allocation(still) @ inverse)
 
 
+_NOTHING = 1e-9  # [N] is what a force of 0 is after the allocation
+
+
 def _inverse_model(
         settings: ThrusterSettings) -> tuple[Callable[[float], float], float, float]:
     """Return the raw command for a thruster force before its gain, and that force's limits."""

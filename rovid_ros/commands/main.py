@@ -15,6 +15,7 @@ import sys
 
 # What each subcommand does, in the order of ``rovid --help``.
 COMMANDS = {
+    'init': 'write a parameter file from a log',
     'check': 'validate a parameter file',
     'replay': 'identify from recorded logs',
     'compare': 'identify by every method and score every model',

@@ -194,7 +194,7 @@ def resolve(input: str, path: str, message: Any, key: str) -> tuple[list[Step], 
     """
     steps = parse(path, key)
     value = walk(message, steps, path, key)
-    while (shape := _shape(value)) not in _ACCEPTED[input]:
+    while (shape := shape_of(value)) not in _ACCEPTED[input]:
         there = field_names(value)
         name = next((name for name in _DESCENT[input] if name in there), None)
         if name is None:
@@ -216,13 +216,14 @@ def resolve_all(input: str, path: str, message: Any, key: str) -> list[list[Step
     ways = parse_all(path, key)
     for steps in ways:
         value = walk(message, steps, path, key)
-        if _shape(value) != 'number':
+        if shape_of(value) != 'number':
             raise FieldError(key, f'{path!r}: a list of paths takes a number at each, '
                                   f'got {describe(value)}')
     return ways
 
 
-def _shape(value: Any) -> str:
+def shape_of(value: Any) -> str:
+    """Return vector, quaternion, twist, wrench, array or number; '' for anything else."""
     names = field_names(value)
     if {'x', 'y', 'z'}.issubset(names):
         return 'quaternion' if 'w' in names else 'vector'
@@ -235,6 +236,6 @@ def _shape(value: Any) -> str:
     if isinstance(value, array):
         return 'array'
     if isinstance(value, (list, tuple)):
-        return 'array' if value and all(_shape(entry) == 'number' for entry in value) else ''
+        return 'array' if value and all(shape_of(entry) == 'number' for entry in value) else ''
     # numpy's scalars are registered as real numbers; a bool is one in Python
     return 'number' if isinstance(value, Real) and not isinstance(value, bool) else ''

@@ -27,17 +27,19 @@ CORE_ROOMS = {
     'trials': {'model', 'settings', 'thrust', 'identify', 'pipeline', 'simulation'},
 }
 EVERYTHING_BUT_THE_NODE = {
-    'config', 'files', 'messages', 'logs', 'results', 'comparison', 'report', 'commands'}
+    'config', 'files', 'messages', 'logs', 'discovery', 'results', 'comparison', 'report',
+    'commands'}
 ROS_ROOMS = {
     'config': set(),
     'files': {'config'},
     'messages': {'config'},
     'logs': {'config', 'files', 'messages'},
+    'discovery': {'config', 'messages', 'logs'},
     'results': {'messages'},
     'comparison': {'logs', 'messages', 'results'},
     'report': {'files', 'results'},
     'commands': EVERYTHING_BUT_THE_NODE | {'node'},  # the node only where it is asked for
-    'node': EVERYTHING_BUT_THE_NODE - {'comparison', 'report'},
+    'node': EVERYTHING_BUT_THE_NODE - {'comparison', 'report', 'discovery'},
 }
 
 WITHOUT_ROS = """

@@ -29,7 +29,8 @@ PER_DEGREE = (  # [m] of latitude and of longitude there: the usual series
 class DataflashWriter:
     """Makes the bytes of a log, record by record."""
 
-    def __init__(self) -> None:
+    def __init__(self, time: int = 0) -> None:
+        self._time = time  # [us] of declarations
         self.data = bytearray()
         self.places: list[int] = []
         self._types: dict[str, tuple[int, str]] = {}
@@ -43,7 +44,7 @@ class DataflashWriter:
         length = 3 + struct.calcsize('<' + ''.join(CODES[kind] for kind in kinds))
         self.write('FMT', number, length, name, kinds, columns)
         if units:
-            self.write('FMTU', 0, number, units, '-' * len(units))
+            self.write('FMTU', self._time, number, units, '-' * len(units))
 
     def write(self, name: str, *values: Any) -> None:
         """Add a record; numbers are in the unit of the column, also where the file scales."""
@@ -90,9 +91,9 @@ def dive(settings: Settings, duration: float, seed: int = 1, *, start: float = 2
     among the servo outputs, from 0; ``reversed_motors`` those, from 1, whose direction is -1.
     ``busy`` is how many records of the IMU come at 100 Hz.
     """
-    log = DataflashWriter()
-    _define(log)
     begin = round(start * 1e6)
+    log = DataflashWriter(begin)
+    _define(log)
     for name, value in (PARAMETERS if parameters is None else parameters).items():
         log.write('PARM', begin, name, value, value)
     log.write('MSG', begin, 'ArduSub V4.5.0 (00000000)')

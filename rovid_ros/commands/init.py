@@ -1,0 +1,130 @@
+"""``rovid init``: a configuration from a log that nobody has described."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+import sys
+
+from rovid_ros.commands.arguments import add_logs, add_part
+from rovid_ros.commands.long_work import Progress
+from rovid_ros.commands.running import (
+    check_written,
+    CommandError,
+    print_written,
+    read_settings,
+    warn,
+)
+from rovid_ros.discovery.ardusub import motors
+from rovid_ros.discovery.candidates import Candidate, candidates
+from rovid_ros.discovery.configuration import configuration
+from rovid_ros.discovery.dataflash import dataflash_candidates, paths as dataflash_paths
+from rovid_ros.discovery.decisions import decide, Discovery, DiscoveryError
+from rovid_ros.discovery.signals import read_signals
+from rovid_ros.files.whole_files import write_text
+from rovid_ros.logs.dataflash import PARAMETERS
+from rovid_ros.logs.log import Log
+
+DESCRIPTION = (
+    'Looks at every number in the log and finds what could be position, depth, attitude, '
+    'velocity, gyro and thrusters, their units and senses, and a rough model. Writes a parameter '
+    'file that runs, with comments, and says what it guessed and what no log can tell.')
+
+
+def add_arguments(command: argparse.ArgumentParser) -> None:
+    """Add what ``rovid init`` takes."""
+    add_logs(command)
+    command.add_argument('--output', type=Path, metavar='YOURS.yaml',
+                         help='parameter file to write (default: the name of the log)')
+    command.add_argument('--ask', action='store_true',
+                         help='ask on the terminal where several signals fit')
+    add_part(command)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Run ``rovid init``."""
+    output: Path = args.output or Path(f'{args.logs[0].name.partition(".")[0]}.yaml')
+    check_written([output], args.logs)
+    if args.output is None and output.exists():
+        raise CommandError(f'{output}: is there already; name another with --output')
+    if args.ask and not sys.stdin.isatty():
+        raise CommandError('--ask: there is no terminal to ask on')
+    made = discover(args.logs, args.start, args.duration, args.ask, args.prog)
+    names = ' '.join(map(str, args.logs))
+    write_text(output, configuration(made, names))
+    read_settings(output)
+    print(summary(made))
+    print_written(output)
+    print(f'next      rovid check {output} {names}\n'
+          f'          rovid replay {names} --params-file {output}')
+
+
+def discover(logs: list[Path], start: float = 0.0, duration: float | None = None,
+             ask: bool = False, prog: str = 'rovid init') -> Discovery:
+    """
+    Find out what a log says of its vehicle.
+
+    Parameters
+    ----------
+    logs : list of Path
+        Joined in time order.
+    start, duration : float
+        Part of them to use [s].
+    ask : bool
+        Whether to ask on the terminal where several signals fit.
+    prog : str
+        What warnings begin with.
+
+    Raises
+    ------
+    CommandError, LogError
+        If no configuration can be made, or a log cannot be read.
+
+    """
+    with Log(logs) as log, Progress('init', lambda: log.progress) as progress:
+        parameters = log.metadata.get(PARAMETERS)
+        paths = None if parameters is None else {
+            name: fields for name, info in log.topics.items()
+            if info.count and (fields := dataflash_paths(name, log.blank(name)))}
+        signals = read_signals(log, start, duration, paths, progress.tick)
+        for line in log.warnings:
+            warn(prog, line)
+    found = candidates(signals) if parameters is None else dataflash_candidates(signals)
+    try:
+        return decide(found, signals, _ask if ask else _take_the_first,
+                      motors(parameters or {}), 'ned' if parameters is not None else '')
+    except DiscoveryError as error:
+        raise CommandError(f'{", ".join(map(str, logs))}: {error}') from None
+
+
+def _take_the_first(name: str, found: list[Candidate]) -> Candidate:
+    return found[0]
+
+
+def _ask(name: str, found: list[Candidate]) -> Candidate:
+    """Let the user decide; an empty answer is the first."""
+    if len(found) == 1:
+        return found[0]
+    print(f'{name}:')
+    for k, one in enumerate(found, start=1):
+        print(f'  {k}  {one.signal.place}  {one.signal.type}, {one.signal.rate:.3g} Hz')
+    while True:
+        answer = input('which? [1] ').strip() or '1'
+        if answer.isdecimal() and 1 <= int(answer) <= len(found):
+            return found[int(answer) - 1]
+
+
+def summary(made: Discovery) -> str:
+    """Return what was found, in a few lines."""
+    lines = []
+    for name, one in made.inputs.items():
+        others = ', '.join(dict.fromkeys(
+            other.signal.place for other in made.others.get(name, ())[:3]))
+        keys = ', '.join(f'{key} {value:.4g}' if isinstance(value, float) else f'{key} {value}'
+                         for key, value in one.keys.items() if key != 'pwm')
+        lines.append(f'{name:<10}{one.signal.place}' + (f' ({keys})' if keys else '')
+                     + (f'; could be {others}' if others else ''))
+    lines.append(f'dofs      {", ".join(made.dofs)}')
+    lines += [f'guessed   {line}' for line in made.guesses]
+    lines += [f'unknown   {line}' for line in made.unknown]
+    return '\n'.join(lines)

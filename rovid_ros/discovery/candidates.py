@@ -1,0 +1,200 @@
+"""Which signal could be which input, the likeliest first: by type, name, unit and range."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+import math
+from typing import Any
+
+import numpy as np
+from rovid_ros.discovery.signals import Array, part, Signal
+
+PWM = (1000.0, 2000.0)  # [us] servo pulses, and what a controller makes of them
+NEUTRAL = 1500.0  # [us]
+_PASCAL = 1.0 / (1000.0 * 9.80665)  # [m/Pa] of fresh water
+_ATMOSPHERE = 101325.0  # [Pa]
+_GRAVITY = (8.8, 10.8)  # [m/s^2] length of what an accelerometer sees on average
+# What is asked for, and not what is.
+_ASKED = {'goal', 'target', 'setpoint', 'desired', 'waypoint', 'ref', 'error', 'trajectory'}
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A signal as an input: how likely it is, and what keys its input needs beside the topic."""
+
+    signal: Signal
+    points: float
+    keys: dict[str, Any] = field(default_factory=dict)
+
+
+def candidates(signals: Sequence[Signal]) -> dict[str, list[Candidate]]:
+    """Return what could be each input, the likeliest first; inputs without any are left out."""
+    signals = [*signals, *_inertial_parts(signals)]
+    found: dict[str, list[Candidate]] = {}
+    for name, judge in _JUDGES.items():
+        judged = [one for signal in signals for one in judge(signal)]
+        judged.sort(key=lambda one: -one.points)
+        if judged:
+            found[name] = judged
+    return found
+
+
+def _points(signal: Signal, likely: Iterable[str], unlikely: Iterable[str] = ()) -> float:
+    """Return a point per likely word, up to two, and how much its rate counts among equals."""
+    words = signal.words
+    points = min(len(words & set(likely)), 2) - 3.0 * bool(words & _ASKED)
+    points -= 2.0 * bool(words & set(unlikely))
+    return points + 0.2 * math.log10(max(min(signal.rate, 100.0), 0.1))
+
+
+def _speeds(signal: Signal) -> Array:
+    """Return how fast the values change [1/s]."""
+    steps = np.diff(signal.times)
+    moved = np.linalg.norm(np.diff(signal.values, axis=0), axis=1)
+    return np.asarray(moved[steps > 0.0] / steps[steps > 0.0])
+
+
+def _moves(signal: Signal, least: float) -> bool:
+    return bool(np.max(signal.spread) > least)
+
+
+def _position(signal: Signal) -> Iterable[Candidate]:
+    last = signal.path.rpartition('.')[2]
+    named = last in ('position', 'point', 'translation') or bool(
+        signal.words & {'position', 'pos', 'lbl', 'usbl', 'fix'})
+    vector = signal.shape == 'vector' or (signal.shape == 'array' and ',' in signal.path)
+    if not (vector and named and _moves(signal, 0.01)):
+        return
+    speeds = _speeds(signal)
+    if not len(speeds) or np.median(speeds) > 20.0:
+        return
+    typed = last in ('position', 'point', 'translation')
+    yield Candidate(signal, 3.0 * typed + _points(
+        signal, ('position', 'pose', 'odom', 'odometry', 'mocap', 'lbl', 'usbl', 'local', 'nav',
+                 'fix', 'gps', 'viso'), ('joint', 'angular')))
+
+
+def _attitude(signal: Signal) -> Iterable[Candidate]:
+    likely = ('orientation', 'attitude', 'imu', 'pose', 'odom', 'odometry', 'mocap', 'heading')
+    if signal.shape == 'quaternion':
+        lengths = np.linalg.norm(signal.values, axis=1)
+        if abs(np.median(lengths) - 1.0) < 0.02 and _moves(signal, 1e-4):
+            yield Candidate(signal, 3.0 + _points(signal, likely))
+    elif signal.shape == 'vector' and signal.words & {'rpy', 'euler', 'angles'}:
+        yield Candidate(part(signal, (0, 1, 2), ', '.join(
+            f'{signal.path}.{axis}'.lstrip('.') for axis in 'xyz'), 'array'),
+            1.0 + _points(signal, likely), _angle_unit(signal))
+    elif signal.shape == 'array' and ',' in signal.path and 'attitude' in signal.words:
+        yield Candidate(signal, 2.0, _angle_unit(signal))
+    elif signal.shape == 'number' and signal.words & {'heading', 'yaw', 'compass', 'hdg'}:
+        if _moves(signal, 1e-3) and 'rate' not in signal.words:
+            sense = {'heading': 'ned'} if signal.words & {'compass', 'heading', 'hdg'} else {}
+            yield Candidate(signal, 0.5 + _points(signal, likely), {
+                **_angle_unit(signal), **sense})
+
+
+def _angle_unit(signal: Signal) -> dict[str, str]:
+    return {'unit': 'deg'} if np.max(np.abs(signal.values)) > 2.0 * math.pi + 0.1 else {}
+
+
+def _depth(signal: Signal) -> Iterable[Candidate]:
+    words = signal.words
+    if signal.shape not in ('number', 'array') or signal.values.shape[1] != 1 or (
+            not words & {'depth', 'pressure', 'altitude', 'baro', 'ctun'}
+            or words & {'variance', 'cmd', 'temperature', 'air'}):
+        return
+    if not _moves(signal, 1e-3):
+        return
+    low, high = float(np.min(signal.values)), float(np.max(signal.values))
+    keys: dict[str, Any] = {}
+    if 'pressure' in words:
+        if low > 0.8 * _ATMOSPHERE:
+            keys = {'scale': -_PASCAL, 'offset': _ATMOSPHERE * _PASCAL}
+        elif low > 800.0 and high < 2e4:  # [hPa]
+            keys = {'scale': -100.0 * _PASCAL, 'offset': _ATMOSPHERE * _PASCAL}
+        elif high > 1000.0:  # [Pa] above that of the atmosphere
+            keys = {'scale': -_PASCAL}
+        else:  # [bar]
+            keys = {'scale': -1e5 * _PASCAL, 'offset': _ATMOSPHERE * _PASCAL}
+    elif 'depth' in words and high > -low:
+        keys = {'scale': -1.0}
+    yield Candidate(signal, _points(
+        signal, ('depth', 'pressure', 'water', 'fluid', 'baro'), ('altitude',)), keys)
+
+
+def _velocity(signal: Signal) -> Iterable[Candidate]:
+    last = signal.path.rpartition('.')[2]
+    words = signal.words & {'velocity', 'vel', 'dvl', 'twist', 'viso'}
+    vector = signal.shape == 'vector' or (signal.shape == 'array' and ',' in signal.path)
+    if vector and words and last not in ('angular', 'angular_velocity') and (
+            last not in ('position', 'point', 'acceleration', 'linear_acceleration')):
+        if _moves(signal, 0.01) and np.median(np.abs(signal.values)) < 20.0:
+            yield Candidate(signal, _points(signal, ('dvl', 'velocity', 'twist', 'linear', 'viso'),
+                                            ('cmd', 'command', 'angular')))
+
+
+def _angular_velocity(signal: Signal) -> Iterable[Candidate]:
+    last = signal.path.rpartition('.')[2]
+    if signal.shape == 'gyro' or signal.shape == 'vector' and (
+            last in ('angular_velocity', 'angular') or 'gyro' in signal.words):
+        if _moves(signal, 1e-4) and np.median(np.abs(signal.values)) < 20.0:
+            yield Candidate(signal, 1.0 + _points(
+                signal, ('imu', 'gyro', 'angular'), ('cmd', 'command')))
+
+
+def _inertial_parts(signals: Sequence[Signal]) -> list[Signal]:
+    """
+    Return the gyros within arrays of numbers without names.
+
+    An accelerometer gives itself away, for it sees gravity; the gyro is the three beside it.
+    """
+    found = []
+    for signal in signals:
+        width = signal.values.shape[1]
+        if signal.shape != 'array' or width < 6 or not signal.words & {'imu', 'inertial'}:
+            continue
+        for at in range(width - 2):
+            length = np.median(np.linalg.norm(signal.values[:, at:at + 3], axis=1))
+            for gyro in (at - 3, at + 3):
+                if _GRAVITY[0] < length < _GRAVITY[1] and 0 <= gyro <= width - 3:
+                    path = f'{signal.path}[{gyro}:{gyro + 3}]'
+                    columns = part(signal, range(gyro, gyro + 3), path, 'gyro')
+                    if np.max(np.abs(columns.values)) < 20.0:
+                        found.append(columns)
+    return found
+
+
+def _thrusters(signal: Signal) -> Iterable[Candidate]:
+    if signal.shape == 'wrench' and np.max(signal.spread) > 1e-6:
+        yield Candidate(signal, 4.0 + _points(signal, ('wrench', 'force', 'thrust'), ('meas',)))
+    if signal.shape != 'array' or not _moves(signal, 1e-6):
+        return
+    words = signal.words
+    likely = ('thruster', 'thrusters', 'motor', 'motors', 'rc', 'rcou', 'out', 'pwm', 'servo',
+              'esc', 'command', 'cmd', 'force', 'forces', 'effort', 'current', 'axes', 'actuator',
+              'channels', 'thrust')
+    if not words & set(likely) or words & {'imu', 'magnetometer', 'states', 'gps'}:
+        return
+    pulses = is_pwm(signal.values)
+    columns = driven(signal.values)
+    yield Candidate(signal, 1.0 + _points(signal, likely, ('in', 'override', 'joint')) + (
+        1.5 * pulses + 1.5 * bool(words & {'force', 'forces', 'thrust'})) + 0.5 * (
+        len(columns) > 1), {'pwm': pulses})
+
+
+def is_pwm(values: Array) -> bool:
+    """Return whether commands are pulse widths [us]; 0 stands for no output."""
+    told = values[values > 0.0]
+    return bool(len(told) and np.mean((told >= PWM[0]) & (told <= PWM[1])) > 0.98
+                and np.min(values) >= 0.0 and np.max(told) - np.min(told) > 5.0)
+
+
+def driven(values: Array) -> list[int]:
+    """Return the columns that change."""
+    return [k for k in range(values.shape[1]) if np.ptp(values[:, k]) > 1e-6]
+
+
+_JUDGES: dict[str, Callable[[Signal], Iterable[Candidate]]] = {
+    'position': _position, 'depth': _depth, 'attitude': _attitude,
+    'angular_velocity': _angular_velocity, 'velocity': _velocity, 'thrusters': _thrusters}

@@ -1,0 +1,464 @@
+"""From what could be and what the data say to the configuration of a vehicle, with reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+import math
+from typing import Any
+
+import numpy as np
+from rovid_core.model.dofs import DOFS
+from rovid_core.settings.run import ThrusterSettings
+from rovid_core.thrust.thruster_curve import thruster_model
+from rovid_ros.discovery.ardusub import allocation, Frame, FRAMES, Motors
+from rovid_ros.discovery.candidates import Candidate, driven, NEUTRAL
+from rovid_ros.discovery.motion import answer, best_delay, headings, held, Motion, motion, Push
+from rovid_ros.discovery.signals import Array, part, Signal
+
+# A T200 near 12 V: force [N] of a command of -1 to 1 (J. Mar. Sci. Eng. 10(12), 2022, 1898).
+T200 = (0.0, 8.9, 0.0, 176.0, 0.0, -404.1, 0.0, 389.9, 0.0, -140.3)
+PULSES = {'scale': 0.0025, 'limit': 1.0, 'deadband': 0.0625, 'model': 'polynomial',
+          'polynomial': T200}
+SURE = 3.0  # standard errors
+_EXPLAINED = 0.1  # share of a DOF's changes below which nothing is known of what drives it
+_ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
+_SMALL = 0.15  # share of the strongest thruster of a DOF below which another does nothing
+_TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
+# The first coupling to look at, and the DOFs that it is made of.
+_USUAL = {'surge': ('vr', ('sway', 'yaw')), 'sway': ('ur', ('surge', 'yaw')),
+          'yaw': ('v', ('sway',))}
+_GAINED = 0.03  # share of a DOF's changes that a coupling has to explain
+_TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
+
+Choose = Callable[[str, list[Candidate]], Candidate]
+
+
+class DiscoveryError(ValueError):
+    """A log that no configuration can be made for; the text is the line to print."""
+
+
+@dataclass
+class Thrusters:
+    """What drives the vehicle."""
+
+    signal: Signal
+    how: str  # wrench; frame: a known vehicle's; data: the allocation is estimated
+    chain: ThrusterSettings
+    rows: dict[str, tuple[float, ...]]  # of the allocation, by DOF
+    frame: Frame | None = None
+    sure_frame: bool = False  # the autopilot itself says so
+    delay: float = 0.0  # [s]
+
+    def commands(self, signal: Signal) -> Array:
+        """Return the force of each thruster before its gain, or the wrench."""
+        if self.how == 'wrench':
+            return signal.values
+        model = thruster_model(self.chain)
+        values, where = np.unique(signal.values, return_inverse=True)
+        return np.array([model(value) if not self.chain.limit or abs(
+            value - self.chain.offset) * self.chain.scale <= 2.0 else 0.0
+            for value in values.tolist()])[where].reshape(signal.values.shape)
+
+
+@dataclass
+class Known:
+    """What is put into the file for a DOF."""
+
+    mass: float
+    quadratic_drag: float
+    linear_drag: float
+    force: float  # typical
+    velocity: float
+    explained: float  # share of its changes that the command explains
+    sign: int  # 1 if it goes where it is pushed, -1 the other way, 0 if the log does not say
+    couplings: tuple[str, ...] = ()
+
+
+@dataclass
+class Discovery:
+    """A configuration, what was guessed for it, and what the log cannot say."""
+
+    frames: str
+    inputs: dict[str, Candidate]
+    others: dict[str, list[Candidate]]  # what else each input could be
+    thrusters: Thrusters
+    dofs: dict[str, Known] = field(default_factory=dict)
+    yaw_offset: float = 0.0
+    fastest: float = 0.0  # [m/s or rad/s]
+    guesses: list[str] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
+
+
+def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose: Choose,
+           motors: Motors | None = None, frames: str = '') -> Discovery:
+    """
+    Decide on every input, the thrusters and the DOFs.
+
+    Parameters
+    ----------
+    found : dict
+        What each input could be, the likeliest first.
+    choose : callable
+        Decides between several; gets the name of the input and the candidates.
+    motors : Motors, optional
+        What the autopilot says of them.
+    frames : str
+        Of the messages, where that is known.
+
+    Raises
+    ------
+    DiscoveryError
+        If there are no commands, or nothing that moves.
+
+    """
+    if 'thrusters' not in found:
+        raise DiscoveryError('nothing in it looks like thruster commands or a wrench that changes'
+                             f'; it has {_list(signals)}')
+    inputs = {name: choose(name, found[name]) for name in _wanted(found)}
+    if inputs.keys() == {'thrusters'}:
+        raise DiscoveryError('nothing in it looks like a position, depth, attitude, velocity or '
+                             f'gyro that moves; it has {_list(signals)}')
+    others = {name: [one for one in found[name] if one is not inputs.get(name)]
+              for name in found}
+    guesses: list[str] = []
+    if not frames:
+        frames, why = _frames(signals, inputs)
+        guesses.append(why)
+    moved, heading = _moved(inputs, frames, guesses)
+    if not len(moved.times):
+        raise DiscoveryError(
+            'have no time in common: ' + ', '.join(one.signal.topic for one in inputs.values()))
+    thrusters = _thrusters(inputs['thrusters'], frames, moved, motors, guesses)
+    made = Discovery(frames, inputs, others, thrusters, guesses=guesses)
+    original = moved
+    if heading and thrusters.how != 'data' and {'surge', 'sway'} <= moved.velocities.keys():
+        for _ in range(2):  # what is far off spoils the delay, and that the angle
+            made.yaw_offset = _heading_offset(made.thrusters, original)
+            turned = _turned(original, made.yaw_offset).velocities
+            moved = replace(original, velocities={**original.velocities, **turned})
+            made.thrusters = _with_delay(made.thrusters, moved)
+    made.inputs['thrusters'] = replace(inputs['thrusters'], signal=made.thrusters.signal)
+    _fit(made, moved)
+    if not made.dofs:
+        raise DiscoveryError(
+            f'nothing that {made.thrusters.signal.topic} says moves the vehicle in this log: '
+            f'{", ".join(moved.velocities)} were looked at')
+    _say(made)
+    return made
+
+
+def _list(signals: Sequence[Signal]) -> str:
+    return ', '.join(sorted({f'{one.topic} ({one.type})' for one in signals})) or 'no numbers'
+
+
+def _wanted(found: Mapping[str, Sequence[Candidate]]) -> list[str]:
+    """Return the inputs to use: no second source of what is measured already."""
+    wanted = [name for name in ('position', 'depth', 'attitude') if name in found]
+    if 'attitude' not in found and 'angular_velocity' in found:
+        wanted.append('angular_velocity')
+    if 'position' not in found and 'velocity' in found:
+        wanted.append('velocity')
+    return [*wanted, 'thrusters']
+
+
+def _frames(signals: Sequence[Signal], inputs: Mapping[str, Candidate]) -> tuple[str, str]:
+    """Return the frames of the messages, and why."""
+    for signal in signals:
+        if signal.path.rpartition('.')[2] == 'linear_acceleration' and signal.shape == 'vector':
+            z = float(np.mean(signal.values[:, 2]))
+            if abs(z) > 7.0:
+                name = 'ned' if z < 0.0 else 'enu'
+                return name, f'frames: {name}, for the accelerometer sees {z:+.1f} m/s^2 in z'
+    gyro = inputs.get('angular_velocity')
+    for signal in signals if gyro else ():
+        if gyro and signal.topic == gyro.signal.topic and signal.shape == 'array':
+            for k in range(signal.values.shape[1]):
+                z = float(np.median(signal.values[:, k]))
+                if 8.8 < abs(z) < 10.8:
+                    name = 'ned' if z < 0.0 else 'enu'
+                    return name, (f'frames: {name}, for the accelerometer beside the gyro sees '
+                                  f'{z:+.1f} m/s^2')
+    if any('ned' in one.signal.words for one in inputs.values()):
+        return 'ned', 'frames: ned, by name'
+    return 'enu', ('frames: enu (ROS); had it been ned everywhere, only the signs of sway, heave '
+                   'and yaw and of their biases would change')
+
+
+def _moved(inputs: dict[str, Candidate], frames: str,
+           guesses: list[str]) -> tuple[Motion, bool]:
+    """Return the motion in forward-left-up, and whether it depends on the heading."""
+    used = {name: one.signal for name, one in inputs.items()}
+    angles = None
+    attitude = inputs.get('attitude')
+    if attitude is not None and attitude.signal.shape != 'quaternion':
+        unit = math.pi / 180.0 if attitude.keys.get('unit') == 'deg' else 1.0
+        angles = unit * attitude.signal.values[:, -1]
+        if attitude.keys.get('heading') == 'ned' and frames == 'enu':
+            angles = 0.5 * math.pi - angles
+    elif attitude is not None:
+        angles = headings(attitude.signal.values)
+    depth = inputs.get('depth')
+    scale = float(depth.keys.get('scale', 1.0)) if depth else 1.0
+    moved = motion(used, angles, scale)
+    velocities = dict(moved.velocities)
+    if frames == 'ned':
+        for dof in ('sway', 'yaw', *(() if depth else ('heave',))):
+            if dof in velocities:
+                velocities[dof] = -velocities[dof]
+    if depth and 'position' in used:
+        velocities['heave'] = _agreed_heave(inputs, depth, frames, moved.times,
+                                            velocities['heave'], guesses)
+    return replace(moved, velocities={
+        dof: v for dof, v in velocities.items()
+        if np.isfinite(v).sum() > 20 and np.nanstd(v) > 1e-3}), 'position' in used and bool(
+            attitude)
+
+
+def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, times: Array,
+                  heave: Array, guesses: list[str]) -> Array:
+    """Return the heave of the depth as the position agrees with it, or that of the position."""
+    fixes = motion({'position': inputs['position'].signal, 'thrusters': depth.signal})
+    own = np.interp(fixes.times, times, heave)
+    up = fixes.velocities['heave'] * (-1.0 if frames == 'ned' else 1.0)
+    both = np.isfinite(own) & np.isfinite(up)
+    if both.sum() < _ENOUGH or np.std(up[both]) < _STILL:
+        return heave
+    alike = float(np.corrcoef(own[both], up[both])[0, 1])
+    if abs(alike) < _ALIKE:
+        guesses.append(f'depth: {depth.signal.place} does not move as the position does, so the '
+                       'position is used for heave')
+        del inputs['depth']
+        return np.asarray(np.interp(times, fixes.times, up))
+    if alike > 0.0:
+        return heave
+    scale = -float(depth.keys.get('scale', 1.0))
+    inputs['depth'] = replace(depth, keys={**depth.keys, 'scale': scale})
+    guesses.append('depth.scale: negative, for the depth moves against the position' if scale < 0.0
+                   else 'depth.scale: positive, for the depth moves with the position')
+    return -heave
+
+
+def _thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Motors | None,
+               guesses: list[str]) -> Thrusters:
+    """Return what drives the vehicle, with the allocation that explains most of its motion."""
+    signal, count = candidate.signal, candidate.signal.values.shape[1]
+    if signal.shape == 'wrench':
+        flip = np.array([1, -1, -1, 1, -1, -1]) if frames == 'ned' else np.ones(6)
+        turned = replace(signal, values=signal.values * flip)
+        rows = {dof: tuple(float(i == k) for k in range(6)) for i, dof in enumerate(DOFS)}
+        made = Thrusters(turned, 'wrench', _chain((1.0,) * 6), rows)
+        return _with_delay(made, moved)
+    pulses = bool(candidate.keys.get('pwm'))
+    columns = driven(signal.values)
+    used = [n - 1 for n in motors.outputs] if motors else list(range(columns[-1] + 1))
+    if motors and max(used) >= count:
+        motors, used = None, list(range(columns[-1] + 1))
+    path = _path(signal, used)
+    gain = motors.directions if motors else (1.0,) * len(used)
+    narrow = part(signal, used, path, 'array')
+    if pulses:
+        from_data = max((_by_data(narrow, _chain(gain, offset=offset, **PULSES), moved)
+                         for offset in _neutrals(narrow.values)),
+                        key=lambda made: round(_explained(made, moved), 1))
+        if from_data.chain.offset != NEUTRAL:
+            guesses.append(f'thrusters.offset {from_data.chain.offset:g}: taken for the pulses of '
+                           'no thrust, as it explains more than 1500')
+    else:
+        names = signal.names if len(used) == count else ()
+        from_data = _by_data(narrow, _chain(gain, names=names), moved)
+    from_data = _with_delay(from_data, moved)
+    if motors:
+        return replace(from_data, how='frame', frame=motors.frame, sure_frame=True,
+                       rows=allocation(motors.frame))
+    active = {k for k in columns if k in used}
+    fitting = [frame for frame in (FRAMES[2], FRAMES[1], FRAMES[0])
+               if pulses and len(frame.factors) == len(used) and active == set(used)]
+    for frame in fitting:
+        made = replace(from_data, how='frame', frame=frame, rows=allocation(frame))
+        ours, best = _explained(made, moved), _explained(from_data, moved)
+        if ours > 0.5 * best and ours > 0.1:
+            return _with_delay(made, moved)
+    return from_data
+
+
+def _chain(gain: tuple[float, ...], **more: Any) -> ThrusterSettings:
+    """Return the chain up to the force of each thruster; rows are kept apart."""
+    return ThrusterSettings(
+        topics=('/thrusters',), gain=gain, allocation=((1.0,) * len(gain),) * len(DOFS), **more)
+
+
+def _path(signal: Signal, used: Sequence[int]) -> str:
+    """Return the path to some columns of an array."""
+    if list(used) == list(range(signal.values.shape[1])):
+        return signal.path
+    if ',' in signal.path:
+        names = [name.strip() for name in signal.path.split(',')]
+        return ', '.join(names[k] for k in used)
+    if list(used) == list(range(used[0], used[-1] + 1)):
+        return f'{signal.path}[{used[0]}:{used[-1] + 1}]'
+    return ', '.join(f'{signal.path}[{k}]' for k in used)
+
+
+def _neutrals(values: Array) -> list[float]:
+    """Return what pulse width [us] could stand for no thrust: the usual, and where all rest."""
+    rests = []
+    for column in np.round(values[:, driven(values)]).T:
+        told, counts = np.unique(column, return_counts=True)
+        rests.append(float(told[counts.argmax()]))
+    rest = float(np.median(rests))
+    shared = max(rests) - min(rests) <= 6.0 and 5.0 < abs(rest - NEUTRAL) < 120.0
+    return [NEUTRAL, rest] if shared else [NEUTRAL]
+
+
+def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thrusters:
+    """Return thrusters whose allocation is what each command does to each DOF in the log."""
+    made = Thrusters(signal, 'data', chain, {})
+    commands = made.commands(signal) * np.array(chain.gain)
+    strength = np.sqrt(np.mean(commands * commands, axis=0))
+    strength[strength == 0.0] = 1.0
+    # thrusters that are driven together cannot be told apart: each gets the same share
+    _, sizes, patterns = np.linalg.svd(commands / strength, full_matrices=False)
+    if not sizes.any():
+        return made
+    patterns = patterns[sizes > _TOGETHER * sizes.max()].T
+    together = commands / strength @ patterns
+    made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
+    forces = held(signal.times + made.delay, together, moved.times, moved.half)
+    answers = {dof: push for dof, velocity in moved.velocities.items()
+               if (push := answer(velocity, forces, moved.half))}
+    told = {dof: push for dof, push in answers.items() if push.explained > _EXPLAINED and np.any(
+        np.abs(push.alphas) > SURE * push.errors)}
+    if answers and not told:
+        best = max(answers, key=lambda dof: answers[dof].explained)
+        told = {best: answers[best]}
+    for dof, push in told.items():
+        shares = patterns @ push.alphas
+        shares[np.abs(shares) < _SMALL * np.abs(shares).max()] = 0.0
+        alphas = shares / strength
+        if alphas.any():
+            made.rows[dof] = tuple(
+                round(float(x), 2) + 0.0 for x in alphas / np.abs(alphas).max())
+    return made
+
+
+def _force(made: Thrusters, dof: str, moved: Motion) -> Array:
+    """Return the force on a DOF at the times of the motion."""
+    commands = made.commands(made.signal) * np.array(made.chain.gain)
+    forces = held(made.signal.times + made.delay, commands, moved.times, moved.half)
+    return np.asarray(forces @ np.array(made.rows[dof]))
+
+
+def _answers(made: Thrusters, moved: Motion) -> dict[str, tuple[Push, Array]]:
+    found = {}
+    for dof, velocity in moved.velocities.items():
+        force = _force(made, dof, moved) if dof in made.rows else np.zeros(len(moved.times))
+        if np.ptp(force) > 1e-9:
+            push = answer(velocity, force[:, np.newaxis], moved.half)
+            if push is not None:
+                found[dof] = push, force
+    return found
+
+
+def _explained(made: Thrusters, moved: Motion) -> float:
+    """Return how much of the motion is explained, if forces push the way they point."""
+    return math.fsum(math.copysign(push.explained, push.alphas[0])
+                     for push, _ in _answers(made, moved).values())
+
+
+def _with_delay(made: Thrusters, moved: Motion) -> Thrusters:
+    if not made.rows:
+        return made
+    commands = made.commands(made.signal) * np.array(made.chain.gain)
+    forces = {dof: commands @ np.array(made.rows[dof])[:, np.newaxis]
+              for dof in moved.velocities if dof in made.rows}
+    return replace(made, delay=best_delay(moved, made.signal.times, forces))
+
+
+def _fit(made: Discovery, moved: Motion) -> None:
+    """Fit each DOF that is driven, for initial values of the right size."""
+    answers = _answers(made.thrusters, moved)
+    for dof in [dof for dof in DOFS if dof in answers]:
+        push, force = answers[dof]
+        alpha, error = float(push.alphas[0]), float(push.errors[0])
+        velocity = moved.velocities[dof]
+        sign = 0 if abs(alpha) < SURE * error or push.explained < _EXPLAINED else (
+            1 if alpha > 0.0 else -1)
+        strong = float(np.sqrt(np.mean(force * force)))
+        fast = float(np.sqrt(np.nanmean(velocity * velocity)))
+        if dof not in ('surge', 'sway', 'heave', 'yaw') or strong == 0.0:
+            continue
+        mass = 1.0 / max(abs(alpha), error, 1e-9)
+        quadratic, linear = max(-push.beta * mass, 0.0), max(-push.gamma * mass, 0.0)
+        if quadratic == linear == 0.0:  # what stops it at its typical speed
+            linear = strong / max(fast, 1e-6)
+        made.dofs[dof] = Known(mass, quadratic, linear, 1.4 * strong, 1.4 * fast,
+                               push.explained, sign, _couplings(dof, force, push, moved))
+    speeds = [float(np.nanpercentile(np.abs(moved.velocities[dof]), 99.0)) for dof in made.dofs]
+    made.fastest = max(speeds, default=1.0)
+
+
+def _couplings(dof: str, force: Array, push: Push, moved: Motion) -> tuple[str, ...]:
+    """Return the coupling that is usual for a DOF, if it explains a part of the motion."""
+    name, others = _USUAL.get(dof, ('', ()))
+    if not name or not {*others} <= moved.velocities.keys():
+        return ()
+    term = np.prod([moved.velocities[other] for other in others], axis=0)
+    known = np.where(np.isfinite(term), moved.velocities[dof], np.nan)
+    both = answer(known, np.column_stack([force, np.nan_to_num(term)]), moved.half)
+    if both is None or both.explained < push.explained + _GAINED or (
+            abs(both.alphas[1]) < SURE * both.errors[1]):
+        return ()
+    return (name,)
+
+
+def _heading_offset(thrusters: Thrusters, moved: Motion) -> float:
+    """Return the heading offset [rad] with which most of surge and sway is explained."""
+    def explained(angle: float) -> float:
+        return _explained(thrusters, _turned(moved, angle))
+
+    coarse = max(np.arange(-15, 17) * math.pi / 16.0, key=explained)
+    fine = max(coarse + np.arange(-10, 11) * 0.02, key=explained)
+    if abs(fine) < _TURNED or explained(fine) < explained(0.0) + _EXPLAINED:
+        return 0.0
+    return round(math.remainder(float(fine), 2.0 * math.pi), 2)
+
+
+def _turned(moved: Motion, angle: float) -> Motion:
+    """Return the motion in the plane with another heading."""
+    plane = (moved.velocities['surge'] + 1j * moved.velocities['sway']) * np.exp(-1j * angle)
+    return replace(moved, velocities={'surge': plane.real, 'sway': plane.imag})
+
+
+def _say(made: Discovery) -> None:
+    """Say what was guessed and what the log cannot tell."""
+    thrusters = made.thrusters
+    if made.yaw_offset:
+        made.guesses.append(
+            f'attitude.yaw_offset {made.yaw_offset:g} rad: the vehicle accelerates '
+            f'{math.degrees(made.yaw_offset):.0f} deg aside of where it is pushed')
+    against = [dof for dof, known in made.dofs.items() if known.sign < 0]
+    if against and thrusters.how != 'data':
+        made.guesses.append(f'{", ".join(against)} accelerates against its command: look at the '
+                            'sign in thrusters (or at frames) before you believe a mass')
+    weak = [dof for dof, known in made.dofs.items() if known.sign == 0]
+    if weak:
+        made.guesses.append(f'{", ".join(weak)}: the log hardly says how the command moves it')
+    if thrusters.how == 'wrench':
+        made.unknown.append('whether the wrench is in newtons: all masses and drags are wrong by '
+                            'the same factor')
+    elif thrusters.how == 'frame' and thrusters.frame is not None:
+        frame = thrusters.frame
+        by = 'says the autopilot' if thrusters.sure_frame else (
+            f'as in ArduSub, for there are {len(frame.factors)} motors and it explains the motion')
+        made.guesses.append(f'thrusters.allocation: frame {frame.name}, {by}')
+        levers = f'the levers are those of {frame.vehicle}' if frame.vehicle else (
+            'the levers are guessed')
+        made.unknown.append('thrust scale (a T200 near 12 V is taken) and allocation geometry '
+                            f'({levers})')
+    else:
+        made.guesses.append('thrusters.allocation: from what each command does to each DOF in '
+                            'this log; masses are relative to a full command')
+        made.unknown.append('thrust scale and allocation geometry: where the thrusters are and '
+                            'what they push in newtons')
+    made.unknown.append('dry mass')

@@ -1,0 +1,202 @@
+"""How a vehicle moves and is pushed in a log, on one grid of time; what one says of the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from rovid_core.model.dofs import DOFS
+from rovid_ros.discovery.signals import Array, Signal
+
+STEP = 0.1  # [s] of the grid
+DELAYS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)  # [s] of the thrust that are tried
+_MOST_GAPS = 1000
+_FAR = 8.0  # times the median of the residuals: what misses by more is left out
+_FAST = 5.0  # times the speed that is seldom exceeded: no vehicle does
+
+
+@dataclass(frozen=True)
+class Motion:
+    """
+    Body velocities of a vehicle on a grid of time.
+
+    Attributes
+    ----------
+    times : array
+        [s], with steps of ``STEP``.
+    velocities : dict of str to array
+        [m/s] or [rad/s] by DOF, of those that were measured; NaN across gaps.
+    half : float
+        Half of the span [s] over which velocities are means.
+
+    """
+
+    times: Array
+    velocities: Mapping[str, Array]
+    half: float
+
+
+@dataclass(frozen=True)
+class Push:
+    """How a DOF answers to commands: v' = sum of alpha u + beta v|v| + gamma v + delta."""
+
+    alphas: Array  # one per command
+    beta: float
+    gamma: float
+    explained: float  # share of the changes of the velocity that only the commands explain
+    errors: Array  # standard errors of the alphas
+
+
+def motion(used: Mapping[str, Signal], angles: Array | None = None,
+           depth_scale: float = 1.0) -> Motion:
+    """
+    Return the body velocities that follow from signals, by the name of their input.
+
+    ``angles`` are heading [rad] in the world of the position, at the attitude's times, if the
+    attitude is not a quaternion of it.
+    """
+    seen = [used[name] for name in ('position', 'depth', 'attitude', 'angular_velocity',
+                                    'velocity', 'thrusters') if name in used]
+    begin = max(signal.times[0] for signal in seen)
+    end = min(signal.times[-1] for signal in seen)
+    times = np.arange(begin, end, STEP) if end > begin else np.empty(0)
+    slowest = max((float(np.median(np.diff(used[name].times)))
+                   for name in ('position', 'depth', 'attitude', 'velocity') if name in used),
+                  default=STEP)
+    half = max(0.2, slowest)
+    velocities: dict[str, Array] = {}
+    heading = None
+    if 'attitude' in used:
+        attitude = used['attitude']
+        heading = np.unwrap(headings(attitude.values) if angles is None else angles)
+        velocities['yaw'] = _rate(attitude.times, heading, times, half)
+    if 'angular_velocity' in used:
+        gyro = used['angular_velocity']
+        velocities['yaw'] = _mean(gyro.times, gyro.values[:, 2], times, half)
+    if 'position' in used:
+        fixes = used['position']
+        rates = [_rate(fixes.times, column, times, half) for column in fixes.values.T]
+        if heading is not None:
+            turned = (rates[0] + 1j * rates[1]) * np.exp(-1j * np.interp(
+                times, used['attitude'].times, heading))
+            velocities['surge'], velocities['sway'] = turned.real, turned.imag
+        velocities['heave'] = rates[2]
+    if 'velocity' in used:
+        body = used['velocity']
+        for dof, column in zip(DOFS, body.values.T):
+            velocities[dof] = _mean(body.times, column, times, half)
+    if 'depth' in used:
+        depth = used['depth']
+        velocities['heave'] = _rate(depth.times, depth_scale * depth.values[:, 0], times, half)
+    return Motion(times, {dof: _plausible(v) for dof, v in velocities.items()}, half)
+
+
+def _plausible(velocity: Array) -> Array:
+    """Return a velocity with NaN where the sensor must have been lost."""
+    known = np.abs(velocity[np.isfinite(velocity)])
+    most = _FAST * float(np.percentile(known, 95.0)) if len(known) else 0.0
+    return np.where(np.abs(velocity) > max(most, 1e-9), np.nan, velocity)
+
+
+def headings(q: Array) -> Array:
+    """Return the headings [rad] of attitudes, x, y, z, w in each row."""
+    x, y, z, w = q.T
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def _rate(times: Array, values: Array, grid: Array, half: float) -> Array:
+    """Return the mean rate of change from ``half`` [s] before to as much behind; NaN at gaps."""
+    rates = (np.interp(grid + half, times, values) - np.interp(grid - half, times, values)) / (
+        2.0 * half)
+    return _without_gaps(times, rates, grid, half)
+
+
+def _mean(times: Array, values: Array, grid: Array, half: float) -> Array:
+    """Return the mean over ``half`` [s] before and behind each time; NaN at gaps."""
+    fine = np.concatenate([[0.0], np.cumsum(
+        0.5 * (values[1:] + values[:-1]) * np.diff(times))])
+    return _rate(times, fine, grid, half)
+
+
+def held(times: Array, values: Array, grid: Array, half: float) -> Array:
+    """Return the mean of held commands over ``half`` [s] before and behind each time."""
+    areas = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(
+        values[:-1] * np.diff(times)[:, np.newaxis], axis=0)])
+    rates = [(np.interp(grid + half, times, area) - np.interp(grid - half, times, area)) / (
+        2.0 * half) for area in areas.T]
+    return np.array(rates).T.reshape(len(grid), values.shape[1])
+
+
+def _without_gaps(times: Array, values: Array, grid: Array, half: float) -> Array:
+    steps = np.diff(times)
+    gaps = np.flatnonzero(steps > max(6.0 * float(np.median(steps)), 4.0 * half))
+    bad = (grid - half < times[0]) | (grid + half > times[-1])
+    for k in gaps[:_MOST_GAPS]:
+        bad |= (grid + half > times[k]) & (grid - half < times[k + 1])
+    return np.where(bad, np.nan, values)
+
+
+def answer(velocity: Array, commands: Array, half: float) -> Push | None:
+    """
+    Return how a velocity answers to commands, one column each; None where the log does not say.
+
+    By least squares of the changes over a window on the integrals over it, which asks for no
+    derivative.
+    """
+    width = max(round(max(1.0, 2.0 * half) / STEP), 1)
+    if len(velocity) <= 3 * width:
+        return None
+
+    def integral(values: Array) -> Array:
+        sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(
+            0.5 * STEP * (values[1:] + values[:-1]), axis=0)])
+        return np.asarray(sums[width:] - sums[:-width])
+
+    known = np.isfinite(velocity)
+    velocity = np.where(known, velocity, 0.0)
+    speeds = np.column_stack([velocity * np.abs(velocity), velocity, np.ones_like(velocity)])
+    regressors = integral(np.column_stack([commands, speeds]))
+    changes = velocity[width:] - velocity[:-width]
+    good = np.convolve(~known, np.ones(width + 1), 'valid') < 0.5  # no gap within
+    regressors, changes = regressors[good], changes[good]
+    count = commands.shape[1]
+    for _ in range(2):  # again without what is far off, such as a sensor that was lost
+        if len(changes) < 10 * width or not np.ptp(changes) > 0.0:
+            return None
+        solution, residual, squares = _fitted(regressors, changes)
+        far = np.abs(residual) > max(_FAR * np.median(np.abs(residual)), np.std(changes))
+        if not far.any():
+            break
+        regressors, changes = regressors[~far], changes[~far]
+    solution, residual, squares = _fitted(regressors, changes)
+    left, whole = float(np.mean(residual ** 2)), float(np.var(changes))
+    without = float(np.mean(_fitted(regressors[:, count:], changes)[1] ** 2))
+    # windows overlap: only every width-th is new
+    errors = np.sqrt(squares * left * width)
+    return Push(solution[:count], float(solution[count]), float(solution[count + 1]),
+                max(0.0, without - left) / whole if whole else 0.0, errors[:count])
+
+
+def _fitted(regressors: Array, changes: Array) -> tuple[Array, Array, Array]:
+    """Return the least squares, what is left, and the diagonal of the inverse of the squares."""
+    scale = np.sqrt(np.mean(regressors ** 2, axis=0))
+    scale[scale == 0.0] = 1.0
+    scaled = regressors / scale
+    solution, *_ = np.linalg.lstsq(scaled, changes, rcond=1e-3)
+    squares = np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-6))
+    return solution / scale, changes - scaled @ solution, squares.clip(0.0) / scale ** 2
+
+
+def best_delay(moved: Motion, times: Array, commands: Mapping[str, Array]) -> float:
+    """
+    Return the delay [s] with which commands explain most of the motion.
+
+    ``commands`` are by DOF, a row per time [s] and a column each.
+    """
+    def explained(delay: float) -> float:
+        pushes = [answer(moved.velocities[dof], held(times + delay, columns, moved.times,
+                                                     moved.half), moved.half)
+                  for dof, columns in commands.items()]
+        return sum(push.explained for push in pushes if push)
+    return max(DELAYS, key=explained)

@@ -1,0 +1,237 @@
+"""``rovid init``: the configuration of a log that nobody has described."""
+
+from collections.abc import Callable
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rovid_core.model.dofs import DOFS
+from rovid_core.settings.run import Settings
+from rovid_core.velocity.attitude_history import from_yaw, product
+from rovid_ros.commands.init import discover
+from rovid_ros.commands.main import main
+from rovid_ros.commands.simulate import simulate_log
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.discovery.ardusub import allocation, FRAMES, motors
+from rovid_ros.discovery.candidates import candidates
+from rovid_ros.discovery.decisions import decide
+from rovid_ros.discovery.signals import read_signals
+from rovid_ros.logs.log import Log
+from rovid_ros.logs.writer import LogWriter
+
+from test.support.dataflash_logs import dive, heavy, PARAMETERS
+
+
+@pytest.fixture
+def initialised(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[[Path], Settings]:
+    """Return what writes a configuration, replays the log with it, and returns it."""
+    def run(log: Path) -> Settings:
+        yaml = tmp_path / 'init.yaml'
+        assert main(['init', str(log), '--output', str(yaml)]) == 0, capsys.readouterr().err
+        said = capsys.readouterr().out
+        assert f'written   {yaml}' in said
+        assert f'rovid replay {log} --params-file {yaml}' in said
+        assert main(['replay', str(log), '--params-file', str(yaml), '--duration', '8']) == 0
+        return settings_from(load(yaml))
+    return run
+
+
+def inputs(settings: Settings) -> dict[str, str]:
+    """Return topic and field of each input."""
+    found = {name: f'{settings.input(name).topic} {settings.input(name).field}'
+             for name in settings.used_inputs() if name != 'thrusters'}
+    thrusters = settings.thrusters
+    return {**found, 'thrusters': f'{thrusters.topics[0]} {thrusters.field}'}
+
+
+@pytest.fixture(scope='module')
+def logs(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Return 45 s of each shipped vehicle that can be simulated."""
+    folder = tmp_path_factory.mktemp('init')
+    found = {}
+    for name in ('bluerov2_ardusub', 'odometry_wrench', 'jhurov'):
+        found[name] = folder / f'{name}.mcap'
+        settings = settings_from(load(repository / 'config' / f'{name}.yaml'))
+        simulate_log(settings, found[name], 45.0, 1)
+    return found
+
+
+# --- simulated vehicles -------------------------------------------------------------------
+
+
+def test_an_odometry_and_a_wrench(logs: dict[str, Path],
+                                  initialised: Callable[[Path], Settings]) -> None:
+    found = initialised(logs['odometry_wrench'])
+    assert inputs(found) == {
+        'position': '/odometry pose.pose.position', 'attitude': '/odometry pose.pose.orientation',
+        'thrusters': '/wrench wrench'}
+    assert found.dofs == ('surge', 'sway', 'heave', 'yaw')
+    assert found.yaw_offset == 0.0
+    for dof, mass in (('surge', 90.0), ('sway', 110.0), ('heave', 120.0), ('yaw', 7.0)):
+        assert found.dof[dof].mass == pytest.approx(mass, rel=0.2), dof
+
+
+def test_a_bluerov2_with_mavros_is_recognised(logs: dict[str, Path], repository: Path,
+                                              initialised: Callable[[Path], Settings]) -> None:
+    found = initialised(logs['bluerov2_ardusub'])
+    assert inputs(found) == {
+        'position': '/mavros/local_position/pose pose.position',
+        'attitude': '/mavros/imu/data orientation', 'thrusters': '/mavros/rc/out channels'}
+    known = settings_from(load(repository / 'config' / 'bluerov2_ardusub.yaml')).thrusters
+    for dof in found.dofs:
+        row = DOFS.index(dof)
+        assert found.thrusters.allocation[row] == known.allocation[row]
+    assert (found.thrusters.offset, found.thrusters.scale) == (1500.0, 0.0025)
+
+
+def test_an_allocation_is_estimated(logs: dict[str, Path], repository: Path,
+                                    initialised: Callable[[Path], Settings]) -> None:
+    found = initialised(logs['jhurov'])
+    assert inputs(found) == {
+        'position': '/sharps/position point', 'depth': '/depth/pressure fluid_pressure',
+        'attitude': '/imu/data orientation', 'thrusters': '/thrusters/current effort'}
+    known = settings_from(load(repository / 'config' / 'jhurov.yaml'))
+    assert found.thrusters.names == known.thrusters.names
+    assert found.depth_scale == pytest.approx(known.depth_scale, rel=1e-3)
+    for dof in ('surge', 'heave', 'yaw'):
+        row = DOFS.index(dof)
+        forces = [a * k for a, k in zip(known.thrusters.allocation[row], known.thrusters.gain)]
+        largest = max(map(abs, forces))
+        assert found.thrusters.allocation[row] == pytest.approx(
+            [force / largest for force in forces], abs=0.15), dof
+
+
+@pytest.mark.parametrize('offset', [math.pi / 2, -2.0])
+def test_a_heading_offset_shows(offset: float, logs: dict[str, Path], tmp_path: Path) -> None:
+    turned = tmp_path / 'turned.mcap'
+    with Log([logs['odometry_wrench']]) as log, LogWriter(turned) as writer:
+        for message in log.messages(list(log.topics)):
+            writer.write(message.topic, message.type, fields_of(message.data, -offset),
+                         message.time)
+    assert discover([turned]).yaw_offset == pytest.approx(offset, abs=0.1)
+
+
+def fields_of(message: Any, yaw: float) -> dict[str, Any]:
+    """Return an odometry with another heading, or a wrench as it is."""
+    def vector(of: Any) -> dict[str, float]:
+        return {'x': of.x, 'y': of.y, 'z': of.z}
+
+    stamp = message.header.stamp
+    header = {'stamp': {'sec': stamp.sec, 'nanosec': stamp.nanosec}}
+    if hasattr(message, 'wrench'):
+        return {'header': header, 'wrench': {
+            'force': vector(message.wrench.force), 'torque': vector(message.wrench.torque)}}
+    pose = message.pose.pose
+    q = pose.orientation
+    turned = product(from_yaw(yaw), (q.x, q.y, q.z, q.w))
+    return {'header': header, 'pose': {'pose': {
+        'position': vector(pose.position), 'orientation': dict(zip('xyzw', turned))}}}
+
+
+# --- logs of ArduSub ----------------------------------------------------------------------
+
+
+def test_the_autopilots_parameters_tell_the_motors(
+        tmp_path: Path, initialised: Callable[[Path], Settings]) -> None:
+    settings = heavy(['surge', 'sway', 'heave', 'yaw'], ['depth', 'velocity'])
+    outputs = (2, 3, 4, 5, 8, 9, 10, 11)
+    parameters = {
+        **PARAMETERS, **{f'SERVO{n}_FUNCTION': 0.0 for n in range(1, 9)},
+        **{f'SERVO{output + 1}_FUNCTION': 33.0 + k for k, output in enumerate(outputs)},
+        'MOT_2_DIRECTION': -1.0, 'MOT_7_DIRECTION': -1.0}
+    path = tmp_path / 'DIVE.BIN'
+    path.write_bytes(dive(settings, 40.0, parameters=parameters, outputs=outputs,
+                          reversed_motors=(2, 7)).data)
+    found = initialised(path)
+    assert inputs(found) == {
+        'depth': '/CTUN BAlt', 'attitude': '/ATT Roll, Pitch, Yaw',
+        'velocity': '/VISO VelX, VelY, VelZ',
+        'thrusters': '/RCOU C3, C4, C5, C6, C9, C10, C11, C12'}
+    assert found.thrusters.gain == (1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0, 1.0)
+    assert (found.frames, found.heading_unit) == ('ned', 'deg')
+    for dof in found.dofs:
+        assert found.dof[dof].mass == pytest.approx(
+            settings.simulation.dofs[dof].mass, rel=0.25), dof
+
+
+def test_every_log_of_ardusub_gives_heave_and_yaw(
+        tmp_path: Path, initialised: Callable[[Path], Settings]) -> None:
+    settings = heavy(['heave', 'yaw'])
+    path = tmp_path / 'DIVE.BIN'
+    path.write_bytes(dive(settings, 30.0).data)
+    assert initialised(path).dofs == ('heave', 'yaw')
+
+
+@pytest.mark.parametrize('number', FRAMES)
+def test_a_frame_drives_what_its_motors_can(number: int) -> None:
+    frame = FRAMES[number]
+    rows = allocation(frame)
+    for dof in ('surge', 'heave', 'yaw'):
+        assert any(rows[dof]), dof
+    for k, factors in enumerate(frame.factors):
+        length = math.hypot(rows['surge'][k], rows['sway'][k], rows['heave'][k])
+        assert length == pytest.approx(1.0, abs=1e-3) if any(factors[3:]) else length == 0.0
+
+
+def test_a_frame_that_nobody_knows_has_no_motors() -> None:
+    assert motors({'FRAME_CONFIG': '7'}) is None
+    assert motors({}) is None
+
+
+# --- recorded logs ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(('log', 'dofs', 'expected'), [
+    ('bluerov2_tank/short_all_axes.mcap', ('surge', 'sway', 'heave', 'yaw'), {
+        'position': '/mocap/pose pose.position', 'attitude': '/mocap/pose pose.orientation',
+        'thrusters': '/rc/command axes'}),
+    ('bluerov_pool/yaw_2.bag', ('yaw',), {
+        'depth': '/rovio/water_pressure/data data',
+        'angular_velocity': '/rovio/imu/data data[1:4]',
+        'thrusters': '/rovio/thrusters data[0:4]'}),
+    ('subjugator/forward4.bag', ('surge', 'sway', 'heave', 'yaw'), {
+        'position': '/odom pose.pose.position', 'attitude': '/odom pose.pose.orientation',
+        'thrusters': '/wrench wrench'}),
+    ('blueboat/bb235.mcap', ('surge', 'yaw'), {
+        'position': '/gps/point point', 'attitude': '/attitude quaternion',
+        'thrusters': '/forces axes'}),
+])
+def test_the_topics_of_recorded_logs(log: str, dofs: tuple[str, ...], expected: dict[str, str],
+                                     data: Path) -> None:
+    made = discover([data / log])
+    assert {name: one.signal.place for name, one in made.inputs.items()} == expected
+    assert tuple(made.dofs) == dofs
+
+
+# --- asking, and what cannot be done ------------------------------------------------------
+
+
+def test_another_choice_is_taken(data: Path) -> None:
+    with Log([data / 'blueboat' / 'bb235.mcap']) as log:
+        signals = read_signals(log, 0.0, None)
+    made = decide(candidates(signals), signals, lambda name, found: found[-1])
+    assert made.thrusters.signal.place == '/pwm axes'
+    assert made.thrusters.chain.offset == 1500.0
+
+
+def test_what_no_configuration_can_be_made_of(
+        tmp_path: Path, logs: dict[str, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    alone = tmp_path / 'alone.mcap'
+    with Log([logs['odometry_wrench']]) as log, LogWriter(alone) as writer:
+        for message in log.messages(['/odometry'], duration=5.0):
+            writer.write(message.topic, message.type, fields_of(message.data, 0.0), message.time)
+    there = tmp_path / 'there.yaml'
+    for given, code, says in [
+            ([str(alone), '--output', str(there)], 1,
+             'nothing in it looks like thruster commands or a wrench that changes; it has '
+             '/odometry (nav_msgs/msg/Odometry)'),
+            ([str(alone), '--output', str(there), '--ask'], 1, 'there is no terminal to ask on'),
+            ([str(tmp_path / 'none.mcap'), '--output', str(there)], 1, 'no such file'),
+            ([str(alone), '--output', str(alone)], 1, 'is read by this command'),
+            ([], 2, 'the following arguments are required: LOG')]:
+        assert main(['init', *given]) == code
+        error = capsys.readouterr().err
+        assert says in error and error.count('\n') == 1
+        assert not there.exists()

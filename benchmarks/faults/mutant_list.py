@@ -322,7 +322,7 @@ MUTANTS = [
          ('the parameters leave their bounds',
           'bottom if p < bottom else top if p > top else p', 'p'),
          ('it adapts where it must not',
-          'self._none if not adapt else self._resting if', 'self._resting if'),
+          'self._gamma if adapt else self._none', 'self._gamma'),
          ('the integrator is another one',
           'return _shifted(_shifted(x, h / 3.0, k3), h / 6.0, k4)',
           'return _shifted(_shifted(x, h / 3.0, k3), h / 3.0, k4)')),

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import math
 from typing import Any, cast
 
-from rovid_core.identify.excitation import MIN_EXCITATION, MIN_MOTION
+from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import KnownUncertainty
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four, PARAMETERS, Three
@@ -156,10 +156,6 @@ class AdaptiveIdentifier(Identifier):
     projected on a box (``Scales.bounds``) that contains the true ones, so the projection does
     not increase W.
 
-    At rest the velocity is noise, and its echo in v_hat would be taken for drag: 0.2 1/s of
-    gamma in an hour. Without thrust and motion beta and gamma are therefore not adapted. This
-    changes W' by |dv (dbeta v|v| + dgamma v)| at most, with v close to 0.
-
     Each coupling of the DOF is one more parameter kappa with a measured regressor x. Since x does
     not depend on v_hat, eq. 9 to 12 hold with it term by term.
 
@@ -167,7 +163,9 @@ class AdaptiveIdentifier(Identifier):
     low-passed v, so drag comes out too high, by more the faster the motion is for the filter.
 
     ``parameters`` are the published values, here theta_hat itself: with raw gains this is the
-    paper's identifier unchanged. ``SelfTuningIdentifier`` takes its gains from the data.
+    paper's identifier unchanged. It adapts at rest too, where the velocity is noise, whose echo in
+    v_hat it takes for drag: 0.2 1/s of gamma in an hour. ``SelfTuningIdentifier`` takes its gains
+    from the data, and does not.
 
     """
 
@@ -177,12 +175,11 @@ class AdaptiveIdentifier(Identifier):
                                 f'got {integrator!r}, takes {", ".join(INTEGRATORS)}')
         self._scales = scales
         self._regressor_scale = (*scales.regressor, *scales.coupling_regressor)
-        self._per_force, _, self._per_velocity, _ = scales.regressor
+        self._per_force = scales.regressor[0]
         self._a = gains.feedback
         active = (*scales.active, *(True for _ in scales.couplings))
         gamma = [g if on else 0.0 for g, on in zip(gains.adaptation, active)]
         self._gamma: tuple[float, ...] = tuple(gamma)
-        self._resting: tuple[float, ...] = (gamma[0], 0.0, 0.0, *gamma[3:])
         self._none = (0.0,) * len(gamma)
         rate = max(g / (s * s) for g, s in zip(gamma, self._regressor_scale)) / -self._a
         self.adaptation_time = 1.0 / rate if rate > 0.0 else math.inf  # of the fastest [s]
@@ -279,9 +276,7 @@ class AdaptiveIdentifier(Identifier):
 
     def _advance(self, step: Step, adapt: bool, idle: bool) -> NewState:
         """Return v_hat and theta_hat after a step, None if it is refused."""
-        speed = self.v_hat * self._per_velocity
-        rest = idle and speed * speed < MIN_MOTION
-        gamma = self._none if not adapt else self._resting if rest else self._gamma
+        gamma = self._gamma if adapt else self._none
         state: State = (self.v_hat, *self.theta_hat)
         pieces = self._number_of_pieces(step, gamma)
         if pieces > MAX_PIECES:

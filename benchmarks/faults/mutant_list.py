@@ -350,6 +350,12 @@ MUTANTS = [
           '1.5 * math.sqrt(self.of_theta[-1][-1] * self.inflation)'),
          ('the deviations of the couplings are in other units',
           'self.unit[3] * math.sqrt(', 'math.sqrt(')),
+    *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
+         'what_changed_may_change_back',
+         ('after a change losses do not count',
+          'self._changed_at > 0.0 if member', 'False if member'),
+         ('a parameter near 0 stays there',
+          'max(abs(p), abs(q))', 'abs(p)')),
     *_of('rovid_core/settings/run.py', 'test/core/test_pipeline.py '
          'velocity_and_gyro_sensors_are_used_where_there_are_some '
          'six_dofs_from_fixes_depth_and_attitude_at_their_own_rates',

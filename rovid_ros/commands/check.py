@@ -28,8 +28,8 @@ from rovid_ros.config.input_topics import inputs_of, section, topics_of
 from rovid_ros.config.parameter_file import ParameterFileError, read
 from rovid_ros.config.parameters import check as check_values, settings_from
 from rovid_ros.files.checkpoint import is_record
-from rovid_ros.files.state_file import load as load_checkpoint
-from rovid_ros.files.whole_files import write_json
+from rovid_ros.files.state_file import DamagedStateError, load as load_checkpoint
+from rovid_ros.files.whole_files import before, write_json
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.dataflash import PACKAGE as DATAFLASH
 from rovid_ros.logs.log import Log
@@ -282,8 +282,10 @@ def _check_files(settings: Settings, findings: Findings) -> None:
         try:
             load_checkpoint(Path(settings.checkpoint_path), settings)
         except ValueError as error:
-            findings.warning('checkpoint.path', str(error), 'the node will start from the '
-                             'initial values and keep that file under another name')
+            older = before(Path(settings.checkpoint_path))
+            findings.warning('checkpoint.path', str(error), 'the node will start from ' + (
+                f'{older}' if isinstance(error, DamagedStateError) and older.exists()
+                else 'the initial values') + ' and keep that file under another name')
 
 
 def unwritable(path: Path) -> str:

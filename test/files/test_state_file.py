@@ -15,6 +15,8 @@ from rovid_core.settings.run import (
 )
 from rovid_ros.files.state_file import DamagedStateError, load, save, StateError
 
+from test.support.processes import patience
+
 STATE = {'a': [0.1 + 0.2, 5e-324], 'b': {'c': 'text'}}
 
 
@@ -133,5 +135,6 @@ def test_a_pipe_or_a_device_is_no_state(tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
     os.mkfifo(path)
     for name in (path, Path('/dev/zero'), tmp_path):
-        with pytest.raises(StateError, match=f'^{name}: is not a regular file$'):
+        with patience(), pytest.raises(
+                StateError, match=f'^{name}: is not a regular file$'):
             load(name, settings())

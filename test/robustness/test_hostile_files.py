@@ -16,7 +16,7 @@ from rovid_ros.logs.writer import LogWriter
 import yaml
 
 from test.support.hostile_databases import HOSTILE_DATABASES, large_messages, repeated_pages, TYPES
-from test.support.processes import child_environment, REPOSITORY
+from test.support.processes import child_environment, patience, REPOSITORY
 
 CONFIG = REPOSITORY / 'config' / 'jhurov.yaml'
 MEMORY = 300  # [MB]
@@ -78,7 +78,7 @@ def test_a_database_without_end_is_left_on_ctrl_c(
     monkeypatch.setattr(sqlite, '_STEPS_PER_BYTE', 10**9)
     timer = Timer(0.2, signal.raise_signal, [signal.SIGINT])
     timer.start()
-    with pytest.raises(KeyboardInterrupt):
+    with patience(), pytest.raises(KeyboardInterrupt):
         Log([tmp_path / 'log.db3'])
     timer.join()
 
@@ -87,7 +87,7 @@ def test_a_database_without_end_is_left_on_ctrl_c(
 def test_a_pipe_is_no_log(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
     os.mkfifo(path)
-    with pytest.raises(LogError, match=f'^{path}: is not a regular file$'):
+    with patience(), pytest.raises(LogError, match=f'^{path}: is not a regular file$'):
         Log([path])
 
 
@@ -106,7 +106,7 @@ def test_a_bag_with_a_pipe_or_an_impossible_name_reads_the_others(tmp_path: Path
              'loop.mcap', 'last.mcap']
     (tmp_path / 'metadata.yaml').write_text(yaml.safe_dump({
         'rosbag2_bagfile_information': {'relative_file_paths': names}}))
-    with Log([tmp_path]) as log:
+    with patience(), Log([tmp_path]) as log:
         assert read(log) == ['first', 'last']
         assert len(log.warnings) == len(names) - 2
         assert f'{tmp_path}/pipe.mcap: is not a regular file' in log.warnings
@@ -121,7 +121,7 @@ def test_a_bag_with_a_pipe_or_an_impossible_name_reads_the_others(tmp_path: Path
 def test_a_bag_whose_list_is_a_pipe_has_no_list(tmp_path: Path) -> None:
     some_log(tmp_path / 'first.mcap')
     os.mkfifo(tmp_path / 'metadata.yaml')
-    with Log([tmp_path]) as log:
+    with patience(), Log([tmp_path]) as log:
         assert read(log) == ['first']
 
 
@@ -130,7 +130,7 @@ def test_a_pipe_beside_a_database_is_not_waited_for(tmp_path: Path) -> None:
     large_messages(path)
     for suffix in ('-wal', '-shm', '-journal'):
         os.mkfifo(f'{path}{suffix}')
-    with Log([path]) as log:
+    with patience(), Log([path]) as log:
         assert {*log.topics} == {*TYPES}
 
 

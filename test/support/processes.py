@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 import os
 from pathlib import Path
 import signal
@@ -30,6 +31,21 @@ def child_environment() -> dict[str, str]:
     if child.pop('_ROS_WHEELS_BOOTSTRAP_COMPLETE', None):
         child.pop('LD_LIBRARY_PATH', None)
     return child
+
+
+@contextmanager
+def patience(seconds: float = 20.0) -> Iterator[None]:
+    """End what would wait for ever, such as for the other end of a pipe."""
+    def give_up(number: int, frame: object) -> None:
+        raise AssertionError(f'it is still waiting after {seconds} s')
+
+    before = signal.signal(signal.SIGALRM, give_up)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def resident(pid: int | str = 'self') -> int:

@@ -305,9 +305,10 @@ MUTANTS = [
           'if math.hypot(*innovation) <= self._allowed(outliers, dt):', 'if True:'),
          ('outliers teach nothing',
           'weight *= OUTLIER_WEIGHT', 'weight = 0.0')),
-    *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py',
-         ('a turned sign is right',
-          'if partial < CONTRARY', 'if partial > -CONTRARY'),
+    *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
+         'commands_of_two_programs_are_told_once what_looks_like_pulse_widths',
+         ('commands of two programs are those of one',
+          'if taken_back > BACK * square', 'if False'),
          ('pulse widths are commands',
           'PULSES[0] <= low <= NEUTRAL', 'False and PULSES[0] <= low <= NEUTRAL')),
     *_of('rovid_core/identify/aid/adaptive_identifier.py', 'test/core/test_adaptive_identifier.py '

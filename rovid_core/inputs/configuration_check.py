@@ -237,12 +237,14 @@ class ConfigurationCheck:
 
     def _collect(self) -> bool:
         """Keep the blocks that are complete; return whether one came."""
-        used = [self._thrust, *(m for m in self._means.values() if m.end)]
+        names = tuple(name for name, m in self._means.items() if m.end)
+        if not names:
+            return False
+        used = [self._thrust, *(self._means[name] for name in names)]
         complete = min(m.end for m in used) // BLOCK
         oldest = [next(iter(m.blocks), complete) for m in used]
         if min(oldest) >= complete:
             return False
-        names = tuple(name for name, m in self._means.items() if m.end)
         if names != self._names:  # the first message of an input that comes later
             self._names = names
             self._kept.clear()

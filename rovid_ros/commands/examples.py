@@ -53,10 +53,10 @@ EXAMPLES = {
     'bluerov2': Example(
         'BlueROV2 Heavy under ArduSub with MAVROS: PWM, pose and IMU; driven axis by axis',
         'bluerov2_ardusub.yaml', 300.0, one_at_a_time(3.0, {
+            # it dives first, for it rises while it is not pushed
+            'heave': (-55.0, 35.0, -40.0, 15.0, -55.0, 35.0, -30.0, 5.0),
             'surge': (45.0, -45.0, 25.0, 0.0, -25.0, 45.0, -45.0, 0.0),
             'sway': (45.0, -45.0, 25.0, 0.0, -25.0, 45.0, -45.0, 0.0),
-            # its buoyancy is held down between the pushes
-            'heave': (-50.0, 40.0, -35.0, 15.0, -50.0, 40.0, -25.0, 15.0),
             'yaw': (2.5, -2.5, 1.5, 0.0, -1.5, 2.5, -2.5, 0.0)})),
     'lbl_rov': Example(
         'work ROV with a fix a second, depth, IMU and thruster currents; in a current',

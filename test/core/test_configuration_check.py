@@ -164,3 +164,12 @@ def test_a_gap_hides_nothing(data: Drive) -> None:
                 input, Motion(k * TICK, (k + 1) * TICK, k * TICK, (), body=body), psi)
     check.look()
     assert len(told) == 1 and 'thrusters.gain' in told[0]
+
+
+def test_thrust_without_motion_says_nothing() -> None:
+    check = ConfigurationCheck(settings_of(ALLOCATION), float, (told := []).append)
+    for k in range(2000):
+        check.add_commands(k * TICK, [1.0] * 5)
+        check.add_motion('attitude', Motion(k * TICK, k * TICK, k * TICK, ()), 0.0)
+    check.look()
+    assert told == []

@@ -115,6 +115,11 @@ class Current(NamedTuple):
     status: str = 'converging'  # one of CURRENT_STATUSES
 
     @property
+    def is_seen(self) -> bool:
+        """Tell whether x and y say something."""
+        return self.status not in ('off', 'unobservable')
+
+    @property
     def std(self) -> tuple[float, float]:
         """Return the standard deviations of x and y [m/s]."""
         return math.sqrt(self.covariance[0]), math.sqrt(self.covariance[2])

@@ -19,7 +19,7 @@ from rovid_core.inputs.units_and_signs import (
     TypicalSizeCheck,
     UnsignedCommandCheck,
 )
-from rovid_core.model.dofs import Quaternion
+from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.model.lowpass import LowPass
 from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Motion, Sample, Step
@@ -28,7 +28,7 @@ from rovid_core.pipeline.planar_steps import PlanarSteps
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model
-from rovid_core.velocity.attitude_history import normalised, SharedMotion
+from rovid_core.velocity.attitude_history import normalised, rotate, SharedMotion
 from rovid_core.velocity.couplings import CouplingRegressors
 from rovid_core.velocity.velocity_source import VelocitySource
 
@@ -37,15 +37,23 @@ NS = 1e-9
 SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
 """Inputs that velocities are made of."""
 
+AXES: dict[str, Vector] = {'surge': (1.0, 0.0, 0.0), 'sway': (0.0, 1.0, 0.0)}
+"""Axes of the body that a current of the water acts along."""
+
 
 class Scorer(Protocol):
     """Keeps what a score needs."""
 
-    def begin_run(self, dof: str, time: int, velocity: float) -> None:
+    def begin_run(self, dof: str, time: int, velocity: float,
+                  axis: tuple[float, ...] = ()) -> None:
         """Note the velocity from which the steps of a DOF go on after an interruption."""
 
-    def add_step(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+    def add_step(self, dof: str, span: tuple[int, int, int], step: Step,
+                 axes: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())) -> None:
         """Add a step and its times [ns]: start, start of the measurement, end."""
+
+    def add_current(self, time: int, x: float, y: float) -> None:
+        """Add the current of the water that is known by now."""
 
     def add_reference(self, time: int, value: tuple[float, ...]) -> None:
         """Add a reference velocity (six values)."""
@@ -90,6 +98,7 @@ class Pipeline:
         self._scorer = scorer
         self._cadences = {name: Cadence() for name in settings.used_inputs() if name in SOURCES}
         self._patience = round(settings.longest_timeout / NS)
+        self._sees_current = settings.sees_current
         self._shared = SharedMotion(settings)
         self._forces = ForceHistory(settings.thrusters, settings.dofs)
         self._commands = CommandIntake(settings, self._forces, warn)
@@ -408,10 +417,13 @@ class Pipeline:
             steps.append(step)
         if planar is not None:
             planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
+            self._tell_current(time)
         for i, step in zip(source.indices, steps):
             self.dofs[i].add_step(time, step, self.adapt, source.velocity.delay)
             if self._scorer is not None:
-                self._scorer.add_step(self._settings.dofs[i], span, step)
+                dof = self._settings.dofs[i]
+                self._scorer.add_step(
+                    dof, span, step, (self._axis(dof, middle), self._axis(dof, time)))
         source.last = motion
         source.warn_if_clamped()
         self._compare_sizes(LONG)
@@ -431,7 +443,21 @@ class Pipeline:
         for i, v in zip(source.indices, velocity):
             self.dofs[i].identifier.restart(v)
             if self._scorer is not None:
-                self._scorer.begin_run(self._settings.dofs[i], motion.time, v)
+                dof = self._settings.dofs[i]
+                self._scorer.begin_run(dof, motion.time, v, self._axis(dof, motion.time))
+
+    def _tell_current(self, time: int) -> None:
+        """Tell the scorer what is known of the current."""
+        current = self._current()
+        if self._scorer is not None and current is not None and current.is_seen:
+            self._scorer.add_current(time, current.x, current.y)
+
+    def _axis(self, dof: str, time: int) -> tuple[float, ...]:
+        """Return x and y of the axis of surge or sway in the world, () where no current shows."""
+        if dof not in AXES or not self._sees_current:
+            return ()
+        attitude = self._shared.attitude.known_at(time)
+        return rotate(attitude, AXES[dof])[:2] if attitude is not None else ()
 
 
 def _union(of_dofs: Sequence[tuple[str, ...]]

@@ -336,17 +336,20 @@ class Settings:
         return tuple([name for name in named if name not in self.couplings(dof)])
 
     @property
-    def estimates_current(self) -> bool:
+    def sees_current(self) -> bool:
         """
-        Tell whether the method estimates the current of the water.
+        Tell whether a current of the water shows in what is measured.
 
-        It takes surge or sway measured over ground, and an attitude to turn the current by.
+        It takes surge or sway over ground, and an attitude to turn the current by.
         """
-        if self.identifier.method not in WITH_CURRENT or not self.current.prior:
-            return False
         over_ground = {'position'} | ({'velocity'} if self.relative_to == 'ground' else set())
-        return bool(self.attitude.topic) and any(
+        return bool(self.current.prior and self.attitude.topic) and any(
             self.source(dof) in over_ground for dof in self.dofs if dof in ('surge', 'sway'))
+
+    @property
+    def estimates_current(self) -> bool:
+        """Tell whether the method estimates the current of the water."""
+        return self.identifier.method in WITH_CURRENT and self.sees_current
 
     def raw_gains(self, dof: str) -> tuple[float, ...] | None:
         """Return the diagonal of Gamma of a DOF, None where there are no raw gains."""

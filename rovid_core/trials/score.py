@@ -22,8 +22,15 @@ from rovid_core.model.trajectory import Array, trajectory
 from rovid_core.settings.run import Settings
 from rovid_core.trials.joint_simulation import ForceSegment, JointModel
 from rovid_core.trials.record import Record, record_of_steps, Times
+from rovid_core.trials.water import LogWater, through_water
 
 NS = 1e-9
+
+Axis = tuple[float, ...]
+"""Horizontal direction of an axis of the body in the world, x and y; () where it is not known."""
+
+STILL: Axis = (0.0, 0.0)
+"""An axis along which no water moves."""
 
 BLOCK = 1 << 15
 """Rows of a table that are kept in memory, and processed at a time."""
@@ -130,6 +137,9 @@ class ScoreLog:
     the measured velocity, v_sim is averaged over the same intervals and low-pass filtered.
     With a reference input, v_sim itself is compared at the reference's stamps.
 
+    Models are of the velocity through the water. Where a current is known, the velocity over
+    ground is that and the current along the axis of the body.
+
     Parameters
     ----------
     settings : Settings
@@ -143,16 +153,27 @@ class ScoreLog:
         self._cutoff = settings.cutoff
         self._block = block
         self._couplings = {dof: settings.couplings(dof) for dof in settings.dofs}
-        self._tables = {dof: SpillingTable(2, 4 + 2 * len(names), block)
+        # of a DOF that moves with the water: its axis in the world, in the middle and at the end
+        axes = {dof: 4 if settings.sees_current and dof in ('surge', 'sway') else 0
+                for dof in settings.dofs}
+        self._tables = {dof: SpillingTable(2, 4 + 2 * len(names) + axes[dof], block)
                         for dof, names in self._couplings.items()}
+        self._axes = axes
+        self.water = LogWater()
         self.runs: dict[str, list[ScoredRun]] = {dof: [] for dof in settings.dofs}
         self._references = SpillingTable(1, len(DOFS), block)
 
-    def begin_run(self, dof: str, time: int, velocity: float) -> None:
-        """Begin a run of steps of a DOF at a time [ns] and a measured velocity."""
+    def begin_run(self, dof: str, time: int, velocity: float, axis: Axis = ()) -> None:
+        """
+        Begin a run of steps of a DOF at a time [ns] and a measured velocity.
+
+        ``axis`` is that of surge or sway in the world, x and y, where it may move with the water.
+        """
         table = self._tables[dof]
         self.runs[dof].append(
-            ScoredRun(table, table.count, time, velocity, [(0, self._cutoff)]))
+            ScoredRun(table, table.count, time, velocity, [(0, self._cutoff)],
+                      self._couplings[dof], self.water if self._axes[dof] else None,
+                      axis or STILL))
 
     def set_cutoff(self, cutoff: float) -> None:
         """Set the cutoff [Hz] of the low-pass for the steps from now on."""
@@ -161,7 +182,8 @@ class ScoreLog:
             for run in runs[-1:]:
                 run.cutoffs.append((run.count, cutoff))
 
-    def add_step(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+    def add_step(self, dof: str, span: tuple[int, int, int], step: Step,
+                 axes: tuple[Axis, Axis] = ((), ())) -> None:
         """
         Add a step to the last run.
 
@@ -173,21 +195,28 @@ class ScoreLog:
             Start of the step, start of its measurement, end of the step [ns].
         step : Step
             The measurement.
+        axes : tuple of 2 axes
+            As in ``begin_run``, at the last two times of the span.
 
         """
         couplings = [x for parts in step.couplings for x in parts]
+        ends = (*(axes[0] or STILL), *(axes[1] or STILL)) if self._axes[dof] else ()
         self._tables[dof].append(
-            span[1:], (*step.forces, step.velocity[2], step.mean, *couplings))
+            span[1:], (*step.forces, step.velocity[2], step.mean, *couplings, *ends))
         self.runs[dof][-1].count += 1
+
+    def add_current(self, time: int, x: float, y: float) -> None:
+        """Add the current of the water in the world [m/s] at a time [ns], where it is known."""
+        self.water.add(time, x, y)
 
     def add_reference(self, time: int, value: tuple[float, ...]) -> None:
         """Add a reference velocity, first the linear and then the angular one."""
         self._references.append((time,), value)
 
     def records(self, dof: str) -> list[Record]:
-        """Return the measurements of a DOF, for the offline methods."""
+        """Return the measurements of a DOF through the water, for the offline methods."""
         runs = self.runs[dof]
-        made = [record_of_steps(runs[0].start, *run.columns) for run in runs]
+        made = [record_of_steps(runs[0].start, *run.through_water()) for run in runs]
         return [one for one in made if one is not None]
 
     def series(self, dof: str) -> tuple[list[int], list[float], list[float]]:
@@ -309,6 +338,12 @@ class ScoredRun:
         Measured velocity at the start [m/s or rad/s].
     cutoffs : list of (int, float)
         Number of the first step with a cutoff, and the cutoff of the low-pass [Hz].
+    couplings : tuple of str
+        Names of the DOF's couplings.
+    water : LogWater or None
+        In which it moves; None for a DOF that does not move with it.
+    axis : tuple of 2 floats
+        Axis of the DOF in the world at the start.
     count : int
         Number of steps.
 
@@ -319,21 +354,70 @@ class ScoredRun:
     start: int
     velocity: float
     cutoffs: list[tuple[int, float]]
+    couplings: tuple[str, ...] = ()
+    water: LogWater | None = None
+    axis: Axis = STILL
     count: int = 0
 
     @property
     def columns(self) -> tuple[Times, Array]:
         """Return the columns of the table, shapes (2, n) and (4 + 2 m, n)."""
         times, values = self.table.read(self.first, self.first + self.count)
-        return times.T.copy(), values.T.copy()
+        return times.T.copy(), values[:, :4 + 2 * len(self.couplings)].T.copy()
+
+    def through_water(self) -> tuple[Times, Array]:
+        """Return the same relative to the water; the filtered velocity stays over ground."""
+        if not self._has_current or not self.count:
+            return self.columns
+        parts = list(self._parts())
+        times = np.concatenate([nodes[1:].reshape(-1, 2) for nodes, _, _ in parts])
+        values = np.concatenate([rows for _, rows, _ in parts])
+        water = np.concatenate([w[1:].reshape(-1, 2) for _, _, w in parts])
+        mean = water[:, 1].copy()
+        averaged = (times[:, 0] < times[:, 1])[:-1]
+        mean[:-1][averaged] = (
+            (water[:-1, 0] + 4.0 * water[:-1, 1] + water[1:, 0]) / 6.0)[averaged]
+        values[:, 3] -= mean
+        return times.T.copy(), values[:, :4 + 2 * len(self.couplings)].T.copy()
+
+    @property
+    def _has_current(self) -> bool:
+        return self.water is not None and not self.water.is_still
+
+    def _parts(self) -> Iterator[tuple[Times, Array, Array]]:
+        """
+        Yield the table, a block of steps at a time.
+
+        That is the times of the start, and of the middle and end of every step [ns]; its rows,
+        with couplings relative to the water; and the velocity of the water at these times [m/s].
+        """
+        start = self.start
+        last = np.zeros(1)
+        if self.water is not None and self._has_current:
+            last = self.water.along(np.array([start]), np.array([self.axis]))
+        for times, values in self.table.blocks(self.first, self.first + self.count):
+            nodes = _nodes(start, times)
+            water = np.zeros(len(nodes))
+            if self.water is not None and self._has_current:
+                water = np.concatenate(
+                    [last, self.water.along(nodes[1:], values[:, -4:].reshape(-1, 2))])
+                values = through_water(values, self.couplings, nodes, water)
+            yield nodes, values, water
+            start, last = int(nodes[-1]), water[-1:]
 
     def segments(self) -> Iterator[ForceSegment]:
-        """Yield the two parts of each step, after the begin of the run."""
-        yield ForceSegment(self.start, begins=self.velocity)
-        for times, values in self.table.blocks(self.first, self.first + self.count):
-            for (middle, end), row in zip(times.tolist(), values.tolist()):
-                yield ForceSegment(middle, row[0], tuple(row[4::2]))
-                yield ForceSegment(end, row[1], tuple(row[5::2]))
+        """Yield the two parts of each step through the water, after the begin of the run."""
+        begun, count = False, 2 * len(self.couplings)
+        for nodes, values, water in self._parts():
+            if not begun:
+                yield ForceSegment(self.start, begins=self.velocity - float(water[0]))
+            begun = True
+            for (middle, end), row in zip(
+                    nodes[1:].reshape(-1, 2).tolist(), values.tolist()):
+                yield ForceSegment(middle, row[0], tuple(row[4:4 + count:2]))
+                yield ForceSegment(end, row[1], tuple(row[5:4 + count:2]))
+        if not begun:
+            yield ForceSegment(self.start, begins=self.velocity)
 
     def mean_forces(self) -> Array:
         """Return the mean force of every step [N or N m]."""
@@ -348,23 +432,25 @@ class ScoredRun:
 
         ``simulated`` has it already: two values per step of all runs.
         """
-        first = self.first
-        time, velocity, left = self.start, self.velocity, self.count
+        first, left = self.first, self.count
+        velocity: float | None = None  # through the water
         if not left:
-            yield Predicted(np.array([time]), np.array([velocity]), np.empty(0), True)
-        for times, values in self.table.blocks(self.first, self.first + self.count):
-            left -= len(times)
-            nodes = _nodes(time, times)
+            yield Predicted(
+                np.array([self.start]), np.array([self.velocity]), np.empty(0), True)
+        for nodes, values, water in self._parts():
+            left -= len(values)
+            if velocity is None:
+                velocity = self.velocity - float(water[0])
             if simulated is None:
                 found = trajectory(parameters[:4], velocity, np.diff(nodes) * NS,
                                    _forces(values, parameters).ravel())
             else:
-                last = first + len(times)
+                last = first + len(values)
                 found = np.concatenate(
                     [[velocity], simulated.read(2 * first, 2 * last)[1].ravel()])
                 first = last
-            yield Predicted(nodes, found, values[:, 2], left == 0)
-            time, velocity = int(nodes[-1]), float(found[-1])
+            yield Predicted(nodes, found + water, values[:, 2], left == 0)
+            velocity = float(found[-1])
 
     def as_measured(self, parameters: Sequence[float], simulated: SpillingTable | None = None
                     ) -> Iterator[tuple[Array, Array]]:

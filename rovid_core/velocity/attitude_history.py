@@ -110,6 +110,12 @@ class AttitudeHistory:
             return 'no_attitude'
         return ''
 
+    def known_at(self, time: int) -> Quaternion | None:
+        """Return the attitude at a ``time``, or the nearest one known; None if there is none."""
+        if not self._times:
+            return None
+        return self.at(min(max(time, self._times[0]), self._times[-1]))
+
     def at(self, time: int) -> Quaternion:
         """Return the attitude at a ``time`` for which ``missing`` is ''."""
         i = bisect_left(self._times, time)

@@ -82,7 +82,10 @@ class TrialPlayer(PipelinePlayer):
         """Add the next message; return the estimates that it released."""
         for stream in self._others.values():
             for event in message.data:
-                stream.receive(event)
+                for estimate in stream.receive(event):
+                    current = estimate.current
+                    if current is not None and current.is_seen:
+                        self.scores.add_current(estimate.time, current.x, current.y)
         return self._kept(super().add_message(message))
 
     def repeat_control(self, name: str, value: str) -> list[Estimate]:

@@ -23,7 +23,7 @@ def told(current: Current | None, frames: str) -> Current:
     """Return a current in the ``frames`` of the messages, NaN while it cannot be seen."""
     if current is None:
         return UNSEEN
-    if current.status in ('off', 'unobservable'):
+    if not current.is_seen:
         return UNSEEN._replace(status=current.status)
     if frames == 'enu':
         return current

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 import json
 import math
+from typing import Any
 
 import numpy as np
 from numpy.testing import assert_allclose
@@ -57,13 +58,16 @@ class Steps:
     def __init__(self) -> None:
         self.steps: dict[str, list[Step]] = {d: [] for d in TRUTH}
 
-    def begin_run(self, dof: str, time: int, velocity: float) -> None:
+    def begin_run(self, dof: str, time: int, velocity: float, axis: Any) -> None:
         pass
 
-    def add_step(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+    def add_step(self, dof: str, span: tuple[int, int, int], step: Step, axes: Any) -> None:
         self.steps[dof].append(step)
 
     def add_reference(self, time: int, value: tuple[float, ...]) -> None:
+        pass
+
+    def add_current(self, time: int, x: float, y: float) -> None:
         pass
 
     def set_cutoff(self, cutoff: float) -> None:

@@ -101,8 +101,8 @@ def test_in_parts_a_model_that_runs_away_scores_as_badly_as_can_be() -> None:
 def test_what_is_many_is_not_in_memory() -> None:
     on_disk, in_memory = (max(lengths(filled((1000,), reference=True, block=block)))
                           for block in (BLOCK, 100_000))
-    assert on_disk < 4 * BLOCK  # rows of several columns
-    assert in_memory > 2000
+    assert on_disk < 9 * BLOCK  # rows of several columns
+    assert in_memory > 7000
 
 
 def test_a_velocity_that_never_changes_has_no_fit() -> None:

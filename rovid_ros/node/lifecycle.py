@@ -11,6 +11,8 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 
+DONE = {'configure': 'configured', 'activate': 'activated', 'deactivate': 'deactivated',
+        'cleanup': 'cleaned up', 'shutdown': 'shut down'}
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -115,6 +117,7 @@ class ManagedNode(LifecycleNode):
             if not self._starting:
                 self.get_logger().error(f'{name}: {one_line(error)}')
             return FAILURE
+        self.get_logger().info(DONE[name])
         return SUCCESS
 
     def _guard_requests(self) -> None:

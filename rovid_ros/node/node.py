@@ -255,10 +255,13 @@ class IdentifierNode(ParameterNode):
             self._recorder.flush()
 
     def _on_silence(self) -> None:
-        """Publish which DOFs have become stale while no step was made."""
-        estimate = self._silence.due() if self.active else None
+        """Tell what has happened, and which DOFs have become stale while no step was made."""
+        if not self.active:
+            return
+        estimate = self._silence.due()
         if estimate:
             self._output_topics.publish_estimates(self._outputs, [estimate])
+        self._health.report_events()
 
     def _on_save_timer(self) -> None:
         self._checkpoint.save()

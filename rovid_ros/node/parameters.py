@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Mapping
+import time
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
@@ -12,6 +13,7 @@ from rclpy.parameter import Parameter
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.keys import Key, KEYS, LARGE
 from rovid_ros.config.parameters import changed, check, settings_from
+from rovid_ros.node.health.console import WarningLimiter
 from rovid_ros.node.lifecycle import ManagedNode
 
 NODE_NAME = 'identifier_node'
@@ -103,6 +105,7 @@ class ParameterNode(ManagedNode):
 
     def __init__(self, name: str, values: Mapping[str, Any], *, autostart: bool) -> None:
         self.configured = False
+        self._lines = WarningLimiter()
         self.changes: dict[str, Any] = {}  # of live keys, since the node was made
         self._given = dict(values)
         self._declared = False
@@ -172,6 +175,9 @@ class ParameterNode(ManagedNode):
             self._given.update({name: value for name, value in values.items()
                                 if name not in LIVE})
             self.apply_changes(live)
+            for line in self._lines.allowed(
+                    [f'set {name}: {value}' for name, value in values.items()], time.monotonic()):
+                self.get_logger().info(line)
         return result
 
     def _changing(self, values: Mapping[str, Any]) -> dict[str, Any]:

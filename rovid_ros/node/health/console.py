@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import time
 
 from rclpy.node import Node
@@ -11,7 +11,8 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import topics_of
 from rovid_ros.node.health.diagnostics import ACTIVE, diagnostics, NodeState
-from rovid_ros.node.health.graph import graph_states
+from rovid_ros.node.health.events import Events, result_text
+from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.health.levels import (
     Arrivals,
     Counts,
@@ -48,12 +49,15 @@ class HealthMonitor:
         self._refusals = RefusalSummary(stream, now)
         self._warnings = WarningLimiter()
         self._summary = StartupSummary(stream.settings)
+        self._events = Events()
+        self._topics: Mapping[str, TopicState] = {}
         self._steps: dict[str, float] = {}
         self._logged: set[tuple[str, str, int]] = set()  # topic, problem, publishers
 
     def expect_inputs(self) -> None:
         """Count the time until the inputs come from now on."""
         self._expected_since = self._steady()
+        self._events = Events()
 
     def add_estimates(self, estimates: Sequence[Estimate]) -> None:
         """Note the steps of estimates, and log the warnings that the stream has."""
@@ -67,9 +71,9 @@ class HealthMonitor:
         """Log what is due and return the message for ``/diagnostics``."""
         now = self._steady()
         self._recent.update(now)
-        topics = graph_states(self._stream.settings, self._node) if self._live else {}
-        data = HealthData(self._stream.settings, self._stream, self.arrivals, self._recent, topics,
-                          self._node.get_clock().now().nanoseconds, now, self._steps)
+        if self._live:
+            self._topics = graph_states(self._stream.settings, self._node)
+        data = self._data(now)
         if self._live and state == ACTIVE:
             self._report_inputs(data, now - self._expected_since)
         self._warn([], now)
@@ -80,8 +84,25 @@ class HealthMonitor:
             str(recorder.path) if recorder else '', recorder.is_open if recorder else True))
 
     def finish(self) -> None:
-        """Log what was refused since the last line about it."""
-        self._log_refused(self._refusals.due(self._steady(), end=True))
+        """Log what was refused since the last line about it, and what was found."""
+        now = self._steady()
+        self._log_refused(self._refusals.due(now, end=True))
+        result = result_text(self._data(now))
+        if result and self._live:
+            self._log.info(f'result: {result}')
+
+    def report_events(self) -> None:
+        """Log what has happened since the last call."""
+        for line in self._events.lines(self._data(self._steady())):
+            if line.is_warning:  # of one call rclpy takes one severity only
+                self._log.warning(line.text)
+            else:
+                self._log.info(line.text)
+
+    def _data(self, now: float) -> HealthData:
+        return HealthData(
+            self._stream.settings, self._stream, self.arrivals, self._recent, self._topics,
+            self._node.get_clock().now().nanoseconds, now, self._steps)
 
     def _report_inputs(self, data: HealthData, elapsed: float) -> None:
         """Log once what is wrong with the publishers of each topic, and the summary."""
@@ -192,7 +213,7 @@ class WarningLimiter:
         result: list[str] = []
         if now - self._since >= PERIOD:
             if self._withheld:
-                result.append(f'{self._withheld} more warnings were not logged')
+                result.append(f'{self._withheld} more lines were not logged')
             self._since, self._withheld = now, 0
             self._logged.clear()
         for line in lines:

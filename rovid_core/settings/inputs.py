@@ -34,6 +34,9 @@ class InputSettings:
     latency: float = 0.0  # [s], subtracted from the stamp
     qos: str = 'sensor_data'  # 'sensor_data', 'reliable' or 'transient_local', of the subscription
     timeout: float = 0.0  # [s] after which it is silent; 0: max_gap
+    frames: str = ''  # 'enu' or 'ned', of its messages; '': as those of all
+    # [rad] roll, pitch and yaw that turn the axes of the body into those of the sensor
+    mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

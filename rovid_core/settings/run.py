@@ -240,6 +240,7 @@ class Settings:
     sign: InputSettings = InputSettings()
     hardware_id: str = ''  # '': the name of the node
     frames: str = 'enu'
+    base_frame: str = 'base_link'  # frame_id of what is told in the body
     max_wait: float = -1.0  # [s]; below 0: as long as the inputs need
     max_gap: float = 0.0  # [s]; 0: by the rate of each input
     time_jump: float = 1.0
@@ -298,6 +299,10 @@ class Settings:
         found = getattr(self, name)
         assert isinstance(found, InputSettings)
         return found
+
+    def frames_of(self, name: str) -> str:
+        """Return the frames of an input's messages: ``enu`` or ``ned``."""
+        return ('' if name == 'thrusters' else self.input(name).frames) or self.frames
 
     def needs(self, dof: str) -> tuple[str, ...]:
         """Return the inputs without which a DOF makes no step, its source first."""

@@ -217,6 +217,13 @@ def from_yaw(yaw: float) -> Quaternion:
     return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
 
 
+def from_angles(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """Return the attitude of roll, pitch and yaw [rad], as in REP 103: yaw is turned first."""
+    x, y, z = 0.5 * roll, 0.5 * pitch, 0.5 * yaw
+    return product((0.0, 0.0, math.sin(z), math.cos(z)), product(
+        (0.0, math.sin(y), 0.0, math.cos(y)), (math.sin(x), 0.0, 0.0, math.cos(x))))
+
+
 def product(p: Quaternion, q: Quaternion) -> Quaternion:
     """Return the Hamilton product ``p q``: first ``q``, then ``p``."""
     px, py, pz, pw = p

@@ -115,6 +115,18 @@ def _source(name: str, setting: str, what: str, owner: type = InputSettings) -> 
     ]
 
 
+def _mounted(name: str) -> list[Key]:
+    """Return the keys that say how a sensor of the body is turned in it."""
+    return [
+        key_of(f'{name}.frames', f'{name}.frames', InputSettings,
+               'frames of these messages, such as ned for a DVL with z down and y to the right; '
+               'empty: as frames', choices=('', 'enu', 'ned')),
+        key_of(f'{name}.mounting', f'{name}.mounting', InputSettings,
+               'how the sensor is turned in the body: roll, pitch, yaw from the axes of the body '
+               '(forward, left, up) to those of the sensor, as rpy in a URDF', 'rad', -6.3, 6.3),
+    ]
+
+
 def _run() -> list[Key]:
     return [
         key_of('dofs', 'dofs', Settings, 'degrees of freedom to identify', choices=DOFS),
@@ -123,6 +135,7 @@ def _run() -> list[Key]:
         key_of('frames', 'frames', Settings,
                'frames of the input messages: enu (z up, body flu) or ned (z down, body frd)',
                choices=('enu', 'ned')),
+        key_of('base_frame', 'base_frame', Settings, 'frame_id of the outputs'),
         key_of('max_wait', 'max_wait', Settings,
                'a slow input is waited for until the newest event time is this much later; below '
                '0: 0.1 s, as much more as the latencies of the inputs differ, and up to 1 s where '
@@ -172,8 +185,10 @@ def _inputs() -> list[Key]:
                'sense of a heading, or of roll, pitch and yaw: enu, from x of the world to y; '
                'ned, from north clockwise, as a compass; empty: as frames',
                choices=('', 'enu', 'ned')),
+        *_mounted('attitude'),
         *_source('angular_velocity', 'angular_velocity',
                  'topic of a gyro; replaces the attitude for roll, pitch and yaw'),
+        *_mounted('angular_velocity'),
         *_source('velocity', 'velocity',
                  'topic of a body velocity (DVL); replaces the derivative of the position'),
         key_of('velocity.cutoff', 'cutoff', Settings,
@@ -188,6 +203,7 @@ def _inputs() -> list[Key]:
         key_of('velocity.relative_to', 'relative_to', Settings,
                'what the velocity is relative to: ground (bottom lock) or water (water lock)',
                choices=('ground', 'water')),
+        *_mounted('velocity'),
         *_source('reference', 'reference',
                  'topic of a body velocity to score against, never used to identify'),
     ]

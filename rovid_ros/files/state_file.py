@@ -19,7 +19,8 @@ _FORCE = ('names', 'offset', 'scale', 'deadband', 'limit', 'model', 'gain', 'rev
           'polynomial', 'table_command', 'table_force', 'delay', 'time_constant', 'hold',
           'allocation', 'sign.topic')
 _UNITS = ('dofs', 'identifier.method', 'frames', 'depth.scale', 'attitude.unit',
-          'attitude.heading',
+          'attitude.heading', *(f'{sensor}.{name}' for name in ('frames', 'mounting')
+                                for sensor in ('velocity', 'attitude', 'angular_velocity')),
           *(f'thrusters.{name}' for name in _FORCE))
 
 _MAX_TEXT = 60  # characters of a value in a message

@@ -10,12 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import math
 from operator import attrgetter
-from typing import Any
+from typing import Any, cast
 
-from rovid_core.model.dofs import Quaternion
+from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.model.samples import Event, Sample
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_core.velocity.attitude_history import from_yaw, product
+from rovid_core.velocity.attitude_history import from_angles, from_yaw, product, rotate
 from rovid_ros.config.input_topics import Source, sources
 from rovid_ros.messages.field_paths import (
     describe,
@@ -347,9 +347,15 @@ def _of_array(source: Source, value: Any, settings: Settings) -> Callable[[Any],
 
 def _turn(name: str, settings: Settings) -> Turn:
     """Return the turn of a vector to ENU (of a position) or FLU (of all others)."""
-    if settings.frames != 'ned':
-        return _floats
-    return _ned_to_enu if name == 'position' else _frd_to_flu
+    ned = settings.frames_of(name) == 'ned'
+    if name == 'position':
+        return _ned_to_enu if ned else _floats
+    turn = _frd_to_flu if ned else _floats
+    mounting = settings.input(name).mounting
+    if not any(mounting):
+        return turn
+    sensor = from_angles(*mounting)
+    return lambda x, y, z: rotate(sensor, cast(Vector, turn(x, y, z)))
 
 
 def _unless_not_estimated(message: Any, steps: Sequence[Step], reading: Reading) -> Reading:
@@ -391,7 +397,8 @@ def _frd_to_flu(x: float, y: float, z: float) -> Floats:
 
 def _quaternion(settings: Settings) -> Callable[[Any, Any, Any, Any], Quaternion]:
     """Return the conversion of body to world, both turned where the messages are in NED."""
-    ned = settings.frames == 'ned'
+    ned = settings.frames_of('attitude') == 'ned'
+    body = _body_of_sensor(settings)
     offset = from_yaw(settings.yaw_offset) if settings.yaw_offset else None
 
     def read(x: Any, y: Any, z: Any, w: Any) -> Quaternion:
@@ -401,15 +408,25 @@ def _quaternion(settings: Settings) -> Callable[[Any, Any, Any, Any], Quaternion
             x, y, z, w = q
             s = _ROOT_HALF
             q = (s * (x + y), s * (x - y), s * (w - z), s * (w + z))
-        return q if offset is None else product(offset, q)
+        return body(q if offset is None else product(offset, q))
 
     return read
+
+
+def _body_of_sensor(settings: Settings) -> Callable[[Quaternion], Quaternion]:
+    """Return the turn of the attitude of the sensor to that of the body."""
+    mounting = settings.attitude.mounting
+    if not any(mounting):
+        return lambda q: q
+    x, y, z, w = from_angles(*mounting)
+    return lambda q: product(q, (-x, -y, -z, w))
 
 
 def _attitude_of_numbers(settings: Settings) -> Callable[[Any], Quaternion]:
     """Return the conversion of a quaternion x, y, z, w, or of roll, pitch and yaw."""
     quaternion = _quaternion(settings)
-    turned = _quaternion(replace(settings, frames=settings.heading_frames or settings.frames))
+    turned = _quaternion(replace(settings, attitude=replace(
+        settings.attitude, frames=settings.heading_frames or settings.attitude.frames)))
     half = 0.5 * (math.pi / 180.0 if settings.heading_unit == 'deg' else 1.0)
 
     def read(value: Any) -> Quaternion:
@@ -418,9 +435,7 @@ def _attitude_of_numbers(settings: Settings) -> Callable[[Any], Quaternion]:
         roll, pitch, yaw = [half * angle for angle in _numbers(value, 3)]
         if not math.isfinite(roll + pitch + yaw):
             return _NO_ATTITUDE
-        return turned(*product((0.0, 0.0, math.sin(yaw), math.cos(yaw)), product(
-            (0.0, math.sin(pitch), 0.0, math.cos(pitch)),
-            (math.sin(roll), 0.0, 0.0, math.cos(roll)))))
+        return turned(*from_angles(2.0 * roll, 2.0 * pitch, 2.0 * yaw))
 
     return read
 
@@ -429,12 +444,13 @@ def _heading(settings: Settings) -> Callable[[Any], Quaternion]:
     """Return the conversion of a heading; a compass counts clockwise from north, as NED does."""
     unit = math.pi / 180.0 if settings.heading_unit == 'deg' else 1.0
     sign, zero = (-1.0, 0.5 * math.pi) if (
-        settings.heading_frames or settings.frames) == 'ned' else (1.0, 0.0)
+        settings.heading_frames or settings.frames_of('attitude')) == 'ned' else (1.0, 0.0)
     zero += settings.yaw_offset
+    body = _body_of_sensor(settings)
 
     def read(value: Any) -> Quaternion:
         yaw = zero + sign * unit * float(value)
-        return from_yaw(yaw) if math.isfinite(yaw) else _NO_ATTITUDE
+        return body(from_yaw(yaw)) if math.isfinite(yaw) else _NO_ATTITUDE
 
     return read
 

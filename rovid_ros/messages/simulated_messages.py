@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-from rovid_core.model.dofs import Quaternion
+from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_core.velocity.attitude_history import from_yaw, product
+from rovid_core.velocity.attitude_history import from_angles, from_yaw, product, rotate_back
 from rovid_ros.config.input_topics import sources
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import getter, parse_all, resolve, resolve_all, Step
@@ -152,7 +152,7 @@ class SensorMessages:
         if place.shape in ('twist', 'wrench'):
             names = ('linear', 'angular') if place.shape == 'twist' else ('force', 'torque')
             return {
-                name: dict(zip('xyz', _vector(settings, name, part)))
+                name: dict(zip('xyz', _vector(settings, place.input, part)))
                 for name, part in zip(names, (value[:3], value[3:]))}
         if place.input in ('position', 'velocity', 'angular_velocity'):
             numbers: Sequence[float] = _vector(settings, place.input, value)
@@ -187,25 +187,30 @@ def _put(fields: dict[Any, Any], steps: Sequence[Step], value: Any) -> None:
 
 def _vector(settings: Settings, name: str, value: Values) -> Values:
     """Return x, y, z of a position (world) or of a velocity (body) in the message's frame."""
-    x, y, z = value[:3]
-    if settings.frames == 'enu':
-        return (x, y, z)
-    return (y, x, -z) if name == 'position' else (x, -y, -z)
+    ned = settings.frames_of(name) == 'ned'
+    if name == 'position':
+        x, y, z = value[:3]
+        return (y, x, -z) if ned else (x, y, z)
+    x, y, z = cast(Vector, value[:3])
+    if name != 'thrusters':
+        x, y, z = rotate_back(from_angles(*settings.input(name).mounting), (x, y, z))
+    return (x, -y, -z) if ned else (x, y, z)
 
 
 def _quaternion(settings: Settings, value: Values) -> Quaternion:
     """Return the attitude in the message's frames, before ``yaw_offset`` was added."""
     x, y, z, w = value
-    turned = product(from_yaw(-settings.yaw_offset), (x, y, z, w))
-    if settings.frames == 'enu':
+    turned = product(from_yaw(-settings.yaw_offset), product(
+        (x, y, z, w), from_angles(*settings.attitude.mounting)))
+    if settings.frames_of('attitude') == 'enu':
         return turned
     return product(product(NED_TO_ENU, turned), FRD_TO_FLU)
 
 
 def _angles(settings: Settings, value: Values) -> Values:
     """Return roll, pitch and yaw in the message's unit and sense."""
-    x, y, z, w = _quaternion(replace(
-        settings, frames=settings.heading_frames or settings.frames), value)
+    x, y, z, w = _quaternion(replace(settings, attitude=replace(
+        settings.attitude, frames=settings.heading_frames or settings.attitude.frames)), value)
     angles = (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
               math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))),
               math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
@@ -214,9 +219,9 @@ def _angles(settings: Settings, value: Values) -> Values:
 
 def _heading(settings: Settings, value: Values) -> float:
     """Return the heading in the message's unit and sense."""
-    x, y, z, w = value
+    x, y, z, w = product(value, from_angles(*settings.attitude.mounting))  # type: ignore[arg-type]
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)) - settings.yaw_offset
-    frames = settings.heading_frames or settings.frames
+    frames = settings.heading_frames or settings.frames_of('attitude')
     angle = math.remainder(0.5 * math.pi - yaw if frames == 'ned' else yaw, 2.0 * math.pi)
     return math.degrees(angle) if settings.heading_unit == 'deg' else angle
 

@@ -45,7 +45,6 @@ LATCHED = ('rov/params', 'rov/params_std', *COUPLING_TOPICS, 'rov/model')
 OF_STEPS = tuple(topic for topic in LATCHED if topic != 'rov/model')
 """Those in which only a step or a reset changes anything."""
 
-FRAME = 'base_link'
 WORLD_FRAMES = {'enu': 'map', 'ned': 'map_ned'}
 """Frames of what is told in the world, by ``frames``."""
 
@@ -105,7 +104,7 @@ class Outputs:
         self._kappas = dict(self._initial_kappas)
         self._coupling_names = tuple(dict.fromkeys(
             name for names in self._couplings.values() for name in names))
-        self._frames = settings.frames
+        self._frames, self._base = settings.frames, settings.base_frame
         self._has_current = settings.estimates_current
         self.topics = {**TOPICS, **(COUPLING_TOPICS if self._coupling_names else {}),
                        **(CURRENT_TOPICS if self._has_current else {})}
@@ -116,7 +115,7 @@ class Outputs:
                 self._model))
             if topic in self.topics}
         self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = {
-            'rov/identifier_state': _state, 'rov/velocity': _twist,
+            'rov/identifier_state': self._state, 'rov/velocity': self._twist,
             'rov/estimate': self._diagnostics,
             'rov/current': self._current, 'rov/current_covariance': self._current_covariance}
         self._statuses: dict[str, tuple[DofEstimate, bool, dict[str, Any]]] = {}
@@ -175,7 +174,28 @@ class Outputs:
                 'level': CURRENT_LEVELS[current.status], 'name': 'current',
                 'message': current_message(current), 'hardware_id': '',
                 'values': key_values(current_values(current))})
-        return {'header': header(estimate.time), 'status': statuses}
+        return {'header': header(estimate.time, self._base), 'status': statuses}
+
+    def _state(self, estimate: Estimate) -> dict[str, Any]:
+        return {
+            'header': header(estimate.time, self._base),
+            'name': [dof.dof for dof in estimate.dofs],
+            'position': [],
+            'velocity': [dof.v_hat for dof in estimate.dofs],
+            'effort': [dof.force for dof in estimate.dofs],
+        }
+
+    def _twist(self, estimate: Estimate) -> dict[str, Any]:
+        # a DOF that is not identified has no velocity here: NaN, not a claim of standing still
+        velocity = {dof.dof: dof.velocity for dof in estimate.dofs}
+        values = [velocity.get(name, math.nan) for name in DOFS]
+        return {
+            'header': header(estimate.time, self._base),
+            'twist': {
+                'linear': dict(zip('xyz', values[:3])),
+                'angular': dict(zip('xyz', values[3:])),
+            },
+        }
 
     def _current(self, estimate: Estimate) -> dict[str, Any]:
         current = told(estimate.current, self._frames)
@@ -216,7 +236,7 @@ class Outputs:
             [row[which].get(name, math.nan) for name in names] for row in self._kappas.values()])
 
 
-def header(time: int, frame: str = FRAME) -> dict[str, Any]:
+def header(time: int, frame: str) -> dict[str, Any]:
     """Return the fields of a ``std_msgs/Header`` for a time [ns]."""
     sec, nanosec = divmod(time, 1_000_000_000)
     return {'stamp': {'sec': sec, 'nanosec': nanosec}, 'frame_id': frame}
@@ -244,29 +264,6 @@ def _array(names: list[str], labels: Sequence[str], rows: Sequence[Sequence[floa
             'data_offset': 0,
         },
         'data': [value for row in rows for value in row],
-    }
-
-
-def _state(estimate: Estimate) -> dict[str, Any]:
-    return {
-        'header': header(estimate.time),
-        'name': [dof.dof for dof in estimate.dofs],
-        'position': [],
-        'velocity': [dof.v_hat for dof in estimate.dofs],
-        'effort': [dof.force for dof in estimate.dofs],
-    }
-
-
-def _twist(estimate: Estimate) -> dict[str, Any]:
-    # a DOF that is not identified has no velocity here: NaN, not a claim of standing still
-    velocity = {dof.dof: dof.velocity for dof in estimate.dofs}
-    values = [velocity.get(name, math.nan) for name in DOFS]
-    return {
-        'header': header(estimate.time),
-        'twist': {
-            'linear': dict(zip('xyz', values[:3])),
-            'angular': dict(zip('xyz', values[3:])),
-        },
     }
 
 

@@ -96,6 +96,20 @@ def test_messages_come_back_as_the_simulated_values(
     assert back == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.parametrize('name, type_name, field', [
+    ('attitude', 'sensor_msgs/msg/Imu', 'orientation'),
+    ('attitude', 'geometry_msgs/msg/Vector3', 'x, y, z'),
+    ('angular_velocity', 'sensor_msgs/msg/Imu', 'angular_velocity'),
+    ('velocity', 'geometry_msgs/msg/TwistStamped', 'twist')])
+def test_so_do_those_of_a_sensor_that_is_turned_in_the_body(
+        name: str, type_name: str, field: str) -> None:
+    given = InputSettings('/in', type_name, field, frames='ned', mounting=(0.3, -0.2, 1.9))
+    (back,) = round_trip(settings_of(**{name: given}), {name: VALUES[name]})[name].values()
+    if name == 'attitude' and back[3] * VALUES[name][3] < 0.0:
+        back = tuple(-x for x in back)
+    assert back == pytest.approx(VALUES[name], abs=1e-12)
+
+
 @pytest.mark.parametrize('frames', ['enu', 'ned'])
 @pytest.mark.parametrize('unit', ['rad', 'deg'])
 @pytest.mark.parametrize('sense', ['', 'ned'])

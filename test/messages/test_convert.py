@@ -395,6 +395,48 @@ def test_a_list_of_paths_that_leads_nowhere(name: str, field: str, says: str) ->
     assert says in str(refused.value)
 
 
+angle = strategies.floats(-3.0, 3.0)
+
+
+@given(x=number, y=number, z=number, roll=angle, pitch=angle, yaw=angle)
+def test_a_sensor_that_is_turned_in_the_body(
+        x: float, y: float, z: float, roll: float, pitch: float, yaw: float) -> None:
+    """By rpy as in a URDF: first about x, then y, then z, all of them axes of the body."""
+    (a, b), (c, d), (e, f) = ((math.cos(one), math.sin(one)) for one in (roll, pitch, yaw))
+    sensor = turn(yaw) @ np.array([[c, 0, d], [0, 1, 0], [-d, 0, c]]) @ np.array(
+        [[1, 0, 0], [0, a, -b], [0, b, a]])
+    mounting = (roll, pitch, yaw)
+    velocity = message('geometry_msgs/msg/TwistStamped', {'twist': {
+        'linear': point(x, y, z), 'angular': point(z, x, y)}})
+    of_world = (0.5, -0.5, 0.5, 0.5)  # of the sensor
+    imu = message('geometry_msgs/msg/Quaternion', dict(zip('xyzw', of_world)))
+    for own, there in (('', 'ned'), ('ned', 'enu')):  # a DVL with z down beside positions in ENU
+        given = InputSettings('/dvl', frames=own, mounting=mounting)
+        case = Case(settings(
+            velocity=given, angular_velocity=replace(given, field='twist.angular'),
+            position=InputSettings('/position'), frames=there,
+            attitude=InputSettings('/imu', frames='enu', mounting=mounting)))
+        values = case.values('/dvl', velocity)
+        np.testing.assert_allclose(values['velocity'], sensor @ BODY @ (x, y, z), atol=1e-12)
+        np.testing.assert_allclose(
+            values['angular_velocity'], sensor @ BODY @ (z, x, y), atol=1e-12)
+        values = case.values('/position', message('geometry_msgs/msg/Point', point(x, y, z)))
+        expected = WORLD @ (x, y, z) if there == 'ned' else (x, y, z)
+        np.testing.assert_allclose(values['position'], expected, atol=1e-12)
+        np.testing.assert_allclose(
+            matrix(case.values('/imu', imu)['attitude']) @ sensor, matrix(of_world), atol=1e-9)
+
+
+@pytest.mark.parametrize('kind', ['Float64', 'Float64MultiArray'])
+def test_a_compass_that_is_turned_in_the_body(kind: str) -> None:
+    """Mounted to port, it shows north when the body looks east."""
+    case = Case(settings(attitude=InputSettings(
+        '/h', field='data', frames='ned', mounting=(0.0, 0.0, 0.5 * math.pi))))
+    data: Any = 0.0 if kind == 'Float64' else [0.0, 0.0, 0.0]
+    values = case.values('/h', message(f'std_msgs/msg/{kind}', {'data': data}))
+    np.testing.assert_allclose(matrix(values['attitude']), np.eye(3), atol=1e-12)
+
+
 def test_what_is_not_finite_passes_through() -> None:
     for frames in ('enu', 'ned'):
         case = Case(settings(

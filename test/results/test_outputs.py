@@ -242,7 +242,7 @@ def test_summary_without_a_step_has_the_initial_values() -> None:
 def test_the_first_message_is_there_before_the_next_is_made(
         monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[int] = []  # the parameters have no header, what comes after them has
-    monkeypatch.setattr(outputs, 'header', lambda time: made.append(time) or {})
+    monkeypatch.setattr(outputs, 'header', lambda time, frame: made.append(time) or {})
     messages = Outputs(settings()).each(estimate(), TOPICS)
     assert next(messages).topic == 'rov/params'
     assert made == []

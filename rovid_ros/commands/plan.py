@@ -17,6 +17,7 @@ from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.simulation.profiles import Profile, Steps, Waveform
 from rovid_core.simulation.vehicle import ThrusterCommands
+from rovid_core.trials.planning.coupled import coupled_prospect, CoupledProspect
 from rovid_core.trials.planning.information import Limits, paths, reach, Sensor, Vehicles
 from rovid_core.trials.planning.plan import Plan, plan as find_plan, PlanError, Prospect, STEP
 from rovid_core.trials.planning.shapes import samples, times
@@ -121,6 +122,7 @@ class Proposal:
 
     request: Request
     plans: Mapping[str, Plan]
+    coupled: Mapping[str, CoupledProspect]  # of DOFs with couplings
     sources: Mapping[str, str]
     profile: Profile
     warnings: tuple[str, ...]
@@ -154,11 +156,18 @@ def propose(settings: Settings, models: Sequence[Identified], request: Request) 
             except PlanError as error:
                 raise CommandError(f'{dof}: --{str(error).replace("_", "-", 1)}') from None
             progress.tick()
+    coupled = {}
+    for dof in plans:
+        if names := settings.dof[dof].couplings:
+            found = known[dof].couplings if dof in known else {}
+            coupled[dof] = coupled_prospect(
+                dof, plans, Scales.of(settings.dof[dof]), Sensor.of(settings, dof),
+                [found.get(name, 0.0) for name in names])
     still = [d for d in DOFS if d not in dofs and (
         d in settings.dofs or d in settings.simulation.dofs)]
     profile: dict[str, tuple[Waveform, ...]] = dict.fromkeys(still, ())
     profile.update({dof: own.planned.waveforms for dof, own in plans.items()})
-    return Proposal(replace(request, dofs=dofs), plans, sources, profile,
+    return Proposal(replace(request, dofs=dofs), plans, coupled, sources, profile,
                     (*warnings, *_turning_warnings(plans)))
 
 
@@ -275,7 +284,22 @@ def _dof_text(dof: str, proposal: Proposal) -> str:
         f'  speed   {within(planned.speed, limits.speed, speed)}',
         f'  room    {within(planned.room, limits.room, length)}',
         table(list(_rows(dof, plan)))]
+    if dof in proposal.coupled:
+        lines += _coupled_lines(proposal.coupled[dof])
     return '\n'.join([*lines, *_remarks(dof, plan)])
+
+
+def _coupled_lines(coupled: CoupledProspect) -> Iterator[str]:
+    """Yield what the profiles tell of the couplings of a DOF."""
+    told = [f'kappa of {name} to +-{half:.2g}' for name, half in coupled.kappas.items()
+            if math.isfinite(half)]
+    if told:
+        yield (f'  with the profiles of {" and ".join(coupled.partners)} at once: '
+               f'{", ".join(told)}; then alpha to {_percent(coupled.alpha)}')
+    untold = [name for name, half in coupled.kappas.items() if not math.isfinite(half)]
+    if untold:
+        yield (f'  not told: {", ".join(untold)}, for the motion of a DOF that is in it is not '
+               'planned')
 
 
 def _rows(dof: str, plan: Plan) -> Iterator[list[str]]:
@@ -365,6 +389,9 @@ def document(proposal: Proposal) -> dict[str, Any]:
             'limits': {'force': limits.force, 'speed': limits.speed,
                        'room': json_number(limits.room)},
             'planned': _prospect_document(plan, plan.planned),
+            **({'couplings': {name: json_number(half) for name, half in
+                              proposal.coupled[dof].kappas.items()}}
+               if dof in proposal.coupled else {}),
             'naive': {'profile': profile_text({dof: plan.naive.waveforms}),
                       **_prospect_document(plan, plan.naive)}}
     return {'profile': profile_text(proposal.profile), 'duration_s': proposal.request.duration,

@@ -116,10 +116,14 @@ def test_thrusters_limit_what_is_planned(
     assert 'model: linear' in text
     table = 'model: table\n      table_command: [-1.0, 1.0]\n      table_force: [-1.0, 1.0]'
     path = tmp_path / 'table.yaml'
-    path.write_text(text.replace('model: linear', table))
+    assert '      # couplings: [vr]' in text
+    path.write_text(text.replace('model: linear', table).replace(
+        '      # couplings: [vr]', '      couplings: [vr]'))
     assert main(['plan', '--params-file', str(path), '--dofs', 'surge,yaw', '--duration', '15',
                  '--json', str(tmp_path / 'plan.json')]) == 0, capsys.readouterr().err
     dofs = json.loads((tmp_path / 'plan.json').read_text())['dofs']
+    assert dofs['surge']['couplings'] == {'vr': None}  # sway is not planned
+    assert 'not told: vr' in capsys.readouterr().out
     gain = 40.0  # of each thruster
     share = dofs['surge']['limits']['force'] / 2.0 + dofs['yaw']['limits']['force'] / 0.5
     assert share <= gain * (1.0 + 1e-9)

@@ -11,6 +11,7 @@ from rovid_core.settings.run import Scales
 from rovid_core.simulation.profiles import Multisine, Sinusoid, Steps, Waveform
 from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.output_error import output_error, Residuals
+from rovid_core.trials.planning.coupled import coupled_prospect
 from rovid_core.trials.planning.information import (
     bounds,
     Limits,
@@ -19,7 +20,7 @@ from rovid_core.trials.planning.information import (
     Sensor,
     Vehicles,
 )
-from rovid_core.trials.planning.plan import Plan, plan, PlanError
+from rovid_core.trials.planning.plan import Plan, plan, PlanError, prospect
 from rovid_core.trials.planning.shapes import samples, times
 from rovid_core.trials.record import Record
 
@@ -69,6 +70,26 @@ def test_the_bound_is_that_of_the_residuals() -> None:
     assert np.sqrt(np.diag(got)) == pytest.approx(np.sqrt(np.diag(expected)), rel=0.02)
 
 
+def test_couplings_are_told_by_profiles_that_are_driven_at_once() -> None:
+    def driven(frequency: float, parameters: tuple[float, ...] = SURGE_TRUTH) -> Plan:
+        vehicles = Vehicles.around(parameters, ALL, 1.0)
+        profile = (Sinusoid(100.0, frequency), Sinusoid(40.0, 2.6 * frequency))
+        planned = prospect(profile, vehicles, SENSOR, LIMITS.duration, 0.1)
+        return Plan(LIMITS, vehicles, planned, planned)
+
+    plans = {'surge': driven(0.05), 'sway': driven(0.07), 'yaw': driven(0.09)}
+    scales = Scales(150.0, 0.5, SURGE_TRUTH, ALL, ('vr',))
+    alone = plans['surge'].planned.uncertainty(False)[0, 0] / SURGE_TRUTH[0]
+    with_it = coupled_prospect('surge', plans, scales, SENSOR, [1.2])
+    assert with_it.partners == ('sway', 'yaw')
+    assert 0.0 < with_it.kappas['vr'] < 0.2
+    assert alone < with_it.alpha < 2.0 * alone
+    del plans['yaw']
+    without = coupled_prospect('surge', plans, scales, SENSOR, [1.2])
+    assert without.kappas == {'vr': math.inf}
+    assert without.alpha == pytest.approx(alone, rel=0.02)
+
+
 def test_a_left_out_term_has_no_uncertainty() -> None:
     vehicles = Vehicles.around(lumped(290.0, 290.0, 0.0, 0.0), (True, True, False, False), 2.0)
     force = samples((Sinusoid(120.0, 0.05),), times(60.0, 0.1))[:, None]
@@ -88,13 +109,13 @@ def test_output_error_reaches_what_the_plan_promises(surge: Plan) -> None:
     """And it is better than the sinusoid that one would have driven."""
     scales = Scales(150.0, 0.5, SURGE_TRUTH, ALL)
     rms = []
-    for prospect, seeds in ((surge.planned, 20), (surge.naive, 8)):
-        fits = [output_error([record_of(prospect.waveforms, seed, 120.0)], scales, SURGE_TRUTH)
+    for planned, seeds in ((surge.planned, 20), (surge.naive, 8)):
+        fits = [output_error([record_of(planned.waveforms, seed, 120.0)], scales, SURGE_TRUTH)
                 for seed in range(seeds)]
         errors = np.array([fit.parameters for fit in fits]) - SURGE_TRUTH
         rms.append(np.sqrt((errors**2).mean(axis=0)))
         # of all four together, in their own metric: 20 seeds tell one alone to 16 % only
-        normalised = np.linalg.solve(np.linalg.cholesky(prospect.lumped[0]), errors.T)
+        normalised = np.linalg.solve(np.linalg.cholesky(planned.lumped[0]), errors.T)
         assert 0.75 < np.sqrt((normalised**2).mean()) < 1.3
     assert (rms[0][:3] < 0.5 * rms[1][:3]).all(), rms[0] / rms[1]
 

@@ -65,6 +65,8 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
                         '--seeds 1 --duration 60', 5.0),
         'coupled': Section('Vehicles that move in all axes at once', 'accuracy.coupled_vehicles',
                            '', '--seeds 1 --duration 60', 4.0),
+        'control': Section('A controller with feed-forward', 'accuracy.feed_forward', '',
+                           '--seeds 1 --duration 90', 4.0),
         'offline': Section('The offline methods', 'accuracy.offline_methods', '--seeds 20',
                            '--seeds 2', 3.0, recordings=True),
     }),

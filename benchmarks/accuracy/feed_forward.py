@@ -180,6 +180,10 @@ def main() -> None:
                     *(f'{1000.0 * np.mean([one.error for one in some]):.1f}'
                       for some in (without, with_it)),
                     sum(b.error > a.error for a, b in zip(without, with_it))))
+            everything = [one[dof] for one in helped for dof in WANTED]
+            values = sum(one.values for one in everything)
+            off_share = sum(one.off for one in everything) / max(values, 1)
+            rows.append((kind, 'all', '', '', '', f'{100.0 * off_share:.1f} %', '', '', ''))
     print(table(('vehicle', 'DOF', 'valid in', 'since (median)', 'of the time after', 'values off',
                  'error without [mm/s, mrad/s]', 'error with', 'worse'), rows))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from rovid_core.settings.run import (
     SimulationSettings,
 )
 from rovid_core.simulation.sensors import simulate
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 SECOND = 1_000_000_000
 
@@ -145,3 +148,13 @@ def test_echoes_are_refused(rate: float) -> None:
                   for reason in ('outlier', 'too_fast', 'shifted'))
     assert refused >= 0.03 * 400.0 * rate
     assert steps(stream) > 0.85 * 400.0 * rate
+
+
+def test_the_shipped_configuration_uses_every_fix(repository: Path) -> None:
+    settings = settings_from(load(repository / 'config' / 'lbl_slow.yaml'))
+    settings = replace(settings, identifier=IdentifierSettings(method='aid'))
+    stream = run(settings, duration=90.0, late=1.5, jitter=0.1)
+    assert stream.inputs['position'].count >= 87
+    assert not stream.rejected
+    assert stream.estimate is not None
+    assert [dof.steps > 80 for dof in stream.estimate.dofs] == [True] * 4

@@ -1,0 +1,36 @@
+"""The commands of the guide's tutorial, as they stand in its text."""
+
+import json
+from pathlib import Path
+import re
+import subprocess
+
+import pytest
+from rovid_ros.commands.main import main
+
+
+def test_its_commands_run_and_do_what_it_says(
+        tmp_path: Path, repository: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    guide = (repository / 'docs' / 'guide.md').read_text()
+    tutorial = guide.partition('\n## Ten minutes')[2].partition('\n## ')[0]
+    commands = re.findall(r'^    (\S.*)$', tutorial, re.MULTILINE)
+    assert [line.split()[1] for line in commands if line.startswith('rovid ')] == [
+        'simulate', 'check', 'check', 'replay', 'simulate', 'export', 'export']
+    monkeypatch.chdir(tmp_path)
+    said = []
+    for line in commands:
+        program, *words = line.split()
+        if program == 'rovid':
+            assert main(words) == 0, line
+        else:
+            subprocess.run(line, shell=True, check=True)
+        said.append(''.join(capsys.readouterr()))
+    checked, mistaken = [text for line, text in zip(commands, said) if ' check ' in line]
+    warnings = re.findall(r'^WARNING (.*)$', mistaken, re.MULTILINE)
+    assert warnings[0].removeprefix('data: ').startswith('attitude.yaw_offset: add -1.57')
+    assert 'so the data would agree' not in checked
+    dofs = json.loads((tmp_path / 'out.json').read_text())['dofs']
+    assert min(dofs[dof]['fit'] for dof in ('surge', 'sway')) > 0.7
+    model = json.loads((tmp_path / 'model.json').read_text())
+    assert model['M'][0][0] == pytest.approx(dofs['surge']['mass'])

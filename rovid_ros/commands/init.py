@@ -18,7 +18,11 @@ from rovid_ros.commands.running import (
 from rovid_ros.discovery.ardusub import motors
 from rovid_ros.discovery.candidates import Candidate, candidates
 from rovid_ros.discovery.configuration import configuration
-from rovid_ros.discovery.dataflash import dataflash_candidates, paths as dataflash_paths
+from rovid_ros.discovery.dataflash import (
+    dataflash_candidates,
+    paths as dataflash_paths,
+    remarks,
+)
 from rovid_ros.discovery.decisions import decide, Discovery, DiscoveryError
 from rovid_ros.discovery.signals import read_signals
 from rovid_ros.files.whole_files import write_text
@@ -29,6 +33,8 @@ DESCRIPTION = (
     'Looks at every number in the log and finds what could be position, depth, attitude, '
     'velocity, gyro and thrusters, their units and senses, and a rough model. Writes a parameter '
     'file that runs, with comments, and says what it guessed and what no log can tell.')
+
+_SHORT = {'angular_velocity': 'gyro'}
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -91,10 +97,13 @@ def discover(logs: list[Path], start: float = 0.0, duration: float | None = None
             warn(prog, line)
     found = candidates(signals) if parameters is None else dataflash_candidates(signals)
     try:
-        return decide(found, signals, _ask if ask else _take_the_first,
+        made = decide(found, signals, _ask if ask else _take_the_first,
                       motors(parameters or {}), 'ned' if parameters is not None else '')
     except DiscoveryError as error:
         raise CommandError(f'{", ".join(map(str, logs))}: {error}') from None
+    if parameters is not None:
+        made.unknown += remarks(signals, found)
+    return made
 
 
 def _take_the_first(name: str, found: list[Candidate]) -> Candidate:
@@ -122,7 +131,8 @@ def summary(made: Discovery) -> str:
             other.signal.place for other in made.others.get(name, ())[:3]))
         keys = ', '.join(f'{key} {value:.4g}' if isinstance(value, float) else f'{key} {value}'
                          for key, value in one.keys.items() if key != 'pwm')
-        lines.append(f'{name:<10}{one.signal.place}' + (f' ({keys})' if keys else '')
+        lines.append(f'{_SHORT.get(name, name):<10}{one.signal.place}'
+                     + (f' ({keys})' if keys else '')
                      + (f'; could be {others}' if others else ''))
     lines.append(f'dofs      {", ".join(made.dofs)}')
     lines += [f'guessed   {line}' for line in made.guesses]

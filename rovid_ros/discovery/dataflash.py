@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import re
 from typing import Any
 
@@ -13,7 +13,7 @@ from rovid_ros.messages.field_paths import field_names
 
 _FIELDS = {
     'ATT': ('Roll', 'Pitch', 'Yaw'), 'CTUN': ('BAlt',), 'BARO': ('Alt',),
-    'VISO': ('VelX', 'VelY', 'VelZ'), 'GPS': ('North', 'East', 'Down')}
+    'VISO': ('VelX', 'VelY', 'VelZ'), 'GPS': ('North', 'East', 'Down'), 'BAT': ('Volt',)}
 _OUTPUT = re.compile(r'C\d{1,2}')
 _INPUTS = {'ATT': 'attitude', 'CTUN': 'depth', 'BARO': 'depth', 'VISO': 'velocity',
            'GPS': 'position', 'RCOU': 'thrusters'}
@@ -32,13 +32,25 @@ def paths(topic: str, blank: Any) -> tuple[str, ...]:
     return (', '.join(fields),) if fields and {*fields} <= {*there} else ()
 
 
+def remarks(signals: Sequence[Signal], found: Mapping[str, object]) -> list[str]:
+    """Return what the log lacks and what it says besides, a line each."""
+    said = []
+    if not {'velocity', 'position'} & found.keys():
+        said.append('surge and sway: no DVL (VISO), underwater GPS or GPS is in the log; heave '
+                    'and yaw are in every one')
+    volts = [float(np.mean(one.values)) for one in signals if one.topic == '/BAT']
+    if volts:
+        said.append(f'what the voltage does to the thrust: the battery had {volts[0]:.1f} V')
+    return said
+
+
 def dataflash_candidates(signals: Sequence[Signal]) -> dict[str, list[Candidate]]:
     """Return what could be each input, the likeliest first."""
     found: dict[str, list[Candidate]] = {}
     for signal in signals:
         kind = signal.type.rpartition('/')[2]
-        name = _INPUTS[kind]
-        if np.max(signal.spread) < 1e-3:
+        name = _INPUTS.get(kind, '')
+        if not name or np.max(signal.spread) < 1e-3:
             continue
         points = float(np.ptp(signal.values[:, 0])) if name == 'depth' else 0.0
         if kind == 'CTUN':

@@ -71,19 +71,18 @@ def read_signals(log: Log, start: float, duration: float | None,
     """
     Return the signals of a log, or only those at the ``wanted`` paths by topic.
 
-    Raises LogError if the log cannot be read. Topics whose type is unknown are left out.
+    Raises LogError if the log cannot be read. Topics that cannot be decoded are left out.
     """
     counts = {name: info.count for name, info in log.topics.items()
               if info.count != 0 and not _LEFT_OUT.fullmatch(info.type)
-              and (wanted is None or name in wanted)}
-    readable = {name: count for name, count in counts.items() if _blank(log, name) is not None}
+              and (wanted is None or name in wanted) and log.is_readable(name)}
     samplers = {name: _Sampler(math.ceil((count or 0) / MOST_SAMPLES) or 1)
-                for name, count in readable.items()}
+                for name, count in counts.items()}
 
     def maker(topic: str, wire: WireType, decode: Decoder) -> Callable[[bytes, int], Any]:
         return lambda raw, time: decode(raw) if samplers[topic].is_due(time) else None
 
-    for message in log.messages([*readable], start, duration, maker):
+    for message in log.messages([*counts], start, duration, maker):
         if message.data is not None:
             samplers[message.topic].add(message.data, message.time)
         tick()
@@ -92,13 +91,6 @@ def read_signals(log: Log, start: float, duration: float | None,
         paths = None if wanted is None else wanted[name]
         signals += sampler.signals(name, log.topics[name].type, paths, log.start)
     return signals
-
-
-def _blank(log: Log, topic: str) -> Any:
-    try:
-        return log.blank(topic)
-    except ValueError:  # no definition: it cannot be an input either
-        return None
 
 
 class _Sampler:

@@ -142,6 +142,15 @@ class Log:
                 raise LogError(f'{self._name()}: {topic} is {", ".join(sorted(found))}, '
                                f'not {type}')
 
+    def is_readable(self, topic: str) -> bool:
+        """Return whether the messages of a topic can be decoded."""
+        try:
+            for channel in self._channels(topic):
+                self._maker(channel, None)
+        except LogError:
+            return False
+        return True
+
     def blank(self, topic: str) -> Any:
         """Return a message of a topic's type that holds default values only."""
         channel = self._channels(topic)[0]

@@ -162,6 +162,9 @@ def test_every_log_of_ardusub_gives_heave_and_yaw(
     path = tmp_path / 'DIVE.BIN'
     path.write_bytes(dive(settings, 30.0).data)
     assert initialised(path).dofs == ('heave', 'yaw')
+    unknown = '\n'.join(discover([path]).unknown)
+    assert 'surge and sway: no DVL (VISO), underwater GPS or GPS is in the log' in unknown
+    assert 'the battery had 15.2 V' in unknown
 
 
 @pytest.mark.parametrize('number', FRAMES)

@@ -351,7 +351,7 @@ def report(result: Result) -> str:
         f'{result.messages:,} messages, {result.steps:,} steps of {method}',
         table(_status_rows(dofs), left=2),
         _legend(dofs),
-        *([_filled(current_text(result.current))] if result.current else []),
+        _current_line(result),
         table(_physical_rows(dofs)),
         table(_lumped_rows(dofs)),
         _couplings_table(dofs),
@@ -376,6 +376,17 @@ def _checklist(settings: Settings, dofs: Mapping[str, Mapping[str, Any]]) -> str
         '  4. the stamps: latency of each input, thrusters.delay',
         '  5. whether the log moves it: one axis at a time, much thrust, 10 to 50 s a cycle',
     ])
+
+
+def _current_line(result: Result) -> str:
+    """Return what is known of the current of the water, or that it is taken to be still."""
+    if result.current:
+        return _filled(current_text(result.current))
+    settings = result.settings
+    if settings.sees_current and not settings.estimates_current:
+        return (f'current of the water: {settings.identifier.method} takes the water to be still; '
+                'ekf estimates it')
+    return ''
 
 
 def _names(logs: Sequence[Path]) -> str:

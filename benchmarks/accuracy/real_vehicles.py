@@ -70,7 +70,7 @@ def identify(identifier: Identifier, vehicle: Vehicle, seed: int, duration: floa
     alpha = identifier.parameters[0]
     return Result(((1.0 / alpha / mass - 1.0), (alpha - 1.0 / mass) / identifier.std[0]),
                   low <= mass <= high, judged.status == 'converged', by_120,
-                  (identifier.note,), changed_at)
+                  (identifier.note or ' '.join(judged.method_reasons[:1]),), changed_at)
 
 
 def case(method: str, duration: float, name: str, seed: int) -> Result:

@@ -66,11 +66,6 @@ class Gram:
             + qr * bc / (u * v) + qs * bd / (u * w) + rs * cd / (v * w)))
         return math.sqrt(square / d) if square > 0.0 else 0.0
 
-    @property
-    def shows_mass(self) -> bool:
-        """Tell whether alpha can be separated from the other parameters."""
-        return self._unexplained(ALPHA, self.active) >= MIN_INFORMATION
-
     @cached_property
     def reasons(self) -> tuple[str, ...]:
         """Return in words what the data do not show and what would help; empty if nothing."""

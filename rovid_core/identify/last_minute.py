@@ -25,12 +25,14 @@ BLOCK, BLOCKS = 10.0, 6  # length of a block [s], and how many count
 # The share of the motion that has to be predicted, to become converged and while it is.
 PREDICTS = (0.9, 0.85)
 # What a vehicle often has and the model has not, each an acceleration with one regressor.
-CANDIDATES = ('dead band', 'reverse thrust', 'reverse drag', 'lag')
+CANDIDATES = (
+    'a dead band of the thrusters', 'reverse thrust', 'reverse drag', 'a lag of the thrusters')
 DEAD_BAND = 0.2  # thrust up to which a dead-band is looked for, in typical forces
 LAG = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
 # of the model's acceleration that it is.
 EXPLAINS, MATTERS = 0.3, 0.05
+KNOWN = 0.05  # relative standard deviation of alpha up to which the minute shows the mass
 MASS_OFF = 0.1  # relative difference from the minute's own mass that is too much
 SIGNIFICANT = 2.0  # standard deviations of that mass that are left to chance
 NEAR = 0.5  # relative change of alpha up to which one step of Gauss-Newton is a good one
@@ -125,6 +127,8 @@ class LastMinute:
                     f'{100.0 * fit if fit > 0.0 else 0.0:.0f} % of the motion')
         count = sum(b.count for b in self._blocks)
         std = math.sqrt(left / max(count - len(on), 1) * inverse[0, 0]) / alpha
+        if not std < KNOWN:
+            return 'the mass does not show'
         if abs(off) <= MASS_OFF + SIGNIFICANT * std:
             return ''
         other = 'smaller' if off > 0.0 else 'larger'

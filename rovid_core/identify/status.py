@@ -51,8 +51,9 @@ class DofStatus:
     the method's ``converged_share`` of alpha and that acceleration, and the method has no doubt
     of its own. A method without a covariance has converged
     when the mean of its parameters changes the acceleration by less than this from one window of
-    three adaptation times to the next, and the data show the mass. A method that does not judge
-    its own errors has to predict the last minute besides. Otherwise the status is ``converging``.
+    three adaptation times to the next. A method that does not judge its own errors has to predict
+    the last minute besides, which has to show the mass (``LastMinute``). Otherwise the status is
+    ``converging``.
 
     Attributes
     ----------
@@ -203,7 +204,7 @@ class _Drift:
         if not moved < limit * typical:
             share = _percent(moved / typical if typical > 0.0 else math.inf)
             return f'the parameters move by {share} of the acceleration in {self.window:.3g} s'
-        return '' if gram.shows_mass else 'the mass does not show'
+        return ''
 
 
 def _percent(share: float) -> str:

@@ -1,8 +1,10 @@
 """What a model's errors over a minute follow, on vehicles that are not the model."""
 
+from random import Random
+
 import pytest
 from rovid_core.identify.last_minute import LastMinute
-from rovid_core.model.plant import lumped
+from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
@@ -32,8 +34,8 @@ def test_the_truth_is_not_doubted_after_a_minute():
 
 
 @pytest.mark.parametrize(('kind', 'name'), [
-    ('dead-band 3 N', 'dead band'), ('reverse thrust x 0.8', 'reverse thrust'),
-    ('reverse drag x 1.3', 'reverse drag'), ('lag 0.15 s', 'lag')])
+    ('dead-band 3 N', 'a dead band of the thrusters'), ('reverse thrust x 0.8', 'reverse thrust'),
+    ('reverse drag x 1.3', 'reverse drag'), ('lag 0.15 s', 'a lag of the thrusters')])
 def test_what_the_vehicle_has_and_the_model_has_not_is_named(kind, name):
     assert doubt(kind).endswith(f'of the error follows {name}, which the model does not have')
 
@@ -42,6 +44,28 @@ def test_what_the_vehicle_has_and_the_model_has_not_is_named(kind, name):
 def test_another_mass_is_told(factor, asked):
     model = lumped(factor * MASS, QUADRATIC, LINEAR, BIAS)
     assert doubt('exact', model) == f'the last minute by itself asks for a {asked} mass'
+
+
+def coasting(speed):
+    """Return the steps of a vehicle that comes to rest, with 5 mm of noise on its fixes."""
+    random, dt = Random(1), 0.1
+    fixes, middles, x, v = [], [speed], 0.0, speed
+    for _ in range(700):
+        fixes.append(x + random.gauss(0.0, 0.005))
+        middle = advance(TRUTH, v, 0.0, 0.5 * dt)
+        x += dt * middle
+        v = advance(TRUTH, middle, 0.0, 0.5 * dt)
+        middles.append(middle)
+    means = [(after - before) / dt for before, after in zip(fixes, fixes[1:])]
+    return [Step(dt, (a, 0.5 * (a + b), b), (0.0,) * 3, mean, dt, (0.05, 0.05))
+            for a, b, mean in zip(middles[1:], middles[2:], means[1:])]
+
+
+def test_without_thrust_the_mass_does_not_show():
+    minute = LastMinute(Scales.of(GUESS))
+    for step in coasting(2.0):
+        minute.add_step(step, TRUTH)
+    assert minute.doubt(False) == 'the mass does not show'
 
 
 def test_a_poor_prediction_is_told():

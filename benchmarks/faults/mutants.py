@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 from benchmarks.faults.mutant_list import Mutant, MUTANTS
 
 REPOSITORY = Path(__file__).resolve().parents[2]
-PASSED, FAILED = 0, 1  # exit codes of pytest; others are no answer
+PASSED, FAILED = 0, (1, 2, 3)  # exit codes of pytest; others say that there are no such tests
 PATIENCE = 1800.0  # [s], on a machine that is busy; tests that hang have noticed
 
 
@@ -88,7 +88,8 @@ def outcome(mutant: Mutant, copy: Path) -> str:
         code = run(copy, mutant.tests)
     finally:
         path.write_text(sound)
-    return {FAILED: 'killed', PASSED: 'SURVIVED'}.get(code, f'pytest ended with {code}')
+    return 'SURVIVED' if code == PASSED else 'killed' if code in FAILED else (
+        f'pytest ended with {code}')
 
 
 def run(copy: Path, tests: Sequence[str]) -> int:
@@ -102,7 +103,7 @@ def run(copy: Path, tests: Sequence[str]) -> int:
             cwd=copy, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             timeout=PATIENCE).returncode
     except subprocess.TimeoutExpired:
-        return FAILED
+        return FAILED[0]
 
 
 if __name__ == '__main__':

@@ -83,10 +83,10 @@ def run_to_exit_code(prog: str, run: Callable[[], None]) -> int:
     except KeyboardInterrupt:
         return _fail(prog, 'interrupted', INTERRUPTED)
     except BrokenPipeError:
-        # The reader left, which is its right. Python would complain again when it flushes.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _give_up_output()  # the reader left, which is its right
         return BROKEN_PIPE
     except OSError as error:
+        _give_up_output()
         reason = error.strerror or str(error)
         return _fail(prog, f'{error.filename}: {reason}' if error.filename else reason, AT_FAULT)
     except UsageError as error:
@@ -135,6 +135,15 @@ def printable(text: str) -> str:
     if len(line) > LONGEST_LINE:
         line = f'{line[:LONGEST_LINE]} ...'
     return ''.join(c if c.isprintable() else c.encode('unicode_escape').decode() for c in line)
+
+
+def _give_up_output() -> None:
+    """Drop what cannot be printed; Python would complain again at the end."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _fail(prog: str, message: str, code: int) -> int:

@@ -284,12 +284,13 @@ def test_a_result_that_cannot_be_printed_leaves_the_state_as_it_was(
     """Run again from the same state, it tells what the full disk has swallowed."""
     assert call(dives[0]) == 0
     before = call.state.read_bytes()
+    environment = child_environment()
+    environment.pop('PYTHONUNBUFFERED', None)  # it would fail at the first line
     with open('/dev/full', 'w') as full:
         ended = subprocess.run(
             [sys.executable, '-m', 'rovid_ros.commands', 'replay', str(dives[1]), '--params-file',
              str(call.config), '--state', str(call.state)],
-            cwd=REPOSITORY, env=child_environment(), stdout=full, stderr=subprocess.PIPE,
-            text=True)
+            cwd=REPOSITORY, env=environment, stdout=full, stderr=subprocess.PIPE, text=True)
     assert (ended.returncode, ended.stderr) == (
         1, 'rovid replay: No space left on device\n')
     assert call.state.read_bytes() == before

@@ -13,6 +13,7 @@ from rovid_ros.logs import sqlite
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.types import MAX_MESSAGE_SIZE
 import yaml
 
 from test.support.hostile_databases import HOSTILE_DATABASES, large_messages, repeated_pages, TYPES
@@ -25,6 +26,7 @@ import resource, sys
 from pathlib import Path
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.log import Log
+resource.setrlimit(resource.RLIMIT_CPU, (10, 10))
 for path in map(Path, sys.argv[1:]):
     count = 0
     try:
@@ -69,6 +71,7 @@ def test_a_message_that_is_too_large_is_told_and_not_fetched(tmp_path: Path) -> 
     with Log([tmp_path / 'log.db3']) as log:
         assert [message.data for message in log.messages([*TYPES])] == []
         assert len(log.warnings) == 3
+        assert all(len(raw.data) < 2 * MAX_MESSAGE_SIZE for raw in log.raw([*TYPES]))
         assert all('has messages of more than 1,048,576 bytes' in line for line in log.warnings)
 
 

@@ -11,6 +11,7 @@ from rovid_core.model.lowpass import LowPass
 from rovid_core.pipeline import steps
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Scales
+from rovid_core.simulation.sensors import simulate
 
 from test.support.surge import (
     exact_case,
@@ -87,6 +88,14 @@ def test_thrust_that_is_not_filtered_like_the_velocity_is_several_times_worse(
 
     monkeypatch.setattr(steps, 'FilteredSource', ForceUnfiltered)
     assert error() > 4 * alike
+
+
+def test_without_noise_drag_is_right_whatever_the_low_pass():
+    settings = surge_settings()
+    settings = replace(settings, simulation=replace(
+        settings.simulation, position_noise=0.0, attitude_noise=0.0))
+    last = run(Stream(settings), simulate(settings, 200.0, 1))[-1].dofs[0]
+    assert last.parameters == pytest.approx(SURGE_TRUTH, rel=0.01)
 
 
 def test_the_score_of_the_truth_is_noise_and_that_of_the_guess_is_not():

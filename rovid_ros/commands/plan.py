@@ -126,6 +126,7 @@ class Proposal:
     sources: Mapping[str, str]
     profile: Profile
     warnings: tuple[str, ...]
+    turn: float = 0.0  # [s] after which the bounds of surge and sway count on a turn; 0: on none
 
 
 def propose(settings: Settings, models: Sequence[Identified], request: Request) -> Proposal:
@@ -168,7 +169,9 @@ def propose(settings: Settings, models: Sequence[Identified], request: Request) 
     profile: dict[str, tuple[Waveform, ...]] = dict.fromkeys(still, ())
     profile.update({dof: own.planned.waveforms for dof, own in plans.items()})
     return Proposal(replace(request, dofs=dofs), plans, coupled, sources, profile,
-                    (*warnings, *_turning_warnings(plans)))
+                    (*warnings, *_turning_warnings(plans)),
+                    0.5 * request.duration if settings.estimates_current
+                    and {'surge', 'sway'} & plans.keys() else 0.0)
 
 
 def _dofs(settings: Settings, request: Request) -> tuple[str, ...]:
@@ -260,6 +263,11 @@ def plan_text(proposal: Proposal, params_file: Path) -> str:
     parts.append('Half the width of the 95 % intervals at best (Cramer-Rao), in percent of the '
                  'value. Worst: of\nthe model and of vehicles whose mass and drags are up to '
                  f'{proposal.request.factor:g} times off, all of which keep the limits.')
+    if proposal.turn:
+        parts.append(
+            f'Turn by 90 degrees, 45 at least, after {proposal.turn:g} s: at one heading a '
+            'current looks like bias\nand linear drag. What is said of surge and sway counts on '
+            'that, and on a current that is not known.')
     command = ['rovid', 'simulate', '--params-file', str(params_file), '--output',
                'planned.mcap', '--duration', f'{proposal.request.duration:g}',
                '--profile', profile_text(proposal.profile)]
@@ -395,7 +403,8 @@ def document(proposal: Proposal) -> dict[str, Any]:
             'naive': {'profile': profile_text({dof: plan.naive.waveforms}),
                       **_prospect_document(plan, plan.naive)}}
     return {'profile': profile_text(proposal.profile), 'duration_s': proposal.request.duration,
-            'factor': proposal.request.factor, 'dofs': dofs, 'warnings': list(proposal.warnings)}
+            'factor': proposal.request.factor, 'turn_after_s': proposal.turn or None,
+            'dofs': dofs, 'warnings': list(proposal.warnings)}
 
 
 def _prospect_document(plan: Plan, prospect: Prospect) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -88,6 +89,41 @@ def test_couplings_are_told_by_profiles_that_are_driven_at_once() -> None:
     without = coupled_prospect('surge', plans, scales, SENSOR, [1.2])
     assert without.kappas == {'vr': math.inf}
     assert without.alpha == pytest.approx(alone, rel=0.02)
+
+
+@pytest.mark.parametrize('of_velocity', [False, True])
+def test_the_bound_is_that_of_delay_and_current_unknown_too(of_velocity: bool) -> None:
+    """Against slopes by differences of a trial with a turn half-way."""
+    waveforms, dt, duration = (Sinusoid(120.0, 0.05), Sinusoid(40.0, 0.11)), 0.1, 120.0
+    sensor = replace(SENSOR, of_velocity=of_velocity, delay=0.05, current=0.3)
+    t = times(duration, dt)
+    steps = np.full(len(t), dt)
+    axis = np.where(t > 0.5 * duration, [[0.0], [1.0]], [[1.0], [0.0]])
+
+    def measured(unknown: list[float]) -> np.ndarray[Any, Any]:
+        *model, v, x, delay, cx, cy = unknown
+        velocity = midpoint_trajectory(model, v, steps, samples(waveforms, t - delay))
+        water = np.array([cx, cy]) @ axis
+        if of_velocity:
+            return np.asarray(velocity[1:] + water)
+        return np.asarray(x + integral(velocity, steps)[1:] + dt * np.cumsum(water))
+
+    truth = [*SURGE_TRUTH, 0.0, 0.0, 0.0, 0.0, 0.0]
+    slopes = []
+    for i, value in enumerate(truth):
+        h = 1e-4 * abs(value) or 1e-4
+        ends = [measured([*truth[:i], value + sign * h, *truth[i + 1:]]) for sign in (1, -1)]
+        slopes.append((ends[0] - ends[1]) / (2.0 * h))
+    jacobian = np.array(slopes).T[:, [i for i in range(9) if i != 5 or not of_velocity]]
+    information = jacobian.T @ jacobian * (dt * sensor.rate / sensor.noise**2)
+    information[range(-3, 0), range(-3, 0)] += 1.0 / np.square([0.05, 0.3, 0.3])
+    expected = np.sqrt(np.diag(np.linalg.inv(information)))[:4]
+    force = samples(waveforms, t)[:, None]
+    vehicles = Vehicles.around(SURGE_TRUTH, ALL, 1.0)
+    found, known = (np.sqrt(np.diag(bounds(vehicles, one, force, dt)[0][0, 0]))
+                    for one in (sensor, replace(SENSOR, of_velocity=of_velocity)))
+    assert found == pytest.approx(expected, rel=0.03)
+    assert (found > known).all()
 
 
 def test_a_left_out_term_has_no_uncertainty() -> None:

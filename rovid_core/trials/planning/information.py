@@ -10,8 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice, product
+import math
 
 import numpy as np
+from rovid_core.identify.ekf.extended_kalman import DELAY_STD
 from rovid_core.model.dofs import Four
 from rovid_core.model.plant import lumped, physical
 from rovid_core.model.trajectory import Array, midpoint_steps
@@ -20,6 +22,8 @@ from rovid_core.settings.run import Settings, SettingsError
 # A term that takes less than this share of the thrust at top speed is as good as known once it is
 # known to that share: a drag of 0 can not be known to any percentage.
 SHARE = 0.05
+WITH_DELAY = ('ekf',)  # methods that find the delay of the thrust with the parameters
+TURN = 0.5 * math.pi  # [rad] by which the vehicle turns half-way where there may be a current
 CHUNK = 32  # measurements that are squared together, which is quicker than one by one
 
 
@@ -40,6 +44,15 @@ class Sensor:
     rate: float
     noise: float
     of_velocity: bool
+    # standard deviations before the trial of what is found with the parameters, 0 where it is
+    # known: the delay of the thrust [s], and the current on each axis of the world [m/s]
+    delay: float = 0.0
+    current: float = 0.0
+
+    @property
+    def priors(self) -> tuple[float, ...]:
+        """Return the standard deviations of what else is found."""
+        return tuple([x for x in (self.delay, self.current, self.current) if x])
 
     @staticmethod
     def of(settings: Settings, dof: str) -> Sensor:
@@ -53,7 +66,10 @@ class Sensor:
                    for other in settings.used_inputs()
                    if other not in ('thrusters', 'reference', 'sign')
                    and settings.input(other).topic == topic)
-        return Sensor(rate, noise, name in ('velocity', 'angular_velocity'))
+        over_ground = settings.estimates_current and dof in ('surge', 'sway')
+        return Sensor(rate, noise, name in ('velocity', 'angular_velocity'),
+                      DELAY_STD if settings.identifier.method in WITH_DELAY else 0.0,
+                      settings.current.prior if over_ground else 0.0)
 
 
 @dataclass(frozen=True)
@@ -147,11 +163,14 @@ def bounds(vehicles: Vehicles, sensor: Sensor, force: Array, dt: float) -> tuple
     Returns
     -------
     lumped, physical : ndarray, shape (p, v, 4, 4)
-        0 for terms that are left out. Velocity and position at the start are unknown too.
+        0 for terms that are left out. Velocity and position at the start are unknown too, and
+        so are delay and current, as far as ``sensor`` says so.
 
     """
-    raw = information(vehicles.parameters, force, dt, sensor.of_velocity)
+    raw = information(vehicles.parameters, force, dt, sensor)
     raw *= dt * sensor.rate / sensor.noise**2
+    for k, prior in enumerate(reversed(sensor.priors), 1):
+        raw[..., -k, -k] += 1.0 / prior**2
     covariance = _inverse(raw, vehicles)
     # mass = 1 / alpha, the others = -theta / alpha
     alpha = vehicles.parameters[0]
@@ -189,14 +208,15 @@ def _inverse(raw: Array, vehicles: Vehicles) -> Array:
     return covariance
 
 
-def information(parameters: Array, force: Array, dt: float, of_velocity: bool) -> Array:
+def information(parameters: Array, force: Array, dt: float, sensor: Sensor) -> Array:
     """
     Return the Fisher information for measurements after each step with unit white noise.
 
-    Parameters are as in ``reach``. With ``of_velocity`` it is of alpha, beta, gamma, delta and the
-    velocity at the start, shape (p, v, 5, 5); else of the position at the start too, (p, v, 6, 6).
+    Parameters are as in ``reach``. It is of alpha, beta, gamma, delta, the velocity at the start,
+    and, unless the sensor is ``of_velocity``, the position at the start; then of delay and
+    current, as far as they are unknown. Shape (p, v, n, n).
     """
-    return _sum_of_squares(_slopes(parameters, force, dt, of_velocity))
+    return _sum_of_squares(_slopes(parameters, force, dt, sensor))
 
 
 def regression(parameters: Array, force: Array, dt: float) -> Array:
@@ -218,27 +238,40 @@ def regression(parameters: Array, force: Array, dt: float) -> Array:
     return dt * _sum_of_squares(regressors())
 
 
-def _slopes(parameters: Array, force: Array, dt: float, of_velocity: bool) -> Iterator[Array]:
+def _slopes(parameters: Array, force: Array, dt: float, sensor: Sensor) -> Iterator[Array]:
     """
     Yield the derivatives of the velocity or of the position after each step.
 
-    Their last axis is the parameters, the velocity and the position at the start.
+    Their last axis is that of ``information``. The vehicle turns by ``TURN`` after half of the
+    trial, without which nothing tells the current from drag and bias.
     """
-    _, beta, gamma, _ = parameters
+    alpha, beta, gamma, _ = parameters
+    count = 6 if sensor.delay else 5
     shape = force.shape[1], parameters.shape[1]
-    of_speed, of_path = np.zeros((*shape, 5)), np.zeros((*shape, 6))
-    of_speed[..., 4] = of_path[..., 5] = 1.0
-    right = np.zeros((*shape, 5))
+    of_speed, of_path = np.zeros((*shape, count)), np.zeros((*shape, count))
+    start, water = np.ones((*shape, 1)), np.zeros((*shape, 2))
+    of_speed[..., 4] = 1.0
+    right = np.zeros((*shape, count))
     right[..., 3] = dt
-    for f, _, mean, size in _steps(parameters, force, dt):
+    rise = np.gradient(force, axis=0) if len(force) > 1 else 0.0 * force
+    for k, (f, _, mean, size) in enumerate(_steps(parameters, force, dt)):
         half = 0.5 * dt * (2.0 * beta * size + gamma)
         right[..., 0] = dt * f
         right[..., 1] = dt * mean * size
         right[..., 2] = dt * mean
+        if sensor.delay:  # a delay takes back what the force has risen by
+            right[..., 5] = -alpha * rise[k][:, None]
         after = (of_speed * (1.0 + half)[..., None] + right) / (1.0 - half)[..., None]
-        of_path[..., :5] += 0.5 * dt * (of_speed + after)
+        of_path = of_path + 0.5 * dt * (of_speed + after)
         of_speed = after
-        yield of_speed if of_velocity else of_path.copy()
+        heading = TURN if 2 * k >= len(force) else 0.0
+        along = np.broadcast_to([math.cos(heading), math.sin(heading)], (*shape, 2))
+        water = water + dt * along
+        slopes = [of_speed] if sensor.of_velocity else [
+            of_path[..., :5], start, of_path[..., 5:]]
+        if sensor.current:
+            slopes.append(along if sensor.of_velocity else water)
+        yield np.concatenate(slopes, axis=-1)
 
 
 def _sum_of_squares(rows: Iterator[Array]) -> Array:

@@ -18,7 +18,14 @@ from rovid_core.settings.run import Scales, Settings
 from rovid_core.simulation.profiles import Profile, Steps, Waveform
 from rovid_core.simulation.vehicle import ThrusterCommands
 from rovid_core.trials.planning.coupled import coupled_prospect, CoupledProspect
-from rovid_core.trials.planning.information import Limits, paths, reach, Sensor, Vehicles
+from rovid_core.trials.planning.information import (
+    Limits,
+    paths,
+    reach,
+    Sensor,
+    SIDES,
+    Vehicles,
+)
 from rovid_core.trials.planning.plan import Plan, plan as find_plan, PlanError, Prospect, STEP
 from rovid_core.trials.planning.shapes import samples, times
 from rovid_ros.commands.arguments import (
@@ -126,7 +133,7 @@ class Proposal:
     sources: Mapping[str, str]
     profile: Profile
     warnings: tuple[str, ...]
-    turn: float = 0.0  # [s] after which the bounds of surge and sway count on a turn; 0: on none
+    turn: float = 0.0  # [s] the bounds of surge and sway count on a turn so often; 0: on none
 
 
 def propose(settings: Settings, models: Sequence[Identified], request: Request) -> Proposal:
@@ -170,7 +177,7 @@ def propose(settings: Settings, models: Sequence[Identified], request: Request) 
     profile.update({dof: own.planned.waveforms for dof, own in plans.items()})
     return Proposal(replace(request, dofs=dofs), plans, coupled, sources, profile,
                     (*warnings, *_turning_warnings(plans)),
-                    0.5 * request.duration if settings.estimates_current
+                    request.duration / SIDES if settings.estimates_current
                     and {'surge', 'sway'} & plans.keys() else 0.0)
 
 
@@ -265,7 +272,7 @@ def plan_text(proposal: Proposal, params_file: Path) -> str:
                  f'{proposal.request.factor:g} times off, all of which keep the limits.')
     if proposal.turn:
         parts.append(
-            f'Turn by 90 degrees, 45 at least, after {proposal.turn:g} s: at one heading a '
+            f'Turn by 90 degrees, 45 at least, every {proposal.turn:g} s: at one heading a '
             'current looks like bias\nand linear drag. What is said of surge and sway counts on '
             'that, and on a current that is not known.')
     command = ['rovid', 'simulate', '--params-file', str(params_file), '--output',
@@ -403,7 +410,7 @@ def document(proposal: Proposal) -> dict[str, Any]:
             'naive': {'profile': profile_text({dof: plan.naive.waveforms}),
                       **_prospect_document(plan, plan.naive)}}
     return {'profile': profile_text(proposal.profile), 'duration_s': proposal.request.duration,
-            'factor': proposal.request.factor, 'turn_after_s': proposal.turn or None,
+            'factor': proposal.request.factor, 'turn_every_s': proposal.turn or None,
             'dofs': dofs, 'warnings': list(proposal.warnings)}
 
 

@@ -93,12 +93,13 @@ def test_couplings_are_told_by_profiles_that_are_driven_at_once() -> None:
 
 @pytest.mark.parametrize('of_velocity', [False, True])
 def test_the_bound_is_that_of_delay_and_current_unknown_too(of_velocity: bool) -> None:
-    """Against slopes by differences of a trial with a turn half-way."""
+    """Against slopes by differences of a trial that goes along the sides of a box."""
     waveforms, dt, duration = (Sinusoid(120.0, 0.05), Sinusoid(40.0, 0.11)), 0.1, 120.0
     sensor = replace(SENSOR, of_velocity=of_velocity, delay=0.05, current=0.3)
     t = times(duration, dt)
     steps = np.full(len(t), dt)
-    axis = np.where(t > 0.5 * duration, [[0.0], [1.0]], [[1.0], [0.0]])
+    heading = 0.5 * np.pi * (4.0 * t // duration)
+    axis = np.array([np.cos(heading), np.sin(heading)])
 
     def measured(unknown: list[float]) -> np.ndarray[Any, Any]:
         *model, v, x, delay, cx, cy = unknown

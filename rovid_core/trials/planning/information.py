@@ -23,7 +23,7 @@ from rovid_core.settings.run import Settings, SettingsError
 # known to that share: a drag of 0 can not be known to any percentage.
 SHARE = 0.05
 WITH_DELAY = ('ekf',)  # methods that find the delay of the thrust with the parameters
-TURN = 0.5 * math.pi  # [rad] by which the vehicle turns half-way where there may be a current
+TURN, SIDES = 0.5 * math.pi, 4  # [rad] the vehicle drives a box where there may be a current
 CHUNK = 32  # measurements that are squared together, which is quicker than one by one
 
 
@@ -242,8 +242,8 @@ def _slopes(parameters: Array, force: Array, dt: float, sensor: Sensor) -> Itera
     """
     Yield the derivatives of the velocity or of the position after each step.
 
-    Their last axis is that of ``information``. The vehicle turns by ``TURN`` after half of the
-    trial, without which nothing tells the current from drag and bias.
+    Their last axis is that of ``information``. The vehicle turns by ``TURN`` after each quarter of
+    the trial; without a turn nothing tells the current from drag and bias.
     """
     alpha, beta, gamma, _ = parameters
     count = 6 if sensor.delay else 5
@@ -264,7 +264,7 @@ def _slopes(parameters: Array, force: Array, dt: float, sensor: Sensor) -> Itera
         after = (of_speed * (1.0 + half)[..., None] + right) / (1.0 - half)[..., None]
         of_path = of_path + 0.5 * dt * (of_speed + after)
         of_speed = after
-        heading = TURN if 2 * k >= len(force) else 0.0
+        heading = TURN * (SIDES * k // len(force))
         along = np.broadcast_to([math.cos(heading), math.sin(heading)], (*shape, 2))
         water = water + dt * along
         slopes = [of_speed] if sensor.of_velocity else [

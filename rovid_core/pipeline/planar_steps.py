@@ -45,7 +45,9 @@ class PlanarSteps:
         self._watched = {dof: len(one.watched) for dof, one in scales.items()}
         self.filter = PlanarKalman(scales, settings.current)
         self._at = 0  # time of the last measurement [ns]
-        self._newest: int | None = None
+        # after so long [s] nothing is known of a current any more
+        change = settings.current.change
+        self._forgotten = settings.current.prior**2 / change if change else math.inf
 
     def missing(self, motion: Motion) -> str:
         """Return '' if the attitudes of a motion are known, 'later' if they may become so."""
@@ -53,10 +55,11 @@ class PlanarSteps:
 
     def begin(self, motion: Motion) -> None:
         """Take up from a measurement."""
-        gap = 0.0 if self._newest is None else (motion.time - self._newest) * NS
-        self._at = self._newest = motion.time
+        newest = self.filter.newest
+        gap = 0.0 if newest is None else max((motion.time - newest) * NS, 0.0)
+        self._at = self.filter.newest = motion.time
         self.filter.restart(PlanarStart(
-            motion.body[:2], self._axes(motion.time), max(gap, 0.0)))
+            motion.body[:2], self._axes(motion.time), min(gap, self._forgotten)))
 
     def add(self, span: tuple[int, int, int], last: Motion, motion: Motion,
             steps: Mapping[str, Step], adapt: bool) -> None:
@@ -90,7 +93,7 @@ class PlanarSteps:
             heading_noise=self._attitude.noise_density,
             couplings=(self._regressors('surge', surge), self._regressors('sway', sway)),
             held=(surge.pieces, sway.pieces)), adapt)
-        self._at, self._newest = span[1], span[2]
+        self._at, self.filter.newest = span[1], span[2]
 
     def _regressors(self, dof: str, step: Step) -> tuple[float, ...]:
         # the heading stands behind the others

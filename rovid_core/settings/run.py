@@ -40,7 +40,7 @@ INPUTS = (
 WATCHING = ('ekf',)
 """Methods that are given each step in detail, and look for what the model lacks."""
 
-WITH_CURRENT: tuple[str, ...] = ()
+WITH_CURRENT = ('ekf',)
 """Methods that estimate the current of the water; the others assume that it is still."""
 
 LEAST_GAP = 1.0

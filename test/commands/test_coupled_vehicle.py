@@ -96,7 +96,7 @@ def test_the_topics_say_the_same(folder: Path) -> None:
             assert schema is not None
             last[channel.topic] = store.deserialize_cdr(message.data, schema.name)
             counts[channel.topic] = counts.get(channel.topic, 0) + 1
-    assert len(counts) == 7
+    assert len(counts) == 10
     assert len(set(counts.values())) == 1
     for topic, end in (('/rov/couplings', ''), ('/rov/couplings_std', '_std')):
         dims = last[topic].layout.dim

@@ -13,6 +13,7 @@ from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import (
+    CurrentSettings,
     DofSettings,
     IdentifierSettings,
     InputSettings,
@@ -109,6 +110,7 @@ def surge_settings(initial: DofSettings = HEAVY, **identifier: object) -> Settin
             allocation=((1.0,), none, none, none, none, none)),
         position=InputSettings('/position'), attitude=InputSettings('/attitude'),
         identifier=replace(IdentifierSettings(), **identifier),  # type: ignore[arg-type]
+        current=CurrentSettings(prior=0.0),  # it never turns
         simulation=SimulationSettings(dofs={'surge': SimulatedDof(
             290.0, 290.0, 43.5, 2.9, *map(tuple, zip(*TRAINING)))}))
 

@@ -186,7 +186,8 @@ class PlanarFilter:
         self.motion[2:4] = np.array(velocity) - back @ c
         self.motion[CURRENT] = c
         self.covariance[:] = 0.0
-        self.covariance[2:4, 2:4] = variance * np.eye(2) + back @ spread @ back.T
+        turned = back @ spread @ back.T
+        self.covariance[2:4, 2:4] = variance * np.eye(2) + 0.5 * (turned + turned.T)
         self.covariance[2:4, CURRENT] = -back @ spread
         self.covariance[CURRENT, 2:4] = self.covariance[2:4, CURRENT].T
         self.covariance[CURRENT, CURRENT] = spread
@@ -431,8 +432,7 @@ class PlanarFilter:
             k = (across + self.sensitivities[:, :p] @ gain) / total
             self.motion = self.motion + k * error
             crossed = k[:, None] * across
-            self.covariance = self.covariance - crossed - crossed.T + (
-                given * k[:, None] * k)
+            self.covariance = self.covariance - (crossed + crossed.T) + given * (k[:, None] * k)
         self.sensitivities = self.sensitivities - k[:, None] * psi
 
     def update_motion(self, found: PlanarInnovation, added: float) -> None:

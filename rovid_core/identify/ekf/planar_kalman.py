@@ -99,6 +99,8 @@ class PlanarKalman:
     ----------
     refused : str
         Why the last step was refused, '' if it was not.
+    newest : int or None
+        Time of the end of the last step [ns].
 
     """
 
@@ -117,6 +119,7 @@ class PlanarKalman:
         c = LARGEST_CURRENT * settings.prior
         self._box += [(size - 2, -c, c), (size - 1, -c, c)]
         self._initial = [*self._models[0].initial, *self._models[1].initial, 0.0, 0.0]
+        self.newest: int | None = None
         self.rows = {dof: PlanarRow(self, DOFS.index(dof)) for dof in self._identified}
         self._begin(self._initial)
 
@@ -314,7 +317,7 @@ class PlanarKalman:
             return
         if not self._free and start.duration > WINDOW:
             start.clear()
-            start.next = math.inf
+            start.next = 2.0 * WINDOW  # not before it turns
             start.add(_start_of(step))
             self._windows += 1
             self._begin_heading()
@@ -472,6 +475,8 @@ class PlanarKalman:
         since = self._time - self._changed_at
         if since < SAID:
             said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
+        if self._current.status == 'unobservable':
+            said.append(UNSEEN)
         verdict = self._bank.best.verdict
         missing = verdict.missing if verdict is not None else None
         if missing is not None:
@@ -491,7 +496,7 @@ class PlanarKalman:
         if self._usable[k]:
             return ''
         if self._current.status != 'known':
-            return UNSEEN
+            return 'the current is not known well yet'
         if self._bank.best.verdict is None:
             return 'there are no independent pieces of data yet to judge the intervals by'
         if not self._bank.best.innovations.correlation < CORRELATION[0]:
@@ -511,7 +516,7 @@ class PlanarKalman:
             'windows': self._windows,
             'heading': [self._heading, *self._headings],
             'turned_at': None if self._turned_at == math.inf else self._turned_at,
-            'excitations': list(self.excitations)}
+            'excitations': list(self.excitations), 'newest': self.newest}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -544,6 +549,7 @@ class PlanarKalman:
         self._headings = low, high
         self._turned_at = math.inf if state['turned_at'] is None else float(state['turned_at'])
         self.excitations = floats(state['excitations'], 2)
+        self.newest = None if state['newest'] is None else int(state['newest'])
         self._publish()
 
     def _read(self, values: Any) -> PlanarStep | PlanarStart:

@@ -157,7 +157,6 @@ class PlanarMember:
         self.verdict: Verdict | None = None
         self._bounds = bounds
         self._fastest = max(row.velocity for row in rows)
-        self._first = True
 
     def restart(self, start: PlanarStart) -> None:
         """Take up from a measured velocity over ground."""

@@ -1,0 +1,144 @@
+"""Surge and sway in water that moves, from fixes or a DVL through the whole pipeline."""
+
+from dataclasses import replace
+import json
+
+import pytest
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import CurrentSettings
+
+from test.support.moving_water import away, CURRENT, events, Run, settings, TRUTH
+
+FIXES, STRAIGHT = Run(), Run(stiff=True, duration=75.0)
+
+
+def followed(stream, of, end=1e9, start=0.0):
+    """Give a stream what is measured from ``start`` to ``end`` [s]; return its estimates."""
+    return [one for event in events(of) if start <= event.time * 1e-9 < end
+            for one in stream.receive(event)]
+
+
+@pytest.fixture(scope='module')
+def turning():
+    """Return the estimates of a run that turns."""
+    return followed(Stream(settings(FIXES)), FIXES)
+
+
+@pytest.fixture(scope='module')
+def known():
+    """Return the state of a filter that knows the current after a minute."""
+    stream = Stream(settings(FIXES))
+    followed(stream, FIXES, 60.0)
+    return json.dumps(stream.state())
+
+
+def restored(state):
+    """Return a stream that goes on from a state."""
+    stream = Stream(settings(FIXES))
+    stream.restore(json.loads(state))
+    return stream
+
+
+def masses_held(estimate, truth=TRUTH):
+    """Tell of each DOF whether the interval holds the mass."""
+    return [dof.intervals['mass'][0] <= truth[dof.dof].mass <= dof.intervals['mass'][1]
+            for dof in estimate.dofs]
+
+
+def test_a_vehicle_that_turns_finds_the_current_and_itself(turning):
+    last = turning[-1]
+    assert last.current.status == 'known'
+    assert away(last.current[:2]) < 0.015
+    assert all(masses_held(last))
+    for dof in last.dofs:
+        assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.03)
+
+
+def test_the_interval_of_the_current_holds_it(turning):
+    late = [one.current for one in turning if one.current.status == 'known']
+    assert len(late) > 200
+    for x, y, true in ((c.x, c.std[0], CURRENT[0]) for c in late):
+        assert abs(x - true) < 3.0 * y
+
+
+def test_until_it_has_turned_the_current_cannot_be_seen(turning):
+    assert turning[0].current.status == 'unobservable'
+    assert turning[0].current.std == (0.3, 0.3)
+
+
+def test_with_one_heading_nothing_converges_and_the_mass_is_held():
+    found = followed(Stream(settings(STRAIGHT)), STRAIGHT)
+    assert {one.current.status for one in found} == {'unobservable'}
+    assert not any(dof.status == 'converged' for one in found for dof in one.dofs)
+    assert all(masses_held(found[-1]))
+    assert 'turn by 45 degrees' in ' '.join(found[-1].dofs[0].reasons)
+
+
+def test_still_water_is_a_current_that_nobody_asks_for():
+    quiet = Stream(replace(settings(FIXES), current=CurrentSettings(prior=0.0)))
+    found = followed(quiet, FIXES, 10.0)
+    assert found[-1].current is None
+
+
+def test_a_dvl_over_ground_tells_the_current_too():
+    of = Run(input='velocity', noise=0.01)
+    last = followed(Stream(settings(of)), of)[-1]
+    assert away(last.current[:2]) < 0.02
+    assert all(masses_held(last))
+
+
+def test_a_dvl_in_the_water_tells_nothing_of_it():
+    of = replace(settings(Run(input='velocity', noise=0.01)), relative_to='water')
+    assert not of.estimates_current
+
+
+def test_surge_alone_drifts_sideways():
+    last = followed(Stream(settings(FIXES, ('surge',))), FIXES, 80.0)[-1]
+    assert last.current.status != 'unobservable'
+    assert away(last.current[:2]) < 0.1
+
+
+@pytest.mark.parametrize('at', [15.0, 45.0])
+def test_a_saved_state_goes_on_with_the_same_bits(at):
+    first, second = Stream(settings(FIXES)), Stream(settings(FIXES))
+    followed(first, FIXES, at)
+    first.interrupt()  # the state has no histories of the inputs
+    second.restore(json.loads(json.dumps(first.state())))
+    assert json.dumps(second.state()) == json.dumps(first.state())
+    found = [followed(stream, FIXES, at + 12.0, at)[-1] for stream in (first, second)]
+    assert found[0].dofs[0].parameters == found[1].dofs[0].parameters
+    assert found[0].current == found[1].current
+
+
+def test_a_state_without_the_filter_of_both_is_refused():
+    stream, row = Stream(settings(FIXES)), Stream(replace(
+        settings(FIXES), current=CurrentSettings(prior=0.0)))
+    for one, other in ((stream, row), (row, stream)):
+        before = json.dumps(one.state())
+        with pytest.raises(ValueError):
+            one.restore(other.state())
+        assert json.dumps(one.state()) == before
+
+
+def test_a_frozen_vehicle_still_follows_the_current(known):
+    stream = restored(known)
+    before = followed(stream, FIXES, 62.0, 60.0)[-1]
+    stream.enable(False)
+    after = followed(stream, FIXES, 72.0, 62.0)[-1]
+    assert after.dofs[0].parameters == before.dofs[0].parameters
+    assert after.dofs[0].status == 'frozen'
+    assert after.current != before.current
+
+
+def test_what_nobody_saw_of_the_current_makes_it_uncertain_again(known):
+    before = followed(restored(known), FIXES, 60.5, 60.0)[-1]
+    after = followed(restored(known), FIXES, 90.5, 90.0)[-1]
+    assert after.current.std[0]**2 > before.current.std[0]**2 + 0.9 * 30.0 * 1e-5
+
+
+def test_a_reset_forgets_the_current(known):
+    stream = restored(known)
+    stream.reset()
+    last = followed(stream, FIXES, 62.0, 60.0)[-1]
+    assert last.current.status == 'unobservable'
+    assert last.dofs[0].steps > 0

@@ -7,6 +7,7 @@ from rovid_core.velocity.attitude_history import (
     AttitudeHistory,
     from_yaw,
     rotate,
+    rotate_back,
     rotation_between,
     SharedMotion,
 )
@@ -49,6 +50,7 @@ def test_an_attitude_that_has_jumped_is_not_joined_with_the_one_before() -> None
 
 def test_a_heading_turns_the_bow_to_port_and_the_short_way_round() -> None:
     assert rotate(from_yaw(math.pi / 2.0), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0))
+    assert rotate_back(from_yaw(math.pi / 2.0), (0.0, 1.0, 0.0)) == pytest.approx((1.0, 0.0, 0.0))
     assert rotation_between(from_yaw(3.0), from_yaw(-3.0))[2] == pytest.approx(
         2.0 * math.pi - 6.0)
     assert rotation_between(from_yaw(-3.0), from_yaw(3.0))[2] == pytest.approx(

@@ -119,6 +119,15 @@ def test_one_topic_that_falls_silent_makes_the_force_stale():
     assert thrust.missing(0, 501 * MS) == 'stale_thrust'
 
 
+def test_two_topics_of_one_instant_are_one_command():
+    """What the first of them alone would push is no piece of the force."""
+    thrust = ForceHistory(replace(TWO, topics=('/a', '/b')), ('surge', 'yaw'))
+    for second in range(2):
+        for part in range(2):
+            thrust.add_commands(1000 * second * MS, (float(second),), part)
+    assert thrust.pieces(500 * MS, 1500 * MS, (0,)) == [((0.5, 0.0), (0.5, 20.0))]
+
+
 def intake(topics, timeout=1.0):
     """Return what takes commands whose direction has a topic of its own, and their force."""
     settings = Settings(
@@ -173,6 +182,8 @@ def test_forgetting_changes_no_span():
     ({'limit': 2.0, 'model': 'quadratic'}, -3.0, -4.0),
     ({'deadband': 0.2}, 0.2, 0.0),
     ({'deadband': 0.2}, -0.3, -0.3),
+    ({'reverse': 0.75}, -2.0, -1.5),
+    ({'reverse': 0.75}, 2.0, 2.0),
     ({'model': 'quadratic'}, -3.0, -9.0),
     ({'model': 'polynomial', 'polynomial': (1.0, 2.0, 0.0, 4.0)}, 2.0, 37.0),
     ({'model': 'table', 'table_command': (-1.0, 0.0, 2.0), 'table_force': (-9.0, 0.0, 8.0)},

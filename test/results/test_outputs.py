@@ -20,7 +20,7 @@ from rovid_core.settings.run import (
 from rovid_core.trials.score import Score
 from rovid_ros.results import outputs
 from rovid_ros.results.documents import dofs_document
-from rovid_ros.results.outputs import LEVELS, OK, Output, Outputs, TOPICS, WARN
+from rovid_ros.results.outputs import ERROR, LEVELS, OK, Output, Outputs, TOPICS, WARN
 
 TIME = 1_700_000_000_123_456_789
 AWKWARD = (1.0 / 3.0, -0.1 - 0.2, -1e-17, 5e-324)
@@ -203,6 +203,16 @@ def test_the_summary_has_intervals_delay_and_verdict() -> None:
 
 def test_every_status_has_a_level() -> None:
     assert set(LEVELS) == set(STATUSES)
+
+
+@pytest.mark.parametrize(('status', 'level'), [
+    ('waiting', WARN), ('unexcited', WARN), ('converging', OK), ('converged', OK),
+    ('frozen', OK), ('invalid', ERROR)])
+def test_what_cannot_be_used_is_no_ok(status: str, level: int) -> None:
+    told = by_topic(Outputs(settings()).messages(estimate(status, ('why',))))['rov/estimate']
+    assert told['status'][0]['level'] == level
+    assert told['status'][0]['message'] == f'{status}: why'
+    assert values_of(told, 0)['status'] == status
 
 
 def test_numpy_floats_are_written_as_numbers() -> None:

@@ -16,7 +16,7 @@ def test_its_commands_run_and_do_what_it_says(
     tutorial = guide.partition('\n## Ten minutes')[2].partition('\n## ')[0]
     commands = re.findall(r'^    (\S.*)$', tutorial, re.MULTILINE)
     assert [line.split()[1] for line in commands if line.startswith('rovid ')] == [
-        'simulate', 'check', 'check', 'replay', 'simulate', 'export', 'export']
+        'simulate', 'init', 'check', 'check', 'replay', 'simulate', 'export', 'export']
     monkeypatch.chdir(tmp_path)
     said = []
     for line in commands:

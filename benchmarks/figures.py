@@ -92,6 +92,8 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
     'faults': ('What goes wrong, and what comes of it', {
         'campaign': Section('Faults in the messages', 'faults.campaign', '--live',
                             '--only nan --live', 9.0, recordings=True),
+        'mistakes': Section('Mistakes in a configuration', 'faults.mistakes', '--seeds 2',
+                            '--seeds 1 --duration 30', 4.0, recordings=True),
         'kills': Section('kill -9 at random moments', 'faults.kills', '--count 15', '--count 2',
                          2.0),
     }),

@@ -59,11 +59,13 @@ EXAMPLES = {
             'sway': (45.0, -45.0, 25.0, 0.0, -25.0, 45.0, -45.0, 0.0),
             'yaw': (2.5, -2.5, 1.5, 0.0, -1.5, 2.5, -2.5, 0.0)})),
     'lbl_rov': Example(
-        'work ROV with a fix a second, depth, IMU and thruster currents; in a current',
-        'jhurov.yaml', 600.0, {
-            'surge': (Multisine(260.0, 0.01, 0.06, 6),),
-            'heave': (Multisine(450.0, 0.012, 0.05, 5),),
-            'yaw': (Steps((0.0, 25.0, -25.0, 0.0, -25.0, 25.0, 12.0, -12.0), 9.0),)}),
+        'work ROV with a fix a second, depth, compass and a wrench; in a current',
+        'lbl_slow.yaml', 600.0, {
+            'surge': (Multisine(140.0, 0.01, 0.06, 6),),
+            'sway': (Multisine(110.0, 0.012, 0.05, 5),),
+            # its buoyancy is held down on average
+            'heave': (Steps((-170.0, 120.0, -110.0, 60.0, -20.0, 12.0), 12.0),),
+            'yaw': (Steps((0.0, 15.0, -15.0, 0.0, -15.0, 15.0, 7.0, -7.0), 12.0),)}),
     'auv': Example(
         'AUV with an odometry and a wrench that its controller asks for; in a current',
         'odometry_wrench.yaml', 300.0, {

@@ -106,7 +106,7 @@ def _write_example(args: argparse.Namespace) -> None:
     example = EXAMPLES[args.example]
     log = args.output or Path(f'{args.example}.mcap')
     configuration = log.with_suffix('.yaml')
-    check_written([log, configuration], [])
+    check_written([log, unfinished(log), configuration], [])
     text = example_configuration(example)
     if configuration.exists() and configuration.read_bytes() != text.encode():
         raise CommandError(f'{configuration}: is there, and is another configuration; give '

@@ -307,6 +307,12 @@ def test_what_the_data_give_away(
     assert any(says in line for line in lines), outcome.text
 
 
+def test_a_thruster_that_drives_nothing_identified_may_rest(tmp_path: Path, log: Path) -> None:
+    still = rewritten(log, tmp_path / 'still.mcap', without_vertical)
+    outcome = checked(tmp_path, {'dofs': ['surge', 'yaw'], 'depth.topic': ''}, logs=[still])
+    assert not [one for one in findings(outcome, WARNING) if 'is always at' in one.text]
+
+
 def test_the_rewriting_itself_changes_nothing(tmp_path: Path, log: Path) -> None:
     outcome = checked(tmp_path, logs=[rewritten(log, tmp_path / 'same.mcap', lambda m: m)])
     assert not findings(outcome, WARNING, ERROR), outcome.text

@@ -10,6 +10,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, HUBER, Innovations
 from rovid_core.identify.ekf.linearised_filter import DivergenceError
+from rovid_core.identify.ekf.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks
 from rovid_core.model.samples import PlanarStep, Step
 
@@ -31,7 +32,7 @@ SETTLED = 0.3
 """Standard deviations that the parameters still move by when no pass is needed any more."""
 
 BUDGET = 6_000
-"""Steps that are gone through at once; where fixes come fast there are fewer passes."""
+"""Measurements that are gone through at once; of more there are fewer passes."""
 
 LARGEST_NUMBER = 1e18
 """Far more than any force, velocity or time of a step."""
@@ -124,8 +125,13 @@ class BatchStart(Generic[M]):
 
     def accept_last_outliers(self, count: int) -> None:
         """Let the last outliers count: they were the vehicle."""
-        for k in range(max(len(self._pieces) - count, 0), len(self._pieces)):
-            self._pieces[k] = (self._pieces[k][0], USED)
+        k = len(self._pieces)
+        while count and k:
+            k -= 1
+            piece, use = self._pieces[k]
+            if use == OUTLIER:
+                self._pieces[k] = (piece, USED)
+                count -= 1
 
     def solve(self, member: M, guesses: Sequence[Sequence[float]],
               most: int = PASSES) -> M:
@@ -147,7 +153,8 @@ class BatchStart(Generic[M]):
             If that leads nowhere.
 
         """
-        count = len(guesses) * max(len(self._pieces), 1)
+        # fixes that come fast are taken together
+        count = len(guesses) * max(min(len(self._pieces), int(self.duration / LEAST_INTERVAL)), 1)
         passes = min(max(self._budget // count, 1), most)
         best, least = None, inf
         for theta in guesses:
@@ -189,6 +196,8 @@ class BatchStart(Generic[M]):
                 member.restart(piece)
                 continue
             span = clock.add_step(piece)
+            if span is None:
+                continue
             member.move(clock, span)
             if use != OUTLIER:
                 sizes += member.learn(span, use == USED)

@@ -283,11 +283,14 @@ class ExtendedKalman(Identifier):
         beginning = start is not None and start.duration < SOON
         self._time += step.dt
         span = clock.add_step(step)
-        self._free.move(clock.recent, span)
-        found = [self._update(member, span, adapt, beginning) for member in self._bank.members]
+        found = [0] * len(self._bank.members)
+        if span is not None:
+            self._free.move(clock.recent, span)
+            found = [self._update(member, span, adapt, beginning)
+                     for member in self._bank.members]
+            if adapt:
+                self._bank.choose()
         came = found[self._bank.number]
-        if adapt:
-            self._bank.choose()
         if came == LOST and beginning:
             # it began with an outlier
             excitation = self.excitation

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+import math
 from typing import Any, NamedTuple
 
 from rovid_core.identify.ekf.linearised_filter import floats, POSITION, VELOCITY
 from rovid_core.identify.ekf.recent_force import RecentForce
 from rovid_core.model.samples import Step
+
+LEAST_INTERVAL = 0.039
+"""[s] between two measurements; fixes that come faster are taken together, 25 Hz come alone."""
 
 
 class Measurement(NamedTuple):
@@ -53,7 +57,8 @@ class MeasurementClock:
     With fixes the measurement is the path along the body axis, which is summed up from the
     mean velocities, from 0 at the first fix; with a velocity sensor it is the velocity. The
     force of the half interval after a fix is known when the next mean velocity is; so a
-    filter stands at the fix before the end of a step.
+    filter stands at the fix before the end of a step. Fixes that come fast are taken together:
+    their noise hangs together more often than not, and a filter of all of them costs more.
 
     Parameters
     ----------
@@ -82,11 +87,12 @@ class MeasurementClock:
         """Begin a new path."""
         self.recent = RecentForce()
         self._path = 0.0
-        self._fix = -1.0  # [s] time of the last measurement, by the force's clock
+        self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
+        self._group: list[list[float]] = []
         self.ahead = 0.0
 
-    def add_step(self, step: Step) -> Measurement:
-        """Return what a step measures."""
+    def add_step(self, step: Step) -> Measurement | None:
+        """Return what a step measures, None where more fixes come into the measurement."""
         recent, first, unit = self.recent, self._fix < 0.0, self._force
         at = recent.end + (step.parts[0] if step.interval else step.dt)
         if step.pieces:
@@ -95,25 +101,52 @@ class MeasurementClock:
             recent.add([(length, force / unit) for length, force in zip(
                 step.parts if step.interval else (step.dt,), step.forces)])
         end = recent.end
-        start = end - step.dt if first else self._fix
-        self._fix, self.ahead = at, end - at
         couplings = tuple([before for before, _ in step.couplings]) or self._no_couplings
         watched = step.watched or self._nothing_watched
-        if not step.interval:
-            return Measurement(start, at, VELOCITY, step.mean / self._velocity, 0.0, 0.0, step.dt,
-                               couplings, watched)
-        path = self._path
-        self._path += step.mean * step.interval / self._velocity
-        return Measurement(start, at, POSITION, None if first else path, step.turn,
-                           step.path_noise / self._velocity, step.dt, couplings, watched)
+        start = end - step.dt if first else self._fix
+        i, value = VELOCITY, step.mean / self._velocity
+        if step.interval:
+            i, value = POSITION, self._path
+            self._path += step.mean * step.interval / self._velocity
+            if first:
+                self._fix, self._last, self.ahead = at, at, end - at
+                return Measurement(start, at, i, None, step.turn,
+                                   step.path_noise / self._velocity, step.dt, couplings, watched)
+        self._group.append([at, value, step.turn, step.path_noise, step.dt,
+                            *couplings, *watched])
+        if at - self._last < LEAST_INTERVAL:
+            self.ahead = end - self._fix
+            return None
+        found = self._measurement(start, i)
+        self._fix, self._last, self.ahead = found.end, at, end - found.end
+        return found
+
+    def _measurement(self, start: float, i: int) -> Measurement:
+        """Return the mean of the fixes that came together, which is one of less noise."""
+        group, self._group = self._group, []
+        if len(group) == 1:
+            [[at, value, turn, slip, dt, *regressors]] = group
+        else:
+            n, columns = len(group), list(zip(*group))
+            at, value = math.fsum(columns[0]) / n, math.fsum(columns[1]) / n
+            turn, slip = math.hypot(*columns[2]), math.hypot(*columns[3])
+            dt = math.fsum(columns[4])
+            regressors = [math.fsum(column) / n for column in columns[5:]]
+        return Measurement(
+            start, at, i, value, turn, slip / self._velocity, dt,
+            tuple(regressors[:self.couplings]), tuple(regressors[self.couplings:]))
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'recent': self.recent.state(), 'path': self._path, 'fix': self._fix,
-                'ahead': self.ahead}
+                'last': self._last, 'ahead': self.ahead,
+                'group': [list(row) for row in self._group]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        path, fix, ahead = floats([state[name] for name in ('path', 'fix', 'ahead')], 3)
+        path, fix, last, ahead = floats(
+            [state[name] for name in ('path', 'fix', 'last', 'ahead')], 4)
+        group = [floats(row, 5 + self.couplings + self.watched) for row in state['group']]
         self.recent.restore(state['recent'])
-        self._path, self._fix, self.ahead = path, fix, ahead
+        self._path, self._fix, self._last, self.ahead = path, fix, last, ahead
+        self._group = group

@@ -288,11 +288,11 @@ def test_the_intervals_hold_for_every_dof_with_held_commands():
 
 
 def test_fixes_that_come_fast_are_taken_together_at_no_loss():
-    """As from a DVL filter at 200 Hz: as good as all of them, with a twentieth of the work."""
+    """As from a DVL filter at 100 Hz: their mean is worth as much as all of them."""
     steps = []
     random = np.random.default_rng(1)
-    rate, waves = 200.0, TRAINING
-    time = np.arange(round(90.0 * rate) + 1) / rate
+    rate, waves = 100.0, TRAINING
+    time = np.arange(round(60.0 * rate) + 1) / rate
     force = np.diff(impulse(waves, time)) * rate
     velocity = trajectory(TRUE, 0.0, np.full(len(force), 1.0 / rate), force)
     for k in range(1, len(force)):
@@ -303,5 +303,5 @@ def test_fixes_that_come_fast_are_taken_together_at_no_loss():
     for step in steps:
         assert one.step(step) == ''
     assert max(abs(np.array(one.parameters) - TRUE) / np.array(one.std)) < 4.0
-    assert one.std[0] < 2e-3 * TRUE[0]
+    assert one.std[0] < 7e-3 * TRUE[0]
     assert one.v_hat == pytest.approx(float(velocity[-1]), abs=0.01)

@@ -27,7 +27,6 @@ from rovid_core.identify.ekf.batch_start import (
     USED,
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, Member, OUTLIER
-from rovid_core.identify.ekf.free_prediction import FreePrediction
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
@@ -70,7 +69,7 @@ MAX_COUPLING = 100.0
 DELAYS = (-0.05, 0.6)
 """Range of the delay [s]; far below 0 the force would have to be known ahead."""
 
-BEYOND = 2.0
+BEYOND = 3.0
 """Standard deviations that data have to want the delay beyond its range, to mean it."""
 
 DELAY_STD = 0.05
@@ -216,7 +215,6 @@ class ExtendedKalman(Identifier):
         self._start: BatchStart[Member] | None = BatchStart(
             self._new, self._new_clock, lambda values: read_step(
                 values, couplings, watched))
-        self._free = FreePrediction()
         self._time, self._changed_at = 0.0, -SAID
         self._losses: list[float] = []
         self._moving = self._usable = False
@@ -242,7 +240,6 @@ class ExtendedKalman(Identifier):
         self._clock.restart()
         for member in self._bank.members:
             member.restart(velocity / self._scales.velocity)
-        self._free.interrupt()
         self._moving = True
         self.v_hat = velocity
         if self._start is not None:
@@ -285,7 +282,6 @@ class ExtendedKalman(Identifier):
         span = clock.add_step(step)
         found = [0] * len(self._bank.members)
         if span is not None:
-            self._free.move(clock.recent, span)
             found = [self._update(member, span, adapt, beginning)
                      for member in self._bank.members]
             if adapt:
@@ -317,7 +313,8 @@ class ExtendedKalman(Identifier):
     @property
     def fit(self) -> float:
         """Return how much of the motion the model predicts without corrections."""
-        return self._free.fit if math.isfinite(self._free.fit) else math.nan
+        fit = self._bank.best.prediction.fit
+        return fit if math.isfinite(fit) else math.nan
 
     @property
     def note(self) -> str:
@@ -340,11 +337,10 @@ class ExtendedKalman(Identifier):
     @property
     def _clocks(self) -> str:
         """Return what it means that the data want a delay out of range, '' if they do not."""
-        best, k = self._bank.best, len(self._theta) - 1
-        if best.verdict is None:
+        verdict, k = self._bank.best.verdict, len(self._theta) - 1
+        if verdict is None or verdict.missing is not None:
             return ''
-        wanted = best.verdict.theta[k]
-        beyond = BEYOND * math.sqrt(best.filter.theta_covariance[k][k])
+        wanted, beyond = verdict.theta[k], BEYOND * math.sqrt(verdict.covariance[k][k])
         if wanted < DELAYS[0] - beyond:
             return (f'clocks disagree: thrust is stamped about {-wanted:.2g} s after the motion '
                     'that it causes, see thrusters.latency')
@@ -364,7 +360,8 @@ class ExtendedKalman(Identifier):
         correlation = self._bank.best.innovations.correlation
         if not correlation < CORRELATION[0]:
             return 'the errors of the prediction hang together: the model lacks something'
-        return f'without corrections it predicts {100.0 * self._free.fit:.0f} % of the motion'
+        fit = self._bank.best.prediction.fit
+        return f'without corrections it predicts {100.0 * fit:.0f} % of the motion'
 
     def _judge(self) -> None:
         """Find whether the model may be used."""
@@ -372,7 +369,7 @@ class ExtendedKalman(Identifier):
         self._usable = (
             self._bank.best.verdict is not None and not self._clocks
             and self._bank.best.innovations.correlation < CORRELATION[k]
-            and self._free.fit > HELD_FIT[k])
+            and self._bank.best.prediction.fit > HELD_FIT[k])
 
     def _in_range(self, step: Step) -> bool:
         f, v = self._largest
@@ -452,7 +449,6 @@ class ExtendedKalman(Identifier):
         for member in ended:
             member.judge()
         if best in ended:
-            self._free.end_block(best.filter)
             self._judge()
 
     def _note_change(self) -> None:
@@ -474,7 +470,7 @@ class ExtendedKalman(Identifier):
         _, v, f = filter.motion
         alpha, beta, gamma, delta = filter.theta[:4]
         ahead = self._clock.ahead
-        force = step.forces[1] if ahead else 0.0
+        force = step.forces[1 if step.interval else 0] if ahead else 0.0
         coupled = math.fsum([kappa * after for kappa, (_, after) in zip(
             filter.theta[4:], step.couplings)]) if ahead else 0.0
         rate = (alpha * force / self._scales.force + (beta * abs(v) + gamma) * v + delta + f
@@ -501,7 +497,7 @@ class ExtendedKalman(Identifier):
             'parameters': list(self.parameters), 'theta': list(self._theta),
             'bank': self._bank.state(), 'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
-            'free': self._free.state(), 'time': self._time, 'changed_at': self._changed_at,
+            'time': self._time, 'changed_at': self._changed_at,
             'losses': list(self._losses), 'moving': self._moving, 'usable': self._usable,
             'idle': self._idle,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
@@ -524,7 +520,6 @@ class ExtendedKalman(Identifier):
             new._start = None
         elif new._start is not None:
             new._start.restore(state['start'])
-        new._free.restore(state['free'])
         new._time, new._changed_at, new._idle, new.excitation = floats(
             [state[name] for name in ('time', 'changed_at', 'idle', 'excitation')], 4)
         new._losses = floats(state['losses'], len(state['losses']))

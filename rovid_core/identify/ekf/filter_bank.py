@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import math
 from typing import Any, Generic, Protocol, TypeVar
 
+from rovid_core.identify.ekf.free_prediction import FreePrediction
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.linearised_filter import Bounds, CANDIDATES, LinearisedFilter
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
@@ -20,6 +21,9 @@ Larger ones explain everything and leave the model only what is fast.
 
 MARGIN = 10.0
 """By which -2 log of the likelihood has to be lower before an unknown acceleration counts."""
+
+WORSE = 1.25
+"""Error of a prediction without corrections, over that of the first member, that is too large."""
 
 OUTLIER, LOST, BLOCK = range(1, 4)
 """What comes of a measurement: it does not count, the vehicle is lost, a block is complete."""
@@ -46,6 +50,8 @@ class Member:
     ----------
     verdict : Verdict or None
         What the blocks say, None while there are too few.
+    prediction : FreePrediction
+        What its model predicts without corrections.
 
     """
 
@@ -55,6 +61,7 @@ class Member:
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(theta, variances, (*CANDIDATES, *watched))
         self.verdict: Verdict | None = None
+        self.prediction = FreePrediction()
         self._bounds = bounds
 
     def restart(self, velocity: float) -> None:
@@ -63,10 +70,12 @@ class Member:
         self.filter.set_motion(
             max(-1.0, min(1.0, velocity)), (self.innovations.noise**2, 1.0))
         self.innovations.forget_outliers()
+        self.prediction.interrupt()
 
     def move(self, clock: MeasurementClock, span: Measurement) -> None:
         """Predict to the time of a measurement."""
         filter = self.filter
+        self.prediction.move(clock.recent, span)
         if span.end > span.start:
             filter.move(clock.recent, span.start, span.end, span.couplings,
                         span.watched)
@@ -93,7 +102,10 @@ class Member:
         theta = filter.theta
         filter.update(found, added, adapt)
         filter.keep_inside(self._bounds)
-        return BLOCK if adapt and self.blocks.add(found, added, theta, dt) else 0
+        if not (adapt and self.blocks.add(found, added, theta, dt)):
+            return 0
+        self.prediction.end_block(filter)
+        return BLOCK
 
     def learn(self, span: Measurement, used: bool) -> list[float]:
         """
@@ -124,8 +136,8 @@ class Member:
         innovations.add(normalised, found.given)
         added = found.given * (size / HUBER - 1.0) if size > HUBER else 0.0
         filter.update_motion(found, added)
-        if used:
-            self.blocks.add(found, added, filter.theta, span.dt)
+        if used and self.blocks.add(found, added, filter.theta, span.dt):
+            self.prediction.end_block(filter)
         return [size]
 
     def settle(self) -> None:
@@ -134,6 +146,11 @@ class Member:
         self.filter.set_theta(solution)
         self.filter.keep_inside(self._bounds)
 
+    @property
+    def free_error(self) -> float:
+        """Return the error of the prediction without corrections, NaN if there is none."""
+        return self.prediction.error
+
     def judge(self) -> None:
         """Find what the blocks say; one that believes in unknown forces has a wrong model."""
         self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)
@@ -141,13 +158,15 @@ class Member:
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'filter': self.filter.state(), 'innovations': self.innovations.state(),
-                'blocks': self.blocks.state(), 'judged': self.verdict is not None}
+                'blocks': self.blocks.state(), 'judged': self.verdict is not None,
+                'prediction': self.prediction.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         self.filter.restore(state['filter'])
         self.innovations.restore(state['innovations'])
         self.blocks.restore(state['blocks'])
+        self.prediction.restore(state['prediction'])
         self.verdict = None
         if state['judged']:
             self.judge()
@@ -157,6 +176,10 @@ class Judged(Protocol):
     """What a bank needs of a member."""
 
     innovations: Innovations
+
+    @property
+    def free_error(self) -> float:
+        """Return the error of the prediction without corrections, NaN if there is none."""
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
@@ -194,17 +217,22 @@ class FilterBank(Generic[M]):
         return self.members[self.number]
 
     def choose(self) -> None:
-        """Choose the best member: one with an unknown acceleration only where it is needed."""
-        best = self.number
+        """
+        Choose the best member.
+
+        One with an unknown acceleration only where it is needed, and predicts as well without
+        corrections: an acceleration that takes the place of the model leaves it what is fast.
+        """
+        best, limit = self.number, WORSE * self.members[0].free_error
         least = first = self.members[0].innovations.likelihood
         now = self.members[best].innovations.likelihood
         # who is chosen needs to be beaten clearly, by a filter without unknown forces less so
         for k, member in enumerate(self.members):
             value = member.innovations.likelihood
-            if value < now - MARGIN and value <= least:
+            if value < now - MARGIN and value <= least and not member.free_error > limit:
                 self.number, least = k, value
-        if self.number and first < self.members[self.number].innovations.likelihood + (
-                0.5 * MARGIN):
+        if self.number and (self.best.free_error > limit or (
+                first < self.best.innovations.likelihood + 0.5 * MARGIN)):
             self.number = 0
 
     def state(self) -> dict[str, Any]:

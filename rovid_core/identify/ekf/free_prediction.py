@@ -28,11 +28,13 @@ class FreePrediction:
     ----------
     fit : float
         1 - rms(error) / std(measured) of the velocity over the last blocks.
+    error : float
+        rms(error), in typical velocities; NaN before the first comparison.
 
     """
 
     def __init__(self) -> None:
-        self.fit = -math.inf
+        self.fit, self.error = -math.inf, math.nan
         self._theta: list[float] = []
         self._time = -1.0  # [s] of the last comparison
         self._motion = [0.0, 0.0]
@@ -92,11 +94,15 @@ class FreePrediction:
         """Take the fit of the block and begin the next one at the state of a filter."""
         self._blocks = [*self._blocks, self._sums][-KEPT:]
         self._sums = [0.0] * 4
+        self._compare()
+        self._theta, self._motion = list(filter.theta), list(filter.motion[:2])
+        self._mark, self._time = [], -1.0
+
+    def _compare(self) -> None:
         n, error, total, square = (math.fsum(column) for column in zip(*self._blocks))
         variance = square - total * total / n if n else 0.0
         self.fit = 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf
-        self._theta, self._motion = list(filter.theta), list(filter.motion[:2])
-        self._mark, self._time = [], -1.0
+        self.error = math.sqrt(error / n) if n else math.nan
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
@@ -113,6 +119,4 @@ class FreePrediction:
         if 0 < len(self._theta) < 5 or len(self._mark) not in (0, 3):
             raise ValueError('a prediction that does not fit')
         if self._blocks:
-            n, error, total, square = (math.fsum(column) for column in zip(*self._blocks))
-            variance = square - total * total / n if n else 0.0
-            self.fit = 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf
+            self._compare()

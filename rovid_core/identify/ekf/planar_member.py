@@ -253,6 +253,11 @@ class PlanarMember:
         self.filter.set_theta(solution)
         self.filter.keep_inside(self._bounds)
 
+    @property
+    def free_error(self) -> float:
+        """Return NaN: the prediction without corrections is that of the best member alone."""
+        return math.nan
+
     def judge(self) -> None:
         """Find what the blocks say; one that believes in unknown forces has a wrong model."""
         self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)

@@ -22,7 +22,7 @@ Larger ones explain everything and leave the model only what is fast.
 MARGIN = 10.0
 """By which -2 log of the likelihood has to be lower before an unknown acceleration counts."""
 
-WORSE = 1.25
+WORSE = 1.5
 """Error of a prediction without corrections, over that of the first member, that is too large."""
 
 OUTLIER, LOST, BLOCK = range(1, 4)

@@ -66,6 +66,8 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'real_aid': Section('The same by aid', 'accuracy.real_vehicles',
                             '--method aid --seeds 40', '--method aid --seeds 1 --duration 60',
                             3.0),
+        'recordings': Section('Real recordings, each alone', 'accuracy.recordings', '',
+                              '--only pool', 5.0, recordings=True),
         'coupled': Section('Vehicles that move in all axes at once', 'accuracy.coupled_vehicles',
                            '', '--seeds 1 --duration 60', 4.0),
         'control': Section('A controller with feed-forward', 'accuracy.feed_forward', '',

@@ -193,7 +193,8 @@ def test_what_the_blocks_say_goes_on_after_a_restore():
 
 
 @pytest.mark.parametrize(('key', 'bad'), [
-    ('bank', {'members': [], 'best': 0}), ('free', {}), ('theta', [1.0]), ('losses', [1e999]),
+    ('bank', {'members': [], 'best': 0}),
+    ('bank', {'members': [{}, {}], 'best': 0}), ('theta', [1.0]), ('losses', [1e999]),
     ('clock', {'recent': {'times': [0.0, 1.0], 'means': [], 'slopes': [], 'held': False},
                'path': 0.0, 'fix': 0.0, 'ahead': 0.0})])
 def test_a_state_that_does_not_fit_is_refused(key, bad):

@@ -22,7 +22,7 @@ from test.support.live_node import changed, NodeProcess, Peer, Raw
 
 LEARNING = 100.0  # [s] that a replay learns the vehicle from
 CHANGES: dict[str, Any] = {
-    'max_wait': 0.1, 'identifier.method': 'ekf',
+    'max_wait': 0.1, 'identifier.method': 'ekf', 'current.prior': 0.0,
     'angular_velocity.topic': '/gyro', 'angular_velocity.type': 'sensor_msgs/msg/Imu',
     'angular_velocity.field': 'angular_velocity',
     'simulation.angular_velocity_rate': 20.0}

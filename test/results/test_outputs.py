@@ -11,6 +11,7 @@ from rovid_core.identify.intervals import KnownUncertainty
 from rovid_core.identify.status import Judgement, STATUSES
 from rovid_core.model.dofs import Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import (
+    CurrentSettings,
     DofSettings,
     IdentifierSettings,
     InputSettings,
@@ -84,7 +85,8 @@ def test_the_last_valid_row_is_held_while_invalid() -> None:
 
 def coupled_settings() -> Settings:
     plain = settings()
-    return replace(plain, identifier=IdentifierSettings(method='ekf'), dof={
+    return replace(plain, identifier=IdentifierSettings(method='ekf'),
+                   current=CurrentSettings(prior=0.0), dof={
         'surge': replace(plain.dof['surge'], couplings=('vr', 'wq')),
         'yaw': replace(plain.dof['yaw'], couplings=('v',))})
 

@@ -126,6 +126,14 @@ def test_velocity_and_gyro_sensors_are_used_where_there_are_some():
         assert ratio == pytest.approx(1.0, abs=0.1), dof
 
 
+def test_each_velocity_is_from_the_most_direct_input():
+    names = ('position', 'depth', 'attitude', 'velocity', 'angular_velocity')
+    every = vehicle(('surge', 'heave', 'yaw'), **{n: InputSettings(f'/{n}') for n in names})
+    assert [every.source(d) for d in every.dofs] == ['velocity', 'velocity', 'angular_velocity']
+    fixes = replace(every, velocity=InputSettings(), angular_velocity=InputSettings())
+    assert [fixes.source(d) for d in fixes.dofs] == ['position', 'depth', 'attitude']
+
+
 def test_delay_and_lag_of_the_thrusters_are_undone():
     right = replace(SIX, delay=0.25, time_constant=0.4)
     settings = vehicle(('surge',), thrusters=right)

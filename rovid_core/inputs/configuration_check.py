@@ -34,6 +34,12 @@ NS = 1e-9
 BLOCK = 500_000_000
 """[ns] Means over so long are kept; where fixes are rare, several are taken together."""
 
+LONGEST = 60_000_000_000
+"""[ns] A command or a motion that lasts longer tells nothing."""
+
+MOST_BLOCKS = 600
+"""Blocks that wait for those of the other inputs."""
+
 LOOKS = (128, 256, 512, 1024)
 """Accelerations after which the mistakes are tried, and after the last no more."""
 
@@ -93,8 +99,10 @@ class BlockMeans:
         return self._duration / max(self._count, 1)
 
     def add(self, start: int, end: int, value: Sequence[float]) -> None:
-        """Add a value that holds from ``start`` to ``end`` [ns]."""
+        """Add a value that holds from ``start`` to ``end`` [ns]; not one that holds for long."""
         self.end = end
+        if end - start > LONGEST:
+            return
         self._duration += (end - start) / BLOCK
         self._count += 1
         while start < end:
@@ -105,6 +113,8 @@ class BlockMeans:
             self.blocks[number] = (
                 covered + share, [x + share * y for x, y in zip(integral, value)])
             start = until
+        while len(self.blocks) > MOST_BLOCKS:  # nothing comes of another input
+            del self.blocks[next(iter(self.blocks))]
 
 
 @dataclass(frozen=True)
@@ -201,7 +211,8 @@ class ConfigurationCheck:
         new = [k * self._curve(u) for k, u in zip(thrusters.gain, raw)]
         time += self._late
         last, self._command = self._command, (time, new)
-        if last is None or not 0 < time - last[0] <= round((thrusters.timeout or 1e9) / NS):
+        longest = round(thrusters.timeout / NS) or LONGEST
+        if last is None or not 0 < time - last[0] <= longest:
             return
         held = last[1]
         if thrusters.hold == 'linear':
@@ -224,7 +235,8 @@ class ConfigurationCheck:
         else:
             before = self._points.get(input)
             self._points[input] = motion.time, body
-            if before and 0 < motion.time - before[0] <= self._settings.max_gap / NS:
+            longest = round(self._settings.timeout_of(input) / NS)
+            if before and 0 < motion.time - before[0] <= longest:
                 means.add(before[0], motion.time,
                           [0.5 * (a + b) for a, b in zip(before[1], body)])
         if self._collect() and self._count >= LOOKS[self._looks]:

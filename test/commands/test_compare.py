@@ -137,9 +137,11 @@ def test_a_log_without_steps_of_a_dof(
     assert main(['simulate', '--params-file', str(two), '--duration', '60', '--output',
                  str(folder / 'both.mcap')]) == 0
     with LogWriter(folder / 'none.mcap') as writer, (folder / 'both.mcap').open('rb') as file:
+        depths = 0
         for schema, channel, message in make_reader(file).iter_messages():
             assert schema is not None
-            if not (channel.topic == '/depth/pressure' and message.log_time % 10**10 > 10**8):
+            depths += channel.topic == '/depth/pressure'
+            if channel.topic != '/depth/pressure' or depths == 1:
                 writer.write_raw(channel.topic, schema.name, message.data, message.log_time)
     capsys.readouterr()
     assert main(['compare', str(folder / 'both.mcap'), str(folder / 'none.mcap'),

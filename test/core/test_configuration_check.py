@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from rovid_core.inputs.configuration_check import ConfigurationCheck
+from rovid_core.inputs.configuration_check import BlockMeans, ConfigurationCheck
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.samples import Motion
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
@@ -173,3 +173,13 @@ def test_thrust_without_motion_says_nothing() -> None:
         check.add_motion('attitude', Motion(k * TICK, k * TICK, k * TICK, ()), 0.0)
     check.look()
     assert told == []
+
+
+def test_what_waits_for_another_input_is_bounded() -> None:
+    """A command that holds for a year costs nothing, nor does thrust without any motion."""
+    blocks = BlockMeans(1)
+    blocks.add(0, 10**9 * 86400 * 365, [1.0])
+    assert blocks.blocks == {}
+    for k in range(20_000):
+        blocks.add(k * 10 * TICK, (k + 1) * 10 * TICK, [1.0])
+    assert len(blocks.blocks) <= 600 and max(blocks.blocks) == 39_999

@@ -100,7 +100,7 @@ MISTAKES = (
     Mistake('compass mirrored', ('attitude.heading',),
             spoil=_of('attitude', lambda q: from_yaw(-_yaw(q)))),
     Mistake('heading off by 90 degrees', ('attitude.yaw_offset',),
-            lambda s: replace(s, yaw_offset=s.yaw_offset + 0.5 * math.pi)),
+            spoil=_of('attitude', lambda q: from_yaw(_yaw(q) + 0.5 * math.pi))),
     Mistake('degrees read as radians', ('attitude.unit',),
             spoil=_of('attitude', lambda q: from_yaw(math.degrees(_yaw(q))))),
     Mistake('two thrusters exchanged', ('thrusters.allocation',), _allocation(_exchange)),

@@ -4,6 +4,7 @@ What the report of a comparison shows, as plain values by name.
 ::
 
     rovid_version
+    current     by log, where it was seen: t, x, y, x_std, y_std, status (the last)
     logs        a list of: name, role (train or validate), duration_s, messages, warnings,
                 rejected (counts by reason), inputs (a list of: input, topic, rate_hz, count,
                 longest_gap_s)
@@ -40,6 +41,7 @@ from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.output_error import information
 from rovid_ros import __version__
 from rovid_ros.comparison.trials import best_of, Model, Trial, unseen
+from rovid_ros.results.current import told
 from rovid_ros.results.documents import json_number, json_numbers
 from rovid_ros.results.text import number, percent, unit
 
@@ -56,6 +58,8 @@ def report_data(models: Sequence[Model], trials: Sequence[Trial], settings: Sett
     """Return what the report of a comparison shows."""
     return {
         'rovid_version': __version__, 'logs': [_log(trial, settings) for trial in trials],
+        'current': {trial.name: _current(trial, settings) for trial in trials
+                    if trial.player.currents},
         'dofs': {dof: _dof(dof, models, trials, settings) for dof in settings.dofs}}
 
 
@@ -120,6 +124,16 @@ def _dof(dof: str, models: Sequence[Model], trials: Sequence[Trial], settings: S
                        for trial in trials},
         'units': {'velocity': unit(dof, 'mae'), 'force': unit(dof, 'bias'), **{
             name: unit(dof, name) for name in (*PARAMETERS, *PHYSICAL)}}}
+
+
+def _current(trial: Trial, settings: Settings) -> Data:
+    """Return the current of the water over a log, in the world of its messages."""
+    times = [time for time, _ in trial.player.currents]
+    found = [told(current, settings.frames) for _, current in trial.player.currents]
+    x_std, y_std = zip(*(current.std for current in found))
+    return {'t': _column(_seconds(times)), 'x': _column([c.x for c in found]),
+            'y': _column([c.y for c in found]), 'x_std': _column(x_std), 'y_std': _column(y_std),
+            'status': found[-1].status}
 
 
 def _values(model: Model, names: tuple[str, ...], values: Four) -> Data:

@@ -16,7 +16,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from rovid_core.identify import METHODS as ONLINE
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier
-from rovid_core.identify.estimate import Estimate
+from rovid_core.identify.estimate import Current, Estimate
 from rovid_core.model.dofs import Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.pipeline.stream import Stream
@@ -77,15 +77,14 @@ class TrialPlayer(PipelinePlayer):
         super().__init__(paper, ScoreLog(paper))
         self._others = {method: Stream(one) for method, one in of.items()}
         self.history = {dof: History() for dof in settings.dofs}  # of the adaptive identifier
+        self.currents: list[tuple[int, Current]] = []  # of the water, with their times [ns]
 
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message; return the estimates that it released."""
         for stream in self._others.values():
             for event in message.data:
                 for estimate in stream.receive(event):
-                    current = estimate.current
-                    if current is not None and current.is_seen:
-                        self.scores.add_current(estimate.time, current.x, current.y)
+                    self._keep_current(estimate)
         return self._kept(super().add_message(message))
 
     def repeat_control(self, name: str, value: str) -> list[Estimate]:
@@ -122,6 +121,12 @@ class TrialPlayer(PipelinePlayer):
     def excites(self, dof: str) -> bool:
         """Tell whether something pushed a DOF: what predicts it otherwise says nothing."""
         return self.stream.judgement(dof).status != 'unexcited'
+
+    def _keep_current(self, estimate: Estimate) -> None:
+        current = estimate.current
+        if current is not None and current.is_seen:
+            self.scores.add_current(estimate.time, current.x, current.y)
+            self.currents.append((estimate.time, current))
 
     def _kept(self, estimates: list[Estimate]) -> list[Estimate]:
         for estimate in estimates:

@@ -13,6 +13,7 @@ from html import escape
 import math
 from typing import Any
 
+from rovid_core.identify.intervals import Z95
 from rovid_core.model.dofs import PARAMETERS
 from rovid_ros.report.markup import capital, finite, Html, join, quantity, SYMBOLS, tag, title
 
@@ -168,6 +169,27 @@ class Figures:
                      _fall(found.get('W') or (), _squared(units.get('velocity', ''))))),
                 class_='pair'))
         return out
+
+    def of_current(self, found: Data, log: str) -> Html:
+        """Return the figure of the current of the water over one log, with its 95 % band."""
+        t = found['t']
+        plot = Plot(self._columns, ('time', 's'), f'current on {log}')
+        for axis, color in (('x', 'c1'), ('y', 'c2')):
+            plot.add_panel(f'current, {axis}', 'm/s')
+            for name, sign in (('lower', -Z95), ('upper', Z95)):
+                plot.add_curve(name, t, [finite(v) + sign * finite(std) for v, std in zip(
+                    found[axis], found[f'{axis}_std'])], {'color': color, 'dash': 'dot',
+                                                          'width': 1.0})
+            plot.add_curve('current', t, found[axis], {'color': color, 'width': 1.6})
+        x, y = finite(found['x'][-1]), finite(found['y'][-1])
+        degrees = math.degrees(math.atan2(y, x))
+        arrow = tag('span', '\u2192',
+                    style=f'display:inline-block;transform:rotate({-degrees:.0f}deg)')
+        return self._figure(
+            'current', 'current', log, plot, f'Current of the water on {log}.', join(
+                'Where the water goes to in the world of the messages, with its 95 % band. In the '
+                f'end {found["status"]}: ', arrow, ' ', quantity(math.hypot(x, y), 'm/s'),
+                f', {degrees:.0f} degrees from x to y.'))
 
     def of_excitation(self, dof: str, values: Data, log: str) -> Html:
         """Return the figures of what moved one DOF on one log: histograms and spectra."""

@@ -43,9 +43,10 @@ def write_report(path: Path, data: Data) -> None:
     path : Path
         HTML file.
     data : mapping
-        What ``rovid compare`` found: ``rovid_version``, ``logs`` and, under ``dofs``, per
-        DOF ``sentence``, ``best``, ``models``, ``series``, ``adaptation``, ``excitation``
-        and ``units``. Times [s]; what is missing or None is left out or shown as a dash.
+        What ``rovid compare`` found: ``rovid_version``, ``logs``, ``current`` and, under
+        ``dofs``, per DOF ``sentence``, ``best``, ``models``, ``series``, ``adaptation``,
+        ``excitation`` and ``units``. Times [s]; what is missing or None is left out or shown as
+        a dash.
 
     Raises
     ------
@@ -108,6 +109,9 @@ def _sections(data: Data, figures: Figures) -> list[tuple[str, str, Html]]:
         if plots:
             hint = [_hint()] if len(sections) == 4 else []
             sections.append((f'plots-{dof}', f'{capital(dof)} over time', join(*hint, *plots)))
+    if currents := data.get('current'):
+        sections.append(('current', 'Current of the water', join(*(
+            figures.of_current(found, log) for log, found in currents.items()))))
     sections.append(('excitation', 'Excitation', _excitation(data, figures)))
     sections.append(('quality', 'Data quality', join(*(quality(log) for log in logs))))
     return sections

@@ -250,3 +250,19 @@ def test_a_failure_leaves_the_old_file(tmp_path: Path) -> None:
     with pytest.raises(KeyError):
         write_report(path, {})
     assert path.read_text() == 'old' and [*tmp_path.iterdir()] == [path]
+
+
+def test_the_current_of_the_water_is_drawn_with_its_band() -> None:
+    data = report_data(points=20)
+    assert 'Current of the water' not in page(data)
+    data['current'] = {'a.mcap': {
+        't': [0.0, 1.0], 'x': [0.1, 0.3], 'y': [0.0, 0.3], 'x_std': [0.1, 0.01],
+        'y_std': [0.1, 0.01], 'status': 'known'}}
+    document = Document(page(data))
+    assert 'In the end known: \u2192 0.4243' in document.text
+    assert '45 degrees from x to y' in document.text
+    found = numbers(document)
+    plot, = [plot for plot in found['plots'].values() if plot['link'] == 'current on a.mcap']
+    lower, upper, middle = (found['columns'][trace['y']] for trace in plot['traces'][:3])
+    assert middle == [0.1, 0.3]
+    assert (lower[1], upper[1]) == (0.2804, 0.3196)

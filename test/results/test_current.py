@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 from rovid_core.identify.estimate import Current, DofEstimate, Estimate
-from rovid_core.settings import run
 from rovid_core.settings.run import Settings
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
@@ -18,11 +17,6 @@ from rovid_ros.results.outputs import CURRENT_TOPICS, OK, Outputs, TOPICS, WARN
 
 TIME = 1_700_000_000_123_456_789
 CURRENT = Current(0.21, -0.08, (4e-4, 1e-4, 9e-4), 1.5, 'known')
-
-
-@pytest.fixture(autouse=True)
-def _a_filter_that_estimates_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run, 'WITH_CURRENT', ('ekf',))
 
 
 def settings(**changes: Any) -> Settings:

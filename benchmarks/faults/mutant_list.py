@@ -266,10 +266,11 @@ MUTANTS = [
           'return (value[0] - lx,', 'return (value[0] + lx,'),
          ('the velocity stays in the world',
           'body = rotate_back(attitude, world)', 'body = world'),
+         ('the fix gives z where there is a depth',
+          'if vertical is None else vertical)', 'if True else vertical)')),
+    *_of('rovid_core/velocity/velocity_source.py', 'test/core/test_attitude_history.py',
          ('the time of a mean is its end',
           'time=middle,', 'time=end,'),
-         ('the fix gives z where there is a depth',
-          'if vertical is None else vertical)', 'if True else vertical)'),
          ('what is refused reaches the others',
           'if not (self._is_slow(measured, dt) and self._is_slow(velocity, dt)):', 'if False:')),
     *_of('rovid_core/ordering/event_order.py', 'test/core/test_ordering.py '
@@ -311,7 +312,8 @@ MUTANTS = [
          'nothing_makes_it_leave_its_bounds '
          'gains_that_are_too_high_for_the_step_are_divided_then_refused '
          'a_frozen_identifier_keeps_mean_and_theta_hat_and_gains '
-         'the_rates_are_those_of_the_paper an_integrator_has_its_order',
+         'the_rates_are_those_of_the_paper an_integrator_has_its_order '
+         'without_adaptation_only_v_hat_moves',
          ('the mass is adapted the wrong way',
           '-gamma[0] * dv * tau', 'gamma[0] * dv * tau'),
          ('the bias is not adapted',

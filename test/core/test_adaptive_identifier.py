@@ -158,6 +158,18 @@ def test_the_rates_are_those_of_the_paper():
          *[-g * dv * x for g, x in zip(gains, phi)]))
 
 
+def test_without_adaptation_only_v_hat_moves():
+    identifier = AdaptiveIdentifier(Scales.of(DOF), Gains(-2.0, (1e-5, 0.5, 0.5, 0.1)))
+    identifier.restart(0.4)
+    before = identifier.theta_hat
+    step = Step(0.1, (0.2, 0.2, 0.2), (50.0, 50.0, 50.0))
+    assert not identifier.step(step, adapt=False)
+    assert identifier.theta_hat == before
+    assert identifier.v_hat != 0.4
+    assert not identifier.step(step)
+    assert all(p != q for p, q in zip(identifier.theta_hat, before))
+
+
 @pytest.mark.parametrize(('integrator', 'order'), [('euler', 1), ('heun', 2), ('rk4', 4)])
 def test_an_integrator_has_its_order(integrator, order):
     """Half the step makes the error smaller by a power of two."""

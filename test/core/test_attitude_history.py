@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from rovid_core.model.samples import Motion
 from rovid_core.velocity.attitude_history import (
     AttitudeHistory,
     from_yaw,
@@ -11,6 +12,7 @@ from rovid_core.velocity.attitude_history import (
     rotation_between,
     SharedMotion,
 )
+from rovid_core.velocity.velocity_source import VelocitySource
 
 from test.support.surge import surge_settings
 
@@ -70,3 +72,20 @@ def test_velocities_of_other_inputs_are_used_for_their_timeout() -> None:
     assert shared.horizontal_velocity(2 * SECOND + 1) == (0.0, 0.0)
     shared.forget_depths()
     assert shared.vertical_velocity(SECOND, SECOND // 4) is None
+
+
+def test_a_velocity_is_that_of_the_middle_and_what_is_too_fast_reaches_nobody() -> None:
+    settings = surge_settings()
+    shared = SharedMotion(settings)
+    for k in range(9):
+        shared.attitude.add_sample(k * SECOND // 2, from_yaw(0.0))
+    source = VelocitySource(settings, 'position', shared)
+    for second, x in enumerate((0.0, 0.5, 100.0)):
+        source.add_sample(second * SECOND, (x, 0.25 * x, 0.0))
+    assert source.next_velocity(4 * SECOND) == 'first'
+    motion = source.next_velocity(4 * SECOND)
+    assert isinstance(motion, Motion)
+    assert (motion.start, motion.time, motion.end) == (0, SECOND // 2, SECOND)
+    assert motion.velocity == pytest.approx((0.5,))
+    assert source.next_velocity(4 * SECOND) == 'too_fast'
+    assert shared.horizontal == (SECOND, 0.5, 0.125)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import ThrusterSettings
-from rovid_core.thrust.thruster_curve import thruster_model
+from rovid_core.thrust.thruster_curve import are_commands, thruster_model
 from rovid_ros.discovery.ardusub import allocation, Frame, FRAMES, Motors
 from rovid_ros.discovery.candidates import Candidate, driven, NEUTRAL
 from rovid_ros.discovery.motion import answer, best_delay, headings, held, Motion, motion, Push
@@ -50,15 +50,16 @@ class Thrusters:
     sure_frame: bool = False  # the autopilot itself says so
     delay: float = 0.0  # [s]
 
-    def commands(self, signal: Signal) -> Array:
-        """Return the force of each thruster before its gain, or the wrench."""
+    def forces(self) -> Array:
+        """Return what each thruster gives, or the wrench, at the times of the signal."""
+        values = self.signal.values
         if self.how == 'wrench':
-            return signal.values
+            return values
         model = thruster_model(self.chain)
-        values, where = np.unique(signal.values, return_inverse=True)
-        return np.array([model(value) if not self.chain.limit or abs(
-            value - self.chain.offset) * self.chain.scale <= 2.0 else 0.0
-            for value in values.tolist()])[where].reshape(signal.values.shape)
+        told, where = np.unique(values, return_inverse=True)
+        made = [model(raw) if are_commands(self.chain, [raw]) else 0.0 for raw in told.tolist()]
+        each = np.array(made)[where].reshape(values.shape)
+        return np.asarray(each * np.array(self.chain.gain))
 
 
 @dataclass
@@ -314,7 +315,7 @@ def _neutrals(values: Array) -> list[float]:
 def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thrusters:
     """Return thrusters whose allocation is what each command does to each DOF in the log."""
     made = Thrusters(signal, 'data', chain, {})
-    commands = made.commands(signal) * np.array(chain.gain)
+    commands = made.forces()
     strength = np.sqrt(np.mean(commands * commands, axis=0))
     strength[strength == 0.0] = 1.0
     # thrusters that are driven together cannot be told apart: each gets the same share
@@ -344,8 +345,7 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
 
 def _force(made: Thrusters, dof: str, moved: Motion) -> Array:
     """Return the force on a DOF at the times of the motion."""
-    commands = made.commands(made.signal) * np.array(made.chain.gain)
-    forces = held(made.signal.times + made.delay, commands, moved.times, moved.half)
+    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.half)
     return np.asarray(forces @ np.array(made.rows[dof]))
 
 
@@ -369,7 +369,7 @@ def _explained(made: Thrusters, moved: Motion) -> float:
 def _with_delay(made: Thrusters, moved: Motion) -> Thrusters:
     if not made.rows:
         return made
-    commands = made.commands(made.signal) * np.array(made.chain.gain)
+    commands = made.forces()
     forces = {dof: commands @ np.array(made.rows[dof])[:, np.newaxis]
               for dof in moved.velocities if dof in made.rows}
     return replace(made, delay=best_delay(moved, made.signal.times, forces))

@@ -134,9 +134,7 @@ MUTANTS = [
     *_of('rovid_ros/commands/running.py', 'test/robustness/test_hostile_files.py '
          'a_closed_stderr_is_no_reason_to_stop',
          ('what cannot be told ends the command',
-          '    except OSError:  # Python would', '    except MemoryError:  # Python would'),
-         ('a log is opened in the place of stderr',
-          'os.O_RDWR)) <= 2:', 'os.O_RDWR)) < 0:')),
+          '    except OSError:  # Python would', '    except MemoryError:  # Python would')),
     *_of('rovid_ros/commands/main.py', 'test/robustness/test_hostile_files.py '
          'ctrl_c_during_the_imports_is_one_line',
          ('Ctrl-C during the imports is a traceback',
@@ -175,9 +173,7 @@ MUTANTS = [
           'forces = source.force.step(dt, tuple([(q - p) / dt for p, q in zip(first, third)]))',
           'forces = tuple([(q - p) / dt for p, q in zip(first, third)])'),
          ('the parts of a step have the force of the other',
-          '(q - p) / lead if', '(q - p) / rest if'),
-         ('after a gap a step is made',
-          'if last is not None and motion.time - last.time > source.timeout:', 'if False:')),
+          '(q - p) / lead if', '(q - p) / rest if')),
     *_of('rovid_core/thrust/force_history.py', 'test/core/test_thrust.py '
          'impulse_is_the_exact_integral no_force_before_the_first_command_nor_after_the_timeout '
          'a_direction_is_stale_after_its_timeout '
@@ -297,11 +293,7 @@ MUTANTS = [
          'a_jump_is_followed_after_six echoes_that_do_not_agree_are_refused_as_long_as_they_come '
          'a_sensor_that_turns_noisy_is_believed_again',
          ('a jump is followed after three',
-          'FOLLOW_AFTER = 6', 'FOLLOW_AFTER = 3'),
-         ('outliers need not agree',
-          'if math.hypot(*innovation) <= self._allowed(outliers, dt):', 'if True:'),
-         ('outliers teach nothing',
-          'weight *= OUTLIER_WEIGHT', 'weight = 0.0')),
+          'FOLLOW_AFTER = 6', 'FOLLOW_AFTER = 3')),
     *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
          'commands_of_two_programs_are_told_once what_looks_like_pulse_widths',
          ('commands of two programs are those of one',

@@ -73,6 +73,7 @@ def heavy(dofs: Sequence[str], inputs: Sequence[str] = ('depth',)) -> Settings:
         **{f'{name}.topic': topic if name in inputs else '' for name, topic in topics.items()},
         **{f'simulation.{name}_rate': 10.0 for name in (
             'thruster', 'attitude', 'depth', 'velocity', 'position')},
+        'current.prior': 0.0,  # a tank
         'simulation.depth_noise': 0.003, 'simulation.velocity_noise': 0.01})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 import difflib
 import math
 from pathlib import Path
@@ -39,10 +40,28 @@ class Version(argparse.Action):
         parser.exit()
 
 
+class AddToSource(argparse.Action):
+    """Add a file or an override to where the parameters come from."""
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace,
+                 value: Any, option: str | None = None) -> None:
+        """Add it."""
+        from rovid_ros.config.parameter_file import ParameterSource  # only for who needs it
+        known = getattr(namespace, self.dest) or ParameterSource()
+        if isinstance(value, Path):
+            known = replace(known, paths=(*known.paths, value))
+        else:
+            known = replace(known, overrides=(*known.overrides, value))
+        setattr(namespace, self.dest, known)
+
+
 def add_params_file(command: argparse.ArgumentParser, required: bool = True) -> None:
-    """Let a command take ``--params-file``."""
-    command.add_argument('--params-file', type=Path, required=required, metavar='FILE',
-                         help="the vehicle's parameter file, the same as the node's")
+    """Let a command take ``--params-file`` and ``-p``, several times each, as the node does."""
+    command.add_argument(
+        '--params-file', type=Path, required=required, metavar='FILE', action=AddToSource,
+        help="the vehicle's parameter file, the same as the node's; of several, the later wins")
+    command.add_argument('-p', metavar='KEY:=VALUE', action=AddToSource, dest='params_file',
+                         help='a parameter that wins over the files')
 
 
 def add_logs(command: argparse.ArgumentParser, nargs: str = '+') -> None:

@@ -49,7 +49,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> None:
     """Run ``rovid compare``."""
     validate = args.validate or []
-    check_written([args.report, args.json], [*args.logs, *validate, args.params_file])
+    check_written([args.report, args.json], [*args.logs, *validate, *args.params_file.paths])
     if args.report:
         _check_plotly()
     settings = read_settings(args.params_file)

@@ -62,7 +62,8 @@ def run(args: argparse.Namespace) -> None:
         raise UsageError('--into goes with --format urdf, in place of --output')
     if args.dialect and args.format != 'ros-params':
         raise UsageError('--dialect goes with --format ros-params')
-    check_written([args.output, args.into], [args.estimates, args.params_file])
+    check_written([args.output, args.into], [
+        args.estimates, *(args.params_file.paths if args.params_file else ())])
     settings = read_settings(args.params_file) if args.params_file else None
     models = read_estimates(args.estimates, args.method, args.trained_on)
     if args.into:

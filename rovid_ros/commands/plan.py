@@ -47,6 +47,7 @@ from rovid_ros.commands.running import (
     UsageError,
     warn,
 )
+from rovid_ros.config.parameter_file import ParameterSource
 from rovid_ros.files.whole_files import write_json, write_text
 from rovid_ros.results.documents import Identified, json_number, read_estimates
 from rovid_ros.results.text import number, table, unit
@@ -90,7 +91,7 @@ def run(args: argparse.Namespace) -> None:
     """Run ``rovid plan``."""
     if args.output and args.output.suffix not in ('.csv', '.yaml'):
         raise UsageError(f'--output: got {args.output}, takes a name that ends in .csv or .yaml')
-    check_written([args.output, args.json], [args.estimates, args.params_file])
+    check_written([args.output, args.json], [args.estimates, *args.params_file.paths])
     settings = read_settings(args.params_file)
     models = read_estimates(args.estimates) if args.estimates else []
     with located_errors(args.params_file):
@@ -264,7 +265,7 @@ ALIKE_CORRELATION = 0.9  # correlation above which two drags cannot be told apar
 NAMES = ('mass', 'quadratic drag', 'linear drag', 'bias')
 
 
-def plan_text(proposal: Proposal, params_file: Path) -> str:
+def plan_text(proposal: Proposal, params_file: ParameterSource) -> str:
     """Return what the command prints."""
     parts = [_dof_text(dof, proposal) for dof in proposal.plans]
     parts.append('Half the width of the 95 % intervals at best (Cramer-Rao), in percent of the '
@@ -275,7 +276,7 @@ def plan_text(proposal: Proposal, params_file: Path) -> str:
             f'Turn by 90 degrees, 45 at least, every {proposal.turn:g} s: at one heading a '
             'current looks like bias\nand linear drag. What is said of surge and sway counts on '
             'that, and on a current that is not known.')
-    command = ['rovid', 'simulate', '--params-file', str(params_file), '--output',
+    command = ['rovid', 'simulate', *params_file.arguments, '--output',
                'planned.mcap', '--duration', f'{proposal.request.duration:g}',
                '--profile', profile_text(proposal.profile)]
     return '\n\n'.join([*parts, f'simulate it with: {shlex.join(command)}'])

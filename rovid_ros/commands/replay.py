@@ -82,7 +82,8 @@ def run(args: argparse.Namespace) -> None:
     if args.rate is not None and not args.ros:
         raise UsageError('--rate goes with --ros')
     part = unfinished(args.output) if args.output else None
-    check_written([*{args.output, part}, args.json, args.state], [*args.logs, args.params_file])
+    check_written([*{args.output, part}, args.json, args.state],
+                  [*args.logs, *args.params_file.paths])
     settings = read_settings(args.params_file, args.method)
     with _locked(args.state):
         _run(args, settings)

@@ -14,6 +14,7 @@ from typing import Any, NoReturn, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rovid_core.settings.run import Settings
+    from rovid_ros.config.parameter_file import ParameterSource
 
 DONE, AT_FAULT, USAGE, INTERRUPTED, BROKEN_PIPE = 0, 1, 2, 130, 141  # exit codes
 # [characters] An error about a damaged log can quote more of it than is of use
@@ -151,9 +152,9 @@ def _fail(prog: str, message: str, code: int) -> int:
     return code
 
 
-def read_settings(path: Path, method: str = '') -> Settings:
+def read_settings(path: Path | ParameterSource, method: str = '') -> Settings:
     """
-    Read a parameter file as the node does; ``method`` is that of the command line.
+    Read parameters as the node does; ``method`` is that of the command line.
 
     Raises ParameterFileError, CommandError or UsageError if one of them cannot work.
     """
@@ -167,25 +168,26 @@ def read_settings(path: Path, method: str = '') -> Settings:
             raise
 
 
-def read_values(path: Path, method: str = '') -> dict[str, Any]:
+def read_values(path: Path | ParameterSource, method: str = '') -> dict[str, Any]:
     """Read the parameters by their dotted names; ``method`` wins over the file's."""
-    from rovid_ros.config.parameter_file import load
-    return {**load(path), **({'identifier.method': method} if method else {})}
+    return {**_source(path).values(), **({'identifier.method': method} if method else {})}
+
+
+def _source(path: Path | ParameterSource) -> ParameterSource:
+    from rovid_ros.config.parameter_file import ParameterSource
+    return ParameterSource((path,)) if isinstance(path, Path) else path
 
 
 @contextmanager
-def located_errors(path: Path) -> Iterator[None]:
+def located_errors(path: Path | ParameterSource) -> Iterator[None]:
     """Begin an error about a key with the parameter file, and the line if the key is in it."""
-    from rovid_ros.config.parameter_file import read
     try:
         yield
     except ValueError as error:
         key = getattr(error, 'key', '')  # of a SettingsError or FieldError
         if not key:
             raise
-        entry = read(path).get(key)
-        place = f'{path}:{entry.line}' if entry else f'{path}'
-        raise CommandError(f'{place}: {error}') from None
+        raise CommandError(f'{_source(path).place_of(key)}: {error}') from None
 
 
 def check_written(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:

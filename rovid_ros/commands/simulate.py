@@ -10,6 +10,7 @@ from itertools import chain, groupby
 import math
 from pathlib import Path
 import re
+import shlex
 import struct
 import textwrap
 
@@ -84,7 +85,7 @@ def run(args: argparse.Namespace) -> None:
     args.duration = args.duration or DURATION
     trials = plan_trials(args.output, args.duration, args.seed, args.profile or [{}])
     paths = [trial.path for trial in trials]
-    check_written([*{*paths, *map(unfinished, paths)}], [args.params_file])
+    check_written([*{*paths, *map(unfinished, paths)}], [*args.params_file.paths])
     settings = read_settings(args.params_file)
     with located_errors(args.params_file):
         warnings = [f'{trial.path}: {line}' for trial in trials
@@ -96,7 +97,7 @@ def run(args: argparse.Namespace) -> None:
                 settings, trial.path, args.duration, trial.seed, trial.profile, trial.start)
             print(f'{trial.path}: {args.duration:,.1f} s, {count:,} messages, seed {trial.seed}')
     does = 'identify it with: rovid replay' if len(paths) == 1 else 'compare them: rovid compare'
-    print(f'{does} {" ".join(map(str, paths))} --params-file {args.params_file}')
+    print(f'{does} {" ".join(map(str, paths))} {shlex.join(args.params_file.arguments)}')
 
 
 def _write_example(args: argparse.Namespace) -> None:

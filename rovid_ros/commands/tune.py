@@ -23,6 +23,7 @@ from rovid_ros.commands.running import (
     located_errors,
     print_written,
     read_settings,
+    UsageError,
     warn,
 )
 from rovid_ros.config.parameter_file import edited
@@ -50,13 +51,15 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Run ``rovid tune``."""
-    check_written([args.output, args.json], [*args.logs, args.params_file])
+    if len(args.params_file.arguments) > 2:
+        raise UsageError('takes one --params-file and no -p, for it writes a copy of the file')
+    check_written([args.output, args.json], [*args.logs, *args.params_file.paths])
     settings = read_settings(args.params_file)
     with located_errors(args.params_file):
         tuned = tune_logs(args.logs, settings, start=args.start, duration=args.duration,
                           warn=partial(warn, args.prog))
     print(tuned_text(tuned))
-    write_text(args.output, edited(args.params_file, tuned.changes()))
+    write_text(args.output, edited(args.params_file.paths[-1], tuned.changes()))
     read_settings(args.output)
     if args.json:
         write_json(args.json, tuned_document(tuned))

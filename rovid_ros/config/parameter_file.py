@@ -89,6 +89,64 @@ class Entry:
     line: int
 
 
+@dataclass(frozen=True)
+class ParameterSource:
+    """
+    Where the parameters of a command come from, merged as the node does.
+
+    Attributes
+    ----------
+    paths : tuple of Path
+        Parameter files; where two give a key, the later one wins.
+    overrides : tuple of str
+        ``key:=value`` with the value as in YAML; they win over all files.
+
+    """
+
+    paths: tuple[Path, ...] = ()
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def arguments(self) -> list[str]:
+        """Return the arguments of a command line that give it."""
+        return [*(word for path in self.paths for word in ('--params-file', str(path))),
+                *(word for rule in self.overrides for word in ('-p', rule))]
+
+    def values(self) -> dict[str, Any]:
+        """Return value by dotted name; raises ParameterFileError as :func:`load`."""
+        found: dict[str, Any] = {}
+        for path in self.paths:
+            found.update(load(path))
+        for rule in self.overrides:
+            found.update(override(rule))
+        return found
+
+    def place_of(self, key: str) -> str:
+        """Return where a key has its value from: file and line, the override, or the files."""
+        for rule in reversed(self.overrides):
+            if key in override(rule):
+                return f'-p {rule}'
+        for path in reversed(self.paths):
+            entry = read(path).get(key)
+            if entry:
+                return f'{path}:{entry.line}'
+        return ', '.join(map(str, self.paths))
+
+
+def override(rule: str) -> dict[str, Any]:
+    """Return name and value of ``key:=value``; raises ParameterFileError if it is none."""
+    name, separator, value = rule.partition(':=')
+    name = name.rpartition(':')[2]  # rcl takes the name of a node in front
+    if not (separator and name and value.strip()) or '\n' in rule:
+        raise ParameterFileError(f'-p {rule}: takes key:=value')
+    text = f'/**: {{{PARAMETERS}: {{{name}: {value}}}}}'
+    try:
+        section, = _Reader(Path('-p'), text).sections().values()
+    except ParameterFileError as error:
+        raise ParameterFileError(f'-p {rule}: {str(error).partition(": ")[2]}') from None
+    return {key: entry.value for key, entry in section.items()}
+
+
 def load(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dict[str, Any]:
     """
     Read the parameters of a node.
@@ -168,9 +226,10 @@ def _kind(event: yaml.Event) -> str:
 class _Reader:
     """Recursive descent through the events of the YAML parser, as rcl goes through them."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, text: str | None = None) -> None:
         self._path = path
-        self._parser: Iterator[yaml.Event] = yaml.parse(_text(path), Loader=yaml.SafeLoader)
+        self._parser: Iterator[yaml.Event] = yaml.parse(
+            _text(path) if text is None else text, Loader=yaml.SafeLoader)
         self._sections: dict[str, dict[str, Entry]] = {}
 
     def sections(self) -> dict[str, dict[str, Entry]]:

@@ -106,7 +106,9 @@ def test_the_topics_say_the_same(folder: Path) -> None:
         for i, (dof, found) in enumerate(dofs(folder).items()):
             assert data[i, i] == found['couplings'][f'{KAPPAS[dof][0]}{end}']
         assert sum(data.ravel() == data.ravel()) == 3  # the others are NaN
-    for status in last['/rov/estimate'].status:
+    *of_dofs, current = last['/rov/estimate'].status
+    assert current.name == 'current'
+    for status in of_dofs:
         values = {entry.key: entry.value for entry in status.values}
         name = KAPPAS[status.name][0]
         found = dofs(folder)[status.name]['couplings']

@@ -376,18 +376,19 @@ def test_a_signal_leaves_a_whole_file(
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_in_a_simulation_keeps_what_there_is(
         number: int, config: Path, tmp_path: Path, child: dict[str, str]) -> None:
-    output = tmp_path / 'out.mcap'
+    output, part = tmp_path / 'out.mcap', tmp_path / 'out.part.mcap'
     process = subprocess.Popen(
         command('simulate', '--params-file', config, '--output', output, '--duration', 1e6),
         env=child, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 60.0
-    while not output.exists() and time.monotonic() < deadline:
+    while not part.exists() and time.monotonic() < deadline:
         time.sleep(0.01)
     time.sleep(0.5)
     process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err.count('\n')) == (128 + number, '', 1)
-    with Log([output]) as log:
+    assert part.name in err
+    with Log([part]) as log:
         assert log.warnings == []
         assert len(list(log.messages(['/imu/data']))) > 10
 

@@ -15,6 +15,7 @@ from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.inputs import InputSettings, ThrusterSettings
 from rovid_core.settings.run import (
+    CurrentSettings,
     DofSettings,
     IdentifierSettings,
     Scales,
@@ -47,7 +48,8 @@ def configured(**changes: object) -> Settings:
         thrusters=ThrusterSettings(
             topics=('/thrusters',), type='t', field='f', gain=(1.0,) * 6,
             allocation=tuple(tuple(float(i == j) for j in range(6)) for i in range(6))),
-        identifier=IdentifierSettings(method='ekf'),
+        # DOFs by themselves
+        identifier=IdentifierSettings(method='ekf'), current=CurrentSettings(prior=0.0),
         simulation=SimulationSettings(dofs=TRUTH, coriolis=True, **rates))
     return replace(settings, **changes)
 

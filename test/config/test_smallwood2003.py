@@ -28,14 +28,16 @@ class PaperIdentifier(ScoreLog):
         self.theta = {d: [1 / x.mass, -x.quadratic_drag / x.mass, -x.linear_drag / x.mass,
                           -x.bias / x.mass] for d, x in settings.dof.items()}
 
-    def begin_run(self, dof: str, time: int, velocity: float) -> None:
+    def begin_run(self, dof: str, time: int, velocity: float,
+                  axis: tuple[float, ...] = ()) -> None:
         """Begin at a measured velocity."""
-        super().begin_run(dof, time, velocity)
+        super().begin_run(dof, time, velocity, axis)
         self.v_hat[dof] = velocity
 
-    def add_step(self, dof: str, span: tuple[int, int, int], step: Step) -> None:
+    def add_step(self, dof: str, span: tuple[int, int, int], step: Step,
+                 axes: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())) -> None:
         """Make a step."""
-        super().add_step(dof, span, step)
+        super().add_step(dof, span, step, axes)
         v_hat, theta = self.v_hat[dof], self.theta[dof]
         dv = v_hat - step.velocity[0]
         phi = [step.force[1], v_hat * abs(v_hat), v_hat, 1.0]

@@ -262,7 +262,8 @@ class ConfigurationCheck:
             self._kept.clear()
             self._count = 0
         before = self._count
-        for number in range(min(oldest), complete):
+        # not all numbers in between: a clock that is set at last jumps over thousands of millions
+        for number in [n for n in self._thrust.blocks if n < complete]:
             blocks = [m.blocks.pop(number, None) for m in used]
             if all(b is not None and b[0] > 0.999 for b in blocks) and any(
                     x != 0.0 for x in blocks[0][1]):  # type: ignore[index]

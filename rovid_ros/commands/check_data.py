@@ -168,9 +168,14 @@ class Observation:
 
     def __init__(self, settings: Settings, all_at_hand: bool = False) -> None:
         self.settings = settings
-        # of a whole log the method says most that looks for what a model lacks
-        self.stream = Stream(replace(settings, identifier=replace(
-            IdentifierSettings(), method=WATCHING[0])) if all_at_hand else settings)
+        if all_at_hand:
+            # of a whole log the method says most that looks for what a model lacks, which is a
+            # current where the configured one takes the water to be still
+            still = replace(settings.current, prior=0.0)
+            settings = replace(
+                settings, identifier=replace(IdentifierSettings(), method=WATCHING[0]),
+                current=settings.current if settings.estimates_current else still)
+        self.stream = Stream(settings)
         self.converter = Converter(settings, self.stream.reject)
         # by input and number of the topic
         self.samples: dict[tuple[str, int], SampleStatistics] = {

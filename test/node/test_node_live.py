@@ -180,7 +180,7 @@ def test_parameters_over_services(quiet: NodeProcess, peer: Peer) -> None:
     assert 'only while the node is unconfigured' in described.additional_constraints
     assert described.description
     request = SetParameters.Request(
-        parameters=[Parameter('time_jump', value=1.0).to_parameter_msg()])
+        parameters=[Parameter('time_jump', value=2.0).to_parameter_msg()])
     (result,) = peer.call(
         SetParameters, '/rov1/identifier_node/set_parameters', request).results
     assert not result.successful
@@ -429,7 +429,7 @@ def test_a_second_node_on_a_checkpoint_is_one_line(refused: Refused, tmp_path: P
 @pytest.mark.parametrize('text, expected', [
     ('/**: {ros__parameters: {dofs: [surge}', 'parameters.yaml'),
     ('/other: {ros__parameters: {dofs: [surge]}}', 'identifier_node'),
-    ('/**: {ros__parameters: {dofs: []}}', 'dofs'),
+    (yaml.safe_dump({'/**': {'ros__parameters': changed({'dofs': []})}}), 'dofs'),
 ])
 def test_a_wrong_file_is_one_line(text: str, expected: str, refused: Refused) -> None:
     code, line = refused.with_file(text)

@@ -58,8 +58,8 @@ def demo(folder: Path, duration: float = DURATION) -> None:
           'against the measured v\n   (mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / '
           'std(v)):\n')
     print(table(_scores(found.dofs, guess, player.scores)))
-    print(f'\nNext, your own vehicle: copy {_near(config)}, put in your topics,\n'
-          'thrusters and a guess of the mass, and run\n\n'
+    print('\nNext, your own vehicle, from a log of it:\n\n'
+          '   rovid init YOUR_LOG --output YOUR_FILE.yaml\n'
           '   rovid replay YOUR_LOG --params-file YOUR_FILE.yaml')
 
 

@@ -3,7 +3,7 @@
 PYTHON ?= python3
 ROS_DISTRO ?= kilted
 ARGS ?=
-WORKERS ?= 2
+WORKERS ?= 3
 
 PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
 METADATA := package.xml setup.py setup.cfg pyproject.toml
@@ -24,7 +24,7 @@ unexport RMW_IMPLEMENTATION
 help:
 	@echo 'make demo   simulate a vehicle and identify it; needs no ROS'
 	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
-	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest, WORKERS=2 at once'
+	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest, WORKERS=3 at once'
 	@echo 'make lint   linters and types only'
 	@echo 'make figures  every table of docs/measurements/, in about 45 minutes; ARGS="accuracy speed.step"'
 	@echo 'make picture  docs/report.png, the report of two simulated trials; needs Chromium'

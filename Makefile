@@ -9,24 +9,29 @@ PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_
 METADATA := package.xml setup.py setup.cfg pyproject.toml
 , := ,
 RUN := .venv
-TEST := .venv-$(ROS_DISTRO)
+TEST := .venv-$(ROS_DISTRO)$(if $(COMPILE),-compiled)
 RUN_READY := $(RUN)/ready-$(PYTHON_VERSION)
 TEST_READY := $(TEST)/ready-$(PYTHON_VERSION)
+# With COMPILE=1 the tests run beside the installed package, not the sources.
+TREE := $(TEST)/checkout
+SOURCES := $(shell find rovid_core rovid_ros -name '*.py')
 
 # The environments stand alone, whatever ROS installation this shell has sourced.
 unexport PYTHONPATH AMENT_PREFIX_PATH LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
-unexport RMW_IMPLEMENTATION
+unexport RMW_IMPLEMENTATION ROVID_COMPILE
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint figures picture browser clean
+.PHONY: help demo test lint figures bench picture browser clean
 
 help:
 	@echo 'make demo   simulate a vehicle and identify it; needs no ROS'
 	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
 	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest, WORKERS=3 at once'
+	@echo '            COMPILE=1: the same tests on an installation that mypyc has compiled'
 	@echo 'make lint   linters and types only'
 	@echo 'make figures  every table of docs/measurements/, in about 45 minutes; ARGS="accuracy speed.step"'
+	@echo 'make bench  those of docs/measurements/speed.md alone'
 	@echo 'make picture  docs/report.png, the report of two simulated trials; needs Chromium'
 	@echo 'make browser  Debian Chromium, for the tests that open the report (needs root)'
 	@echo 'make clean  remove what the other targets made'
@@ -35,8 +40,23 @@ help:
 demo: $(RUN_READY)
 	$(RUN)/bin/python -m rovid_ros.commands.demo
 
+ifeq ($(COMPILE),)
 test: lint
 	$(TEST)/bin/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
+else
+test: $(TEST)/compiled
+	rm -rf $(TREE)
+	mkdir $(TREE)
+	cp -r $(filter-out build rovid_core rovid_ros %.egg-info,$(wildcard *)) $(TREE)
+	ln -s $(addprefix ../lib/python$(PYTHON_VERSION)/site-packages/,rovid_core rovid_ros) $(TREE)
+	cd $(TREE) && ROVID_DATA=$${ROVID_DATA:-$(CURDIR)/../shared/data} \
+		../bin/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
+endif
+
+$(TEST)/compiled: $(TEST_READY) $(SOURCES)
+	ROVID_COMPILE=1 $(TEST)/bin/python -m pip install --quiet --disable-pip-version-check \
+		--no-deps --force-reinstall .
+	@touch '$@'
 
 # Types against kilted only: in jazzy most of rclpy has no annotations.
 lint: $(TEST_READY)
@@ -48,6 +68,9 @@ endif
 figures: $(TEST_READY)
 	$(TEST)/bin/python -m pip install --quiet --disable-pip-version-check -r benchmarks/requirements.txt
 	$(TEST)/bin/python -m benchmarks.figures $(ARGS)
+
+bench:
+	@$(MAKE) figures ARGS='$(or $(ARGS),speed)'
 
 picture: $(TEST_READY)
 	$(TEST)/bin/python -m benchmarks.report_picture $(ARGS)

@@ -2,20 +2,34 @@
 Installation by colcon (ament_python) and by pip.
 
 ``package.xml`` says name, version, description and license; they are read from there.
+With ``ROVID_COMPILE=1`` in the environment mypyc compiles the modules of ``compiled_modules``.
 """
 
 from glob import glob
+import os
 from pathlib import Path
+import shutil
+import sys
+import sysconfig
 from xml.etree import ElementTree
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
 
 ROS_PACKAGES = (
     'diagnostic-msgs', 'geometry-msgs', 'lifecycle-msgs', 'nav-msgs', 'rcl-interfaces',
     'rclpy', 'rmw-fastrtps-cpp', 'rosgraph-msgs', 'sensor-msgs', 'std-msgs', 'std-srvs',
 )
 PLOTLY = 'plotly>=5.15'  # draws the HTML report; Debian has it as python3-plotly, rosdep not
+DASK = 'distributed>=2022.2'  # rovid survey --scheduler
+PARQUET = 'pyarrow>=8.0'  # rovid survey --output TABLE.parquet
 PACKAGE = ElementTree.parse('package.xml').getroot()
+
+COMPILE = os.environ.get('ROVID_COMPILE', '') not in ('', '0')
+# Not on the way of a message, or not possible: mypyc compiles no exception, no class that inherits
+# the attributes of a Protocol, and what it compiles has no subclass that is interpreted.
+INTERPRETED = (
+    'identify/ekf/divergence.py', 'identify/method.py', 'pipeline/stream.py', 'settings/',
+    'simulation/', 'trials/')
 
 
 def ros_wheels(distro: str) -> list[str]:
@@ -27,6 +41,42 @@ def manifest(tag: str) -> str:
     """Return the text of an element of ``package.xml`` on one line."""
     return ' '.join(PACKAGE.findtext(tag, '').split())
 
+
+def compiled_modules() -> list[str]:
+    """Return the files that are compiled."""
+    return [path for path in sorted(glob('rovid_core/**/*.py', recursive=True))
+            if not path.startswith(tuple(f'rovid_core/{name}' for name in INTERPRETED))]
+
+
+def extensions() -> list[Extension]:
+    """Return what is to be compiled by this call of setup.py, nothing if it is not asked for."""
+    if not COMPILE or not {'bdist_wheel', 'build', 'build_ext', 'develop', 'editable_wheel',
+                           'install'} & set(sys.argv):
+        return []
+    if {'develop', 'editable_wheel'} & set(sys.argv):
+        sys.exit('ROVID_COMPILE=1: an installation that is edited in place cannot be compiled, '
+                 'for edits would have no effect; install without --editable, --symlink-install')
+    compiler = (os.environ.get('CC') or sysconfig.get_config_var('CC') or 'cc').split()[0]
+    if not shutil.which(compiler):
+        sys.exit(f'ROVID_COMPILE=1: there is no C compiler {compiler!r}; install one (Debian: '
+                 'gcc), or install without ROVID_COMPILE')
+    header = Path(sysconfig.get_path('include'), 'Python.h')
+    if not header.exists():
+        sys.exit(f'ROVID_COMPILE=1: there is no {header}; install the headers of Python (Debian: '
+                 'python3-dev), or install without ROVID_COMPILE')
+    try:
+        from mypyc.build import mypycify
+    except ImportError:
+        sys.exit(f'ROVID_COMPILE=1: {sys.executable} has no mypyc; pip install {COMPILERS[0]!r}')
+    modules = mypycify(compiled_modules(), opt_level='3', group_name='rovid')
+    for module in modules:
+        # a fused multiply-add would round otherwise than Python does; and a new warning of a
+        # compiler is no error
+        module.extra_compile_args += ['-ffp-contract=off', '-Wno-error']
+    return modules
+
+
+COMPILERS = ['mypy==2.4.*', 'numpy>=1.21']  # numpy for its types
 
 name = manifest('name')
 share = f'share/{name}'
@@ -52,6 +102,8 @@ setup(
         (f'{share}/config/examples', sorted(glob('config/examples/*.yaml'))),
         (f'{share}/launch', sorted(glob('launch/*.launch.py'))),
     ],
+    ext_modules=extensions(),
+    setup_requires=COMPILERS if COMPILE else [],
     python_requires='>=3.10',
     install_requires=[
         'lz4>=4.0', 'mcap>=1.5', 'numpy>=1.21', 'PyYAML>=6.0', 'rosbags>=0.10.9',
@@ -62,9 +114,11 @@ setup(
         'kilted': ros_wheels('kilted'),
         'jazzy': ros_wheels('jazzy'),
         'report': [PLOTLY],
+        'cluster': [DASK],
+        'parquet': [PARQUET],
         'test': [
             'colcon-common-extensions', 'colcon-ros', 'hypothesis', 'mypy==2.4.*', PLOTLY,
-            'pytest', 'pytest-xdist', 'ruff==0.17.*',
+            DASK, PARQUET, 'pytest', 'pytest-xdist', 'ruff==0.17.*',
             'setuptools<80',  # the last with the commands that colcon calls
             'scipy-stubs', 'types-PyYAML',
         ],

@@ -10,3 +10,9 @@ def __getattr__(name: str) -> str:
         return version('rovid_ros')
     except PackageNotFoundError:  # run from the source folder without an installation
         return 'unknown'
+
+
+def build() -> str:
+    """Return the version and how it was installed: ``(compiled)`` or ``(pure Python)``."""
+    from rovid_core import COMPILED
+    return f'{__getattr__("__version__")} ({"compiled" if COMPILED else "pure Python"})'

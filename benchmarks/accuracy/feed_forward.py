@@ -24,7 +24,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 import math
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,6 +39,7 @@ from rovid_ros.results.outputs import Outputs
 
 from benchmarks.accuracy.coupled_vehicles import configured, VEHICLES
 from benchmarks.markdown import table
+from test.support.outputs import message_of
 
 VEHICLE = 'as a BlueROV2, 17 to 24 kg'
 WANTED = {  # amplitude [m/s, rad/s] and frequency [Hz] of the sinusoids
@@ -126,17 +126,10 @@ def run(seed: int, kind: str, method: str, duration: float, feed_forward: bool
                 errors[dof].append(value[DOFS.index(dof)] - wanted(dof, time * 1e-9)[0])
         for estimate in stream.receive(Event(time, (Sample(name, value),))):
             message, = outputs.messages(estimate, ['rov/model'])
-            controller.model = model = Model.from_message(as_message(message.fields))
+            controller.model = model = Model.from_message(message_of(message))
             for dof in settings.dofs:
                 told[dof].append((time * 1e-9, model[dof].valid, off(model[dof], settings)))
     return {dof: summary(told[dof], errors[dof]) for dof in settings.dofs}
-
-
-def as_message(fields: Mapping[str, Any]) -> Any:
-    """Return an array's fields as its message has them."""
-    layout = fields['layout']
-    return SimpleNamespace(data=fields['data'], layout=SimpleNamespace(
-        dim=[SimpleNamespace(**dim) for dim in layout['dim']], data_offset=layout['data_offset']))
 
 
 def off(row: Any, settings: Settings) -> int:

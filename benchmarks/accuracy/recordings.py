@@ -43,6 +43,7 @@ class Models(NamedTuple):
 
     ekf: tuple[float, ...]
     offline: tuple[float, ...]
+    delay: float
     status: str
     reasons: tuple[str, ...]
 
@@ -55,7 +56,7 @@ def models(name: str, folder: Path, settings: Settings) -> dict[str, Models]:
         fit = METHODS['output_error'](
             scores.records(dof.dof), Scales.of(settings.dof[dof.dof]), settings)
         found[dof.dof] = Models(
-            (*dof.parameters, *dof.couplings), (*fit.parameters, *fit.couplings),
+            (*dof.parameters, *dof.couplings), (*fit.parameters, *fit.couplings), dof.delay,
             dof.judgement.status, dof.judgement.reasons)
     return found
 
@@ -77,9 +78,10 @@ def main() -> None:
             trained = list(pool.map(partial(models, folder=folder, settings=settings), names))
             judges = [replayed(folder, name, settings)[0] for name in names]
             for k, name in enumerate(names):
-                for dof, (ekf, offline, status, reasons) in trained[k].items():
-                    fits = np.array([[100.0 * judge.score(dof, parameters).fit
-                                      for parameters in (ekf, offline)] for judge in judges])
+                for dof, (ekf, offline, delay, status, reasons) in trained[k].items():
+                    fits = np.array([[100.0 * judge.score(dof, *model).fit
+                                      for model in ((ekf, delay), (offline,))]
+                                     for judge in judges])
                     others = np.delete(fits, k, axis=0)
                     rows.append((
                         f'{vehicle}, {Path(name).stem}', dof,

@@ -135,6 +135,10 @@ MUTANTS = [
          'a_closed_stderr_is_no_reason_to_stop',
          ('what cannot be told ends the command',
           '    except OSError:  # Python would', '    except MemoryError:  # Python would')),
+    *_of('rovid_ros/commands/running.py', 'test/robustness/test_hostile_files.py '
+         'no_file_is_opened_in_place_of_stdout_or_stderr',
+         ('a log is opened in place of stderr',
+          'os.O_RDWR)) <= 2:', 'os.O_RDWR)) <= 0:')),
     *_of('rovid_ros/commands/main.py', 'test/robustness/test_hostile_files.py '
          'ctrl_c_during_the_imports_is_one_line',
          ('Ctrl-C during the imports is a traceback',
@@ -159,14 +163,19 @@ MUTANTS = [
          ('a reset resets nothing',
           "        self._note('reset', '')\n        self._pipeline.reset()",
           "        self._note('reset', '')")),
+    *_of('rovid_core/pipeline/identification.py', 'test/core/test_pipeline.py '
+         'a_step_that_is_refused_is_none_and_says_so',
+         ('a step that is refused counts',
+          '            self._steps += 1', '            pass\n        self._steps += 1')),
     *_of('rovid_core/pipeline/steps.py', 'test/core/test_pipeline.py '
          'a_step_that_is_refused_is_none_and_says_so one_wild_fix_costs_one_step '
          'after_a_gap_filter_and_v_hat_restart_from_the_measurement '
+         'no_step_leads_over_a_gap_of_a_velocity_sensor '
          'slow_sampling_clamps_the_cutoff_and_says_so '
          'the_truth_scores_noise_against_the_pipe_and_nothing_against_a_reference '
          'six_dofs_from_fixes_depth_and_attitude_at_their_own_rates',
-         ('a step that is refused counts',
-          '            self._steps += 1', '            pass\n        self._steps += 1'),
+         ('a step leads over a gap',
+          'if last is not None and motion.time - last.time > source.timeout:', 'if False:'),
          ('a wild fix interrupts',
           "if reason != 'too_fast':", 'if True:'),
          ('the thrust is not filtered',
@@ -291,7 +300,12 @@ MUTANTS = [
           'until = self._newest - self._max_wait', 'until = self._newest - 9 * self._max_wait')),
     *_of('rovid_core/inputs/outlier_gate.py', 'test/core/test_outliers.py '
          'a_jump_is_followed_after_six echoes_that_do_not_agree_are_refused_as_long_as_they_come '
-         'a_sensor_that_turns_noisy_is_believed_again',
+         'outliers_that_do_not_follow_from_each_other_are_never_a_jump '
+         'outliers_teach_what_the_noise_has_become',
+         ('outliers need not follow from each other',
+          'if math.hypot(*innovation) <= self._allowed(outliers, dt):', 'if True:'),
+         ('outliers teach nothing',
+          'weight *= OUTLIER_WEIGHT', 'weight = 0.0'),
          ('a jump is followed after three',
           'FOLLOW_AFTER = 6', 'FOLLOW_AFTER = 3')),
     *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
@@ -341,10 +355,18 @@ MUTANTS = [
           '1.5 * math.sqrt(self.of_theta[-1][-1] * self.inflation)'),
          ('the deviations of the couplings are in other units',
           'self.unit[3] * math.sqrt(', 'math.sqrt(')),
-    *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
+    *_of('rovid_core/identify/ekf/score_blocks.py', 'test/core/test_ekf_honesty.py '
+         'the_variance_that_blocks_state_is_that_of_a_mean',
+         ('the covariance of the blocks is doubled',
+          'self.c @ (mixed + self.prior)', '2.0 * self.c @ (mixed + self.prior)'),
+         ('the covariance of the blocks is halved',
+          'self.c @ (mixed + self.prior)', '0.5 * self.c @ (mixed + self.prior)')),
+    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
          'what_changed_may_change_back',
          ('after a change losses do not count',
-          'self._changed_at > 0.0 if member', 'False if member'),
+          'self.changed_at > 0.0 if member', 'False if member')),
+    *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
+         'what_changed_may_change_back',
          ('a parameter near 0 stays there',
           'max(abs(p), abs(q))', 'abs(p)')),
     *_of('rovid_core/settings/run.py', 'test/core/test_pipeline.py '
@@ -363,7 +385,7 @@ MUTANTS = [
          ('degrees are radians',
           "unit = math.pi / 180.0 if settings.heading_unit == 'deg'", 'unit = 1.0 if True'),
          ('the latency is added',
-          'Event(time - source.latency', 'Event(time + source.latency'),
+          'time=time - source.latency', 'time=time + source.latency'),
          ('the offset of the depth is subtracted',
           'scale * float(value) + offset', 'scale * float(value) - offset'),
          ('what is not estimated is used',

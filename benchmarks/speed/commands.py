@@ -31,8 +31,10 @@ class Measured:
 
 def environment() -> dict[str, str]:
     """Return that of the commands: this project, and no more threads than one."""
-    return {**os.environ, 'OPENBLAS_NUM_THREADS': '1', 'PYTHONPATH': os.pathsep.join(
+    own = {**os.environ, 'OPENBLAS_NUM_THREADS': '1', 'PYTHONPATH': os.pathsep.join(
         filter(None, [str(ROOT), os.environ.get('PYTHONPATH', '')]))}
+    own.pop('PYTHONDONTWRITEBYTECODE', None)  # an installed command is not compiled every time
+    return own
 
 
 class Usage(NamedTuple):

@@ -25,8 +25,8 @@ from typing import Any
 
 import numpy as np
 from rovid_ros.config.parameter_file import load
+from rovid_ros.node.transport.message_types import import_type
 from rovid_ros.node.transport.publishers import latched, reliable
-from rovid_ros.node.transport.wire_encoding import import_type
 from rovid_ros.results.outputs import LATCHED, TOPICS
 
 from benchmarks.speed.commands import ratios

@@ -8,8 +8,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rovid_ros.node.__main__ import StopRequest
 from rovid_ros.node.process import read_files
+from rovid_ros.node.transport.message_types import import_type
 from rovid_ros.node.transport.publishers import best_effort, DEPTH, reliable
-from rovid_ros.node.transport.wire_encoding import import_type
 from std_msgs.msg import Float64MultiArray
 
 

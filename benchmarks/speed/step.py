@@ -16,7 +16,7 @@ from time import process_time
 
 import numpy as np
 from rovid_core.inputs.units_and_signs import UnsignedCommandCheck
-from rovid_core.pipeline.steps import Identification
+from rovid_core.pipeline.identification import Identification
 from rovid_core.settings.run import IdentifierSettings, Scales, Settings
 
 from benchmarks.accuracy.peers import (

@@ -35,7 +35,7 @@ TOPIC, INPUT = '/sharps/position', 'position'
 
 READ = 'rovid_ros/logs/log.py', 'Log.messages'
 SAMPLE = 'rovid_core/pipeline/steps.py', 'Pipeline.add_sample'
-WRITE = 'rovid_ros/results/outputs.py', 'Outputs.messages'
+WRITE = 'rovid_ros/commands/replay.py', '_Replay._write_topics'
 """Where the three parts of the route begin: file and function."""
 
 Call = tuple[str, str]

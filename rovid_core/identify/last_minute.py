@@ -57,7 +57,7 @@ class LastMinute:
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
-        self._size = np.array((*scales.regressor, *scales.coupling_regressor))
+        self._size = (*scales.regressor, *scales.coupling_regressor)
         self._end = math.nan  # filtered velocity at the end of the last step
         self._steps: list[tuple[float, float, float, tuple[float, ...]]] = []
         self._blocks: list[Block] = []
@@ -85,6 +85,7 @@ class LastMinute:
         self._steps, self._time = [], 0.0
         self._start = self._measured = velocity
         self._model = model
+        self._doubts: dict[bool, str] = {}  # of these blocks and this model
 
     @property
     def fit(self) -> float:
@@ -94,6 +95,11 @@ class LastMinute:
 
     def doubt(self, converged: bool) -> str:
         """Return why the model must not be used yet (or any more), '' if it may."""
+        if converged not in self._doubts:
+            self._doubts[converged] = self._doubt(converged)
+        return self._doubts[converged]
+
+    def _doubt(self, converged: bool) -> str:
         if len(self._blocks) < BLOCKS:
             return 'the model has not predicted a minute yet'
         error, acceleration = (
@@ -136,19 +142,17 @@ class LastMinute:
 
     def _block(self) -> Block:
         """Simulate the model over the block and return the sums of its errors."""
-        model = np.array(self._model)
         alpha, beta, gamma, delta = self._model[:4]
         force_scale, speed_scale = self._scales.force, self._scales.velocity
-        known = len(model)
-        k = known + len(CANDIDATES)
-        # derivatives of velocity and path with respect to path and velocity at the start, and to
-        # the accelerations
-        of_v, of_x = np.zeros(2 + k), np.zeros(2 + k)
-        of_v[1] = of_x[0] = 1.0
+        dead = DEAD_BAND * force_scale
+        k = len(self._size) + len(CANDIDATES)
+        # derivatives of velocity and path with respect to the velocity at the start, and to the
+        # accelerations; that of the path with respect to its own start is 1. There are so few
+        # that plain floats take half of the time that numpy needs
+        of_v, of_x = [1.0, *[0.0] * k], [0.0] * (1 + k)
         v, lagged = self._start, math.nan
         rows, errors, paths, regressors = [], [], [], []
         x = measured = acceleration = 0.0
-        phi = np.zeros(2 + k)
         for h, path, force, others in self._steps:
             half = 0.5 * h
             push = alpha * force + delta + sum(p * y for p, y in zip(self._model[4:], others))
@@ -161,23 +165,22 @@ class LastMinute:
             gone = -math.expm1(-h / LAG)
             late = (force - lagged) * gone * LAG / h
             lagged += gone * (force - lagged)
-            dead = DEAD_BAND * force_scale
-            phi[2:2 + known] = (force, drag, w, 1.0, *others)
-            phi[2:2 + known] *= self._size
-            phi[2 + known:] = (
+            phi = [y * size for y, size in zip((force, drag, w, 1.0, *others), self._size)]
+            phi += (
                 max(-dead, min(dead, force)) / force_scale, min(force, 0.0) / force_scale,
                 min(drag, 0.0) / speed_scale**2, late / force_scale)
-            mean = (of_v + half * phi) / (1.0 - half * (2.0 * beta * abs(w) + gamma))
-            of_x = of_x + h * mean
-            of_v = 2.0 * mean - of_v
+            rest = 1.0 - half * (2.0 * beta * abs(w) + gamma)
+            mean = [(y + half * z) / rest for y, z in zip(of_v, (0.0, *phi))]
+            of_x = [y + h * z for y, z in zip(of_x, mean)]
+            of_v = [2.0 * z - y for y, z in zip(of_v, mean)]
             x += h * w
             acceleration += (2.0 * (w - v) / h) ** 2
             v = 2.0 * w - v
             measured += path
-            rows.append(of_x)
+            rows.append((1.0, *of_x))
             errors.append(measured - x)
             paths.append(measured)
-            regressors.append(phi[2:].copy())
+            regressors.append(phi)
         table, error, way = np.array(rows), np.array(errors), np.array(paths)
         starts, _ = np.linalg.qr(table[:, :2])
         table = table[:, 2:] - starts @ (starts.T @ table[:, 2:])

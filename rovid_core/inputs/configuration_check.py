@@ -171,6 +171,8 @@ class ConfigurationCheck:
     ----------
     active : bool
         Whether more data are wanted.
+    linear : str
+        The input that measures surge and sway, for which the heading is needed.
 
     """
 
@@ -191,9 +193,10 @@ class ConfigurationCheck:
             self._axes_of[linear] = {'surge': 0, 'sway': 1, 'heave': 2}
         self._means = {name: BlockMeans(5 if name == linear else 3)
                        for name in self._axes_of if name}
-        self._linear = linear
+        self.linear = linear
         self.active = True
         self._names: tuple[str, ...] = ()
+        self._looked_up_to = -1  # the first block that was not complete when all were looked at
         self._kept: dict[int, Array] = {}
         self._count = self._looks = 0
         self._thrust = BlockMeans(thrusters.count)
@@ -220,26 +223,30 @@ class ConfigurationCheck:
         self._thrust.add(last[0], time, held)
 
     def add_motion(self, input: str, motion: Motion, heading: float | None) -> None:
-        """Add what an input measured; the heading [rad] where a position needed one."""
+        """Add what an input measured; the heading [rad] where it is known, of ``linear``."""
         means = self._means.get(input)
         if means is None:
             return
         body: tuple[float, ...] = motion.body
-        if input == self._linear:
+        if input == self.linear:
             u, v = body[:2]
             c, s = (1.0, 0.0) if heading is None else (
                 math.cos(2.0 * heading), math.sin(2.0 * heading))
             body = (*body, c * u - s * v, s * u + c * v)
-        if motion.start < motion.end:
-            means.add(motion.start, motion.end, body)
+        if not means.end:
+            self._looked_up_to = -1
+        start = motion.start
+        if start < motion.end:
+            means.add(start, motion.end, body)
         else:
             before = self._points.get(input)
             self._points[input] = motion.time, body
             longest = round(self._settings.timeout_of(input) / NS)
             if before and 0 < motion.time - before[0] <= longest:
-                means.add(before[0], motion.time,
+                start = before[0]
+                means.add(start, motion.time,
                           [0.5 * (a + b) for a, b in zip(before[1], body)])
-        if self._collect() and self._count >= LOOKS[self._looks]:
+        if self._collect(start) and self._count >= LOOKS[self._looks]:
             self._looks += 1
             last = self._looks == len(LOOKS)
             self.look(more=not last)
@@ -247,13 +254,24 @@ class ConfigurationCheck:
                 self.active = False
                 self._kept.clear()
 
-    def _collect(self) -> bool:
-        """Keep the blocks that are complete; return whether one came."""
-        names = tuple(name for name, m in self._means.items() if m.end)
-        if not names:
+    def _collect(self, start: int) -> bool:
+        """
+        Keep the blocks that are complete; return whether one came.
+
+        What was added since the last time begins at ``start`` [ns] or is of commands.
+        """
+        heard = [one for one in self._means.items() if one[1].end]
+        if not heard:
             return False
-        used = [self._thrust, *(self._means[name] for name in names)]
-        complete = min(m.end for m in used) // BLOCK
+        used = [self._thrust, *[m for _, m in heard]]
+        known = self._thrust.end
+        for _, m in heard:
+            known = min(known, m.end)
+        complete = known // BLOCK
+        if complete == self._looked_up_to and start >= complete * BLOCK:
+            return False  # as most times
+        self._looked_up_to = complete
+        names = tuple([name for name, _ in heard])
         oldest = [next(iter(m.blocks), complete) for m in used]
         if min(oldest) >= complete:
             return False
@@ -337,7 +355,7 @@ class ConfigurationCheck:
         for name in self._names:
             for axis, i in self._axes_of[name].items():
                 rows.velocity[axis] = both[n + i]
-            if name == self._linear:
+            if name == self.linear:
                 rows.mirrored = {'surge': both[n + 3], 'sway': both[n + 4]}
             n += self._means[name].width
         return rows
@@ -348,7 +366,7 @@ class ConfigurationCheck:
                   if np.any(self._allocation[DOFS.index(axis)] != 0.0)]
         turned = tuple(axis for axis in pushed if axis != 'surge' and not (
             axis == 'heave' and self._settings.depth.topic))  # depth has its own sign
-        has_heading = bool(rows.mirrored) and self._linear == 'position'
+        has_heading = bool(rows.mirrored) and self.linear == 'position'
         is_ = self._allocation
         for axis in pushed:
             yield Mistake(self._row_advice(axis), self._with_signs([axis]))

@@ -356,11 +356,15 @@ class TypicalSizeCheck:
 
     def add_step(self, step: Step) -> None:
         """Add a step."""
-        self.duration += step.dt
-        for i, x in enumerate((step.force[1], step.velocity[1])):
-            square = x * x
-            self._squares[i] += square * step.dt
-            self._fourths[i] += square * square * step.dt
+        dt, force, velocity = step.dt, step.force[1], step.velocity[1]
+        self.duration += dt
+        squares, fourths = self._squares, self._fourths
+        square = force * force
+        squares[0] += square * dt
+        fourths[0] += square * square * dt
+        square = velocity * velocity
+        squares[1] += square * dt
+        fourths[1] += square * square * dt
 
     def advice(self) -> list[str]:
         """Return the keys that are far off, each with what it could be."""

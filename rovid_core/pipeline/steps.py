@@ -3,29 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 import math
 from typing import cast, Protocol
 
-from rovid_core.identify import make_identifier, retuned_identifier
-from rovid_core.identify.estimate import Current, DofEstimate, Estimate
-from rovid_core.identify.method import Identifier
-from rovid_core.identify.status import DofStatus, Judgement
+from rovid_core.identify.estimate import Current, Estimate
 from rovid_core.inputs.configuration_check import ConfigurationCheck
 from rovid_core.inputs.stuck_sensor import InputCheck, RESTARTS
-from rovid_core.inputs.units_and_signs import (
-    LONG,
-    SHORT,
-    TypicalSizeCheck,
-    UnsignedCommandCheck,
-)
+from rovid_core.inputs.units_and_signs import LONG, SHORT
 from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.model.lowpass import LowPass
-from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Motion, Sample, Step
 from rovid_core.ordering.cadence import Cadence
+from rovid_core.pipeline.identification import Identification
 from rovid_core.pipeline.planar_steps import PlanarSteps
-from rovid_core.settings.run import Scales, Settings
+from rovid_core.settings.run import Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.velocity.attitude_history import normalised, rotate, SharedMotion
@@ -317,7 +308,8 @@ class Pipeline:
         if self._couplings is not None:
             self._couplings.add_velocity(input, motion)
         if self._configuration.active:
-            self._configuration.add_motion(input, motion, self._shared.heading(motion.time))
+            self._configuration.add_motion(input, motion, self._shared.heading(
+                motion.time) if input == self._configuration.linear else None)
 
     def _planar_of(self, source: FilteredSource) -> PlanarSteps | None:
         """Return what takes the steps of surge and sway of a source together, if they are."""
@@ -397,33 +389,31 @@ class Pipeline:
             watched = self._couplings.as_known(
                 source.watched, *((last.start, last.end) if interval else (begin, time)))
         planar, steps = self._planar_of(source), []
+        path_noise, turn, none = motion.path_noise, motion.turn, len(source.couplings) == 0
         for j in range(len(source.indices)):
             v, w, f, p, q = before[j], after[j], forces[j], first[j], second[j]
-            step = Step(
-                dt=dt,
-                velocity=(v, 0.5 * (v + w), w),
-                force=(f, f, f),
-                mean=motion.velocity[j],
-                interval=interval,
-                parts=(lead, rest),
-                forces=((q - p) / lead if lead > 0.0 else 0.0,
-                        (third[j] - q) / rest if rest > 0.0 else 0.0),
-                turn=motion.turn,
-                path_noise=motion.path_noise[j] if motion.path_noise else 0.0,
-                couplings=tuple([couplings[k] for k in source.coupling_indices[j]]),
-                filtered_couplings=tuple([filtered[k] for k in source.coupling_indices[j]]),
-                pieces=pieces[j] if pieces else (),
-                watched=tuple([watched[k] for k in source.watched_indices[j]]))
-            steps.append(step)
+            # in the order of the fields: by their names it would take three times as long
+            steps.append(Step(
+                dt, (v, 0.5 * (v + w), w), (f, f, f), motion.velocity[j], interval, (lead, rest),
+                ((q - p) / lead if lead > 0.0 else 0.0,
+                 (third[j] - q) / rest if rest > 0.0 else 0.0),
+                turn,
+                path_noise[j] if path_noise else 0.0,
+                () if none else tuple([couplings[k] for k in source.coupling_indices[j]]),
+                () if none else tuple([filtered[k] for k in source.coupling_indices[j]]),
+                pieces[j] if pieces else (),
+                tuple([watched[k] for k in source.watched_indices[j]]) if watched else ()))
         if planar is not None:
             planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
             self._tell_current(time)
+        delay = source.velocity.delay
         for i, step in zip(source.indices, steps):
-            self.dofs[i].add_step(time, step, self.adapt, source.velocity.delay)
+            self.dofs[i].add_step(time, step, self.adapt, delay)
             if self._scorer is not None:
                 dof = self._settings.dofs[i]
-                self._scorer.add_step(
-                    dof, span, step, (self._axis(dof, middle), self._axis(dof, time)))
+                self._scorer.add_step(dof, span, step, (
+                    self._axis(dof, middle), self._axis(dof, time)
+                    ) if self._sees_current else ((), ()))
         source.last = motion
         source.warn_if_clamped()
         self._compare_sizes(LONG)
@@ -570,141 +560,3 @@ class FilteredSource(VelocitySource):
             self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.input}, and '
                        'clamped to that')
             self._warn = None
-
-
-class Identification:
-    """
-    Identify one DOF from its steps.
-
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    i : int
-        Number of the DOF in ``settings.dofs``.
-    unsigned : UnsignedCommandCheck
-        Gets the velocity of every step.
-    reject : callable
-        Called with the DOF and the reason for every step that is refused.
-    identifier : Identifier, optional
-        The method, where it is not the configured one for this DOF alone.
-
-    Attributes
-    ----------
-    identifier : Identifier
-        The method.
-    sizes : TypicalSizeCheck
-        What its force and velocity are in fact.
-    estimate : DofEstimate
-        The last one.
-
-    """
-
-    def __init__(self, settings: Settings, i: int, unsigned: UnsignedCommandCheck,
-                 reject: Callable[[str, str], None],
-                 identifier: Identifier | None = None) -> None:
-        self._name = name = settings.dofs[i]
-        dof, method = settings.dof[name], settings.identifier
-        self._i = i
-        self.identifier = identifier or make_identifier(
-            method, dof, settings.raw_gains(name), settings.watched(name))
-        # a method may leave couplings out, and raw gains have their own adaptation time
-        scales = replace(Scales.of(dof), couplings=settings.couplings(name))
-        self._status = DofStatus(scales, getattr(
-            self.identifier, 'adaptation_time', method.adaptation_time))
-        self.sizes = TypicalSizeCheck(name, dof)
-        self._unsigned = unsigned
-        self._reject = reject
-        true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
-        self._truth = None if true is None else lumped(
-            true.mass, true.quadratic_drag, true.linear_drag, true.bias)
-        self._largest_age = round(settings.largest_age(name) / NS)
-        self.refresh()
-
-    def change(self, settings: Settings, gains_change: bool) -> None:
-        """Use other timeouts, and from the next step on other gains; the parameters stay."""
-        self._largest_age = round(settings.largest_age(self._name) / NS)
-        if not gains_change:
-            return
-        method = settings.identifier
-        self.identifier = retuned_identifier(
-            self.identifier, method, settings.dof[self._name], settings.raw_gains(self._name))
-        self._status.retune(getattr(self.identifier, 'adaptation_time', method.adaptation_time))
-
-    def at(self, now: int, silent: bool = False) -> DofEstimate:
-        """
-        Return the estimate at an event time [ns], stale if its last step is too long ago.
-
-        It is stale at once if it is ``silent``: an input without which there is no step has been
-        so for its timeout, or the histories were started anew.
-        """
-        estimate = self.estimate
-        age = now - estimate.time
-        if -self._largest_age <= age <= self._largest_age and not (silent or self._interrupted):
-            return estimate
-        if estimate.judgement.status == 'waiting':  # for its first step
-            return estimate
-        nan = math.nan
-        return estimate._replace(stale_for=max(age, 1) * NS if age >= 0 else math.inf,
-                                 velocity=nan, v_hat=nan, force=nan, W=nan)
-
-    def interrupt(self) -> None:
-        """Have no present velocity until the next step; the parameters stay."""
-        self._interrupted = True
-
-    def refresh(self) -> None:
-        """Let the estimate say what the identifier holds by now, without a step."""
-        self._status.reset()
-        self._steps = 0
-        self._interrupted = False
-        identifier = self.identifier
-        self.estimate = DofEstimate(
-            dof=self._name, parameters=identifier.parameters, uncertainty=identifier.uncertainty,
-            judgement=Judgement('waiting', ('no step yet',)), delay=identifier.delay,
-            couplings=identifier.couplings)
-
-    def judgement(self) -> Judgement:
-        """Return the judgement over all of the data, not that of the last step."""
-        now = self.estimate.judgement
-        return now if now.status in ('waiting', 'frozen') else self._status.of_all
-
-    def verdict(self) -> str:
-        """Return what all data leave open, '' if nothing."""
-        return self._status.verdict()
-
-    def add_step(self, time: int, step: Step, adapt: bool, delay: float) -> None:
-        """
-        Add a step that ends at ``time`` [ns]; without ``adapt`` the parameters stay.
-
-        ``delay`` [s] is that of the low-pass behind which the velocity is.
-        """
-        identifier = self.identifier
-        refused = identifier.step(step, adapt)
-        if refused:
-            self._reject(self._name, refused)
-        else:
-            self._steps += 1
-        self._interrupted = False
-        judgement = self._status.update(identifier, step, refused, adapt)
-        velocity, v_hat = step.velocity[2], identifier.v_hat
-        self.sizes.add_step(step)
-        self._unsigned.add_velocity(self._i, velocity)
-        self.estimate = DofEstimate(
-            dof=self._name,
-            parameters=identifier.parameters,
-            uncertainty=identifier.uncertainty,
-            judgement=judgement,
-            time=time,
-            steps=self._steps,
-            velocity=velocity,
-            # NaN after a divergence: it goes on from what is measured
-            v_hat=velocity if v_hat != v_hat else v_hat,
-            force=step.force[1],
-            excitation=identifier.excitation,
-            W=math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth),
-            delay=identifier.delay,
-            couplings=identifier.couplings,
-            settled=self._status.settled,
-            fit=self._status.fit,
-            velocity_delay=delay,
-            v_hat_delay=delay if identifier.filtered else 0.0)

@@ -82,6 +82,7 @@ class Fit:
     # of a method that identifies them, with their standard deviations
     couplings: tuple[float, ...] = ()
     couplings_std: tuple[float, ...] = ()
+    delay: float = 0.0  # of the thrust [s], of a method that identifies it
 
     @property
     def std(self) -> Four:

@@ -231,12 +231,13 @@ class ScoreLog:
             forces += run.mean_forces().tolist()
         return times, velocities, forces
 
-    def predicted(self, dof: str, parameters: Sequence[float]) -> list[float]:
+    def predicted(self, dof: str, parameters: Sequence[float],
+                  delay: float = 0.0) -> list[float]:
         """Return the velocity of a model at every step, filtered like the measured one."""
         return [v for run in self.runs[dof]
-                for found, _ in run.as_measured(parameters) for v in found.tolist()]
+                for found, _ in run.as_measured(parameters, delay=delay) for v in found.tolist()]
 
-    def score(self, dof: str, parameters: Sequence[float]) -> Score:
+    def score(self, dof: str, parameters: Sequence[float], delay: float = 0.0) -> Score:
         """
         Return the score of a model on all steps.
 
@@ -247,11 +248,14 @@ class ScoreLog:
         parameters : sequence of floats
             alpha, beta, gamma, delta and the couplings, if the model has them. Their
             regressors are the measured ones.
+        delay : float
+            Of the thrust, as the method found it [s]; NaN where it finds none.
 
         """
-        return self._score(dof, parameters)
+        return self._score(dof, parameters, delay)
 
-    def score_joint(self, models: Mapping[str, Sequence[float]]) -> dict[str, Score]:
+    def score_joint(self, models: Mapping[str, Sequence[float]],
+                    delays: Mapping[str, float] | None = None) -> dict[str, Score]:
         """
         Return the scores of models that are simulated together, of those DOFs with couplings.
 
@@ -259,6 +263,8 @@ class ScoreLog:
         ----------
         models : mapping
             By DOF, as in ``score``. The velocities of the others are as measured.
+        delays : mapping, optional
+            By DOF, as in ``score``.
 
         """
         coupled = [dof for dof in models if len(models[dof]) > 4]
@@ -267,15 +273,18 @@ class ScoreLog:
         dofs = list(models)
         joint = JointModel(dofs, list(models.values()), [self._couplings[dof] for dof in dofs])
         found = [SpillingTable(1, 1, self._block) for _ in dofs]
-        for i, velocity in joint.simulate([self._segments(dof) for dof in dofs]):
+        late = delays or {}
+        for i, velocity in joint.simulate(
+                [self._segments(dof, late.get(dof, 0.0)) for dof in dofs]):
             found[i].append((0,), (velocity,))
-        return {dof: self._score(dof, models[dof], found[dofs.index(dof)]) for dof in coupled}
+        return {dof: self._score(dof, models[dof], simulated=found[dofs.index(dof)])
+                for dof in coupled}
 
-    def _segments(self, dof: str) -> Iterator[ForceSegment]:
+    def _segments(self, dof: str, delay: float) -> Iterator[ForceSegment]:
         for run in self.runs[dof]:
-            yield from run.segments()
+            yield from run.segments(delay)
 
-    def _score(self, dof: str, parameters: Sequence[float],
+    def _score(self, dof: str, parameters: Sequence[float], delay: float = 0.0,
                simulated: SpillingTable | None = None) -> Score:
         """Return the score of a model, or of velocities at the nodes of all runs."""
         total = _ScoreSum(self._block)
@@ -283,10 +292,10 @@ class ScoreLog:
         known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
         for run in self.runs[dof]:
             if not known:
-                for pair in run.as_measured(parameters, simulated):
+                for pair in run.as_measured(parameters, simulated, delay):
                     total.add(*pair)
                 continue
-            for part in run.predicted(parameters, simulated):
+            for part in run.predicted(parameters, simulated, delay):
                 for times, values in self._all_references():
                     there = ~np.isnan(values[:, column])
                     total.add(*run.at(part, times[there, 0], values[there, column]))
@@ -384,9 +393,9 @@ class ScoredRun:
     def _has_current(self) -> bool:
         return self.water is not None and not self.water.is_still
 
-    def _parts(self) -> Iterator[tuple[Times, Array, Array]]:
+    def _parts(self, delay: float = 0.0) -> Iterator[tuple[Times, Array, Array]]:
         """
-        Yield the table, a block of steps at a time.
+        Yield the table, with the thrust as much later, a block of steps at a time.
 
         That is the times of the start, and of the middle and end of every step [ns]; its rows,
         with couplings relative to the water; and the velocity of the water at these times [m/s].
@@ -395,7 +404,10 @@ class ScoredRun:
         last = np.zeros(1)
         if self.water is not None and self._has_current:
             last = self.water.along(np.array([start]), np.array([self.axis]))
-        for times, values in self.table.blocks(self.first, self.first + self.count):
+        blocks = self.table.blocks(self.first, self.first + self.count)
+        if delay and math.isfinite(delay):
+            blocks = _delayed(blocks, start, delay)
+        for times, values in blocks:
             nodes = _nodes(start, times)
             water = np.zeros(len(nodes))
             if self.water is not None and self._has_current:
@@ -405,10 +417,10 @@ class ScoredRun:
             yield nodes, values, water
             start, last = int(nodes[-1]), water[-1:]
 
-    def segments(self) -> Iterator[ForceSegment]:
+    def segments(self, delay: float = 0.0) -> Iterator[ForceSegment]:
         """Yield the two parts of each step through the water, after the begin of the run."""
         begun, count = False, 2 * len(self.couplings)
-        for nodes, values, water in self._parts():
+        for nodes, values, water in self._parts(delay):
             if not begun:
                 yield ForceSegment(self.start, begins=self.velocity - float(water[0]))
             begun = True
@@ -425,19 +437,20 @@ class ScoredRun:
         dt = np.diff(_nodes(self.start, times.T)).reshape(-1, 2)
         return np.asarray((dt * values[:2].T).sum(axis=1) / dt.sum(axis=1))
 
-    def predicted(self, parameters: Sequence[float], simulated: SpillingTable | None = None
-                  ) -> Iterator[Predicted]:
+    def predicted(self, parameters: Sequence[float], simulated: SpillingTable | None = None,
+                  delay: float = 0.0) -> Iterator[Predicted]:
         """
         Yield the prediction of a model, a block of steps at a time.
 
-        ``simulated`` has it already: two values per step of all runs.
+        ``simulated`` has it already: two values per step of all runs. ``delay`` [s] is that of
+        the thrust.
         """
         first, left = self.first, self.count
         velocity: float | None = None  # through the water
         if not left:
             yield Predicted(
                 np.array([self.start]), np.array([self.velocity]), np.empty(0), True)
-        for nodes, values, water in self._parts():
+        for nodes, values, water in self._parts(delay):
             left -= len(values)
             if velocity is None:
                 velocity = self.velocity - float(water[0])
@@ -452,8 +465,8 @@ class ScoredRun:
             yield Predicted(nodes, found + water, values[:, 2], left == 0)
             velocity = float(found[-1])
 
-    def as_measured(self, parameters: Sequence[float], simulated: SpillingTable | None = None
-                    ) -> Iterator[tuple[Array, Array]]:
+    def as_measured(self, parameters: Sequence[float], simulated: SpillingTable | None = None,
+                    delay: float = 0.0) -> Iterator[tuple[Array, Array]]:
         """
         Yield predicted and measured velocity at the ends of the steps, both filtered.
 
@@ -461,7 +474,7 @@ class ScoredRun:
         """
         time, velocity, done = self.start, self.velocity, 0
         part: Predicted | None = None
-        for new in self.predicted(parameters, simulated):
+        for new in self.predicted(parameters, simulated, delay):
             part = new if part is None else _prepend_last(part, new)
             middle, end = part.velocity[1::2], part.velocity[2::2]
             means = end.copy()
@@ -495,6 +508,39 @@ class ScoredRun:
         # relative to the start: absolute times have too many digits for a float
         return np.interp(times[inside] - self.start, own - self.start, part.velocity), \
             values[inside]
+
+
+def _delayed(blocks: Iterator[tuple[Times, Array]], start: int,
+             delay: float) -> Iterator[tuple[Times, Array]]:
+    """
+    Yield the rows of a run with the mean forces that act a delay [s] later.
+
+    Before and after the run the force is taken as held. A delay is shorter than a block.
+    """
+    shift, before = round(delay / NS), None
+    now = next(blocks, None)
+    while now is not None:
+        after = next(blocks, None)
+        around = [block for block in (before, now, after) if block is not None]
+        first = start if before is None else int(before[0][0, 0])
+        # from the first middle of the block before, or from the start of the run
+        nodes = _nodes(first, np.concatenate([times for times, _ in around]))
+        forces = np.concatenate([values[:, :2] for _, values in around]).ravel()
+        if before is not None:
+            nodes, forces = nodes[1:], forces[1:]
+        own = _nodes(start, now[0])
+        held = abs(shift) + 1
+        nodes = np.concatenate([[nodes[0] - held], nodes, [nodes[-1] + held]])
+        forces = np.concatenate([forces[:1], forces, forces[-1:]])
+        impulse = np.concatenate([[0.0], np.cumsum(forces * np.diff(nodes) * NS)])
+        # relative to the start: absolute times have too many digits for a float
+        felt = np.diff(np.interp(own - shift - nodes[0], nodes - nodes[0], impulse))
+        length = np.diff(own) * NS
+        values = now[1].copy()
+        values[:, :2] = np.where(
+            length > 0.0, felt / np.where(length > 0.0, length, 1.0), 0.0).reshape(-1, 2)
+        yield now[0], values
+        start, before, now = int(own[-1]), now, after
 
 
 def _nodes(start: int, times: Times) -> Times:

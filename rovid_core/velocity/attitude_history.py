@@ -62,6 +62,7 @@ class AttitudeHistory:
         """Forget all attitudes."""
         self._times: list[int] = []
         self._values: list[Quaternion] = []
+        self._rotations: list[Vector | None] = []  # to each from the one before, where known
         self._rotation: Vector = (0.0, 0.0, 0.0)  # between the last two attitudes
         self.noise_density = 0.0
 
@@ -82,7 +83,7 @@ class AttitudeHistory:
         times = self._times
         if len(times) > 1024:
             cut = max(bisect_left(times, time - self._memory), len(times) - MAX_KEPT)
-            del times[:cut], self._values[:cut]
+            del times[:cut], self._values[:cut], self._rotations[:cut]
         # a gap says nothing about the noise
         if self.needs_noise and times and 0 < time - times[-1] <= self._timeout:
             rotation = rotation or rotation_between(self._values[-1], q)
@@ -93,10 +94,11 @@ class AttitudeHistory:
                 SHARE if self.noise_density else 1.0)
         times.append(time)
         self._values.append(q)
+        self._rotations.append(rotation)
 
     def restart_from(self, time: int, q: Quaternion) -> None:
         """Add an attitude that has jumped: between the last one and it nothing is known."""
-        del self._times[:], self._values[:]
+        del self._times[:], self._values[:], self._rotations[:]
         self.add_sample(time, q)
 
     def missing(self, time: int) -> str:
@@ -122,8 +124,10 @@ class AttitudeHistory:
         if self._times[i] == time:
             return self._values[i]
         before, after = self._times[i - 1], self._times[i]
-        return between(
-            self._values[i - 1], self._values[i], (time - before) / (after - before))
+        start, rotation = self._values[i - 1], self._rotations[i]
+        if rotation is None:
+            rotation = self._rotations[i] = rotation_between(start, self._values[i])
+        return turned(start, rotation, (time - before) / (after - before))
 
 
 class SharedMotion:
@@ -273,7 +277,12 @@ def rotation_between(p: Quaternion, q: Quaternion) -> Vector:
 
 def between(p: Quaternion, q: Quaternion, fraction: float) -> Quaternion:
     """Return the attitude ``fraction`` of the way from ``p`` to ``q`` (slerp)."""
-    rx, ry, rz = rotation_between(p, q)
+    return turned(p, rotation_between(p, q), fraction)
+
+
+def turned(p: Quaternion, rotation: Vector, fraction: float) -> Quaternion:
+    """Return ``p`` turned on by a ``fraction`` of a rotation vector [rad] in body axes."""
+    rx, ry, rz = rotation
     angle = math.sqrt(rx * rx + ry * ry + rz * rz)
     if angle < 1e-12:
         return p

@@ -12,7 +12,7 @@ is independent of that of the other.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from typing import NamedTuple
 
 from rovid_core.model.dofs import HEADING, RESTORING, Vector
 from rovid_core.model.samples import Motion
@@ -83,16 +83,42 @@ class MeanVelocities:
 
     def mean(self, start: int, end: int) -> Vector:
         """Return the mean over a span [ns], longer than 0, for which ``missing`` is ''."""
-        total = [0.0, 0.0, 0.0]
+        x = y = z = 0.0
         for a, b, velocity in reversed(self._means):
             if a >= end:
                 continue
             share = (min(b, end) - max(a, start)) / (end - start)
-            for k in range(3):
-                total[k] += share * velocity[k]
+            x += share * velocity[0]
+            y += share * velocity[1]
+            z += share * velocity[2]
             if a <= start:
                 break
-        return (total[0], total[1], total[2])
+        return (x, y, z)
+
+
+class Needed(NamedTuple):
+    """
+    What some regressors are made of.
+
+    Attributes
+    ----------
+    linear, rates : bool
+        Whether linear velocities, and angular ones that are measured.
+    attitude, turns : bool
+        Whether attitudes, and angular velocities made of them.
+    points : bool
+        Whether the attitude itself.
+    early : tuple of str
+        Those that need no linear velocity.
+
+    """
+
+    linear: bool
+    rates: bool
+    attitude: bool
+    turns: bool
+    points: bool
+    early: tuple[str, ...]
 
 
 class CouplingRegressors:
@@ -120,6 +146,7 @@ class CouplingRegressors:
         self.inputs = (self._linear_input if letters & set(LINEAR) else '',
                        self._rates_input if letters & set(ANGULAR) else '')
         self._linear, self._rates = MeanVelocities(), MeanVelocities()
+        self._known_needs: dict[tuple[str, ...], Needed] = {}
         self.change(settings)
 
     def change(self, settings: Settings) -> None:
@@ -148,22 +175,27 @@ class CouplingRegressors:
 
     def missing(self, names: tuple[str, ...], start: int, end: int) -> str:
         """Return '' if they are known over a span [ns], 'later' if they may become so."""
-        found = ''
-        for needed, missing in self._needed(names):
-            if needed and not found:
-                found = missing(start, end)
+        needed = self._needed(names)
+        found = self._linear.missing(start, end) if needed.linear else ''
+        if not found and needed.rates:
+            found = self._rates.missing(start, end)
+        if not found and needed.attitude:
+            found = self._missing_attitude(start, end)
         return 'no_coupling' if found == 'no_attitude' else found
 
-    def _needed(self, names: tuple[str, ...]
-                ) -> tuple[tuple[bool, Callable[[int, int], str]], ...]:
-        letters = ''.join([name for name in names if name not in OF_ATTITUDE])
-        turns = any(x in ANGULAR for x in letters)
-        by_attitude = self._rates_input == 'attitude'
-        return (
-            (any(x in LINEAR for x in letters), self._linear.missing),
-            (turns and not by_attitude, self._rates.missing),
-            (turns and by_attitude or any(name in OF_ATTITUDE for name in names),
-             self._missing_attitude))
+    def _needed(self, names: tuple[str, ...]) -> Needed:
+        known = self._known_needs.get(names)
+        if known is None:
+            letters = set(''.join([name for name in names if name not in OF_ATTITUDE]))
+            turns = bool(letters & set(ANGULAR))
+            by_attitude = turns and self._rates_input == 'attitude'
+            points = any(name in OF_ATTITUDE for name in names)
+            known = self._known_needs[names] = Needed(
+                bool(letters & set(LINEAR)), turns and not by_attitude, by_attitude or points,
+                by_attitude, points, tuple([
+                    name for name in names if name in OF_ATTITUDE
+                    or not set(name) & set(LINEAR)]))
+        return known
 
     def _missing_attitude(self, start: int, end: int) -> str:
         return self._attitude.missing(start) or self._attitude.missing(end)
@@ -186,14 +218,14 @@ class CouplingRegressors:
 
         """
         values: dict[str, float] = {}
-        needed = [on for on, _ in self._needed(names)]
-        if needed[0]:
-            values.update(zip(LINEAR, self._linear.mean(start, end)))
-        if needed[1]:
-            values.update(zip(ANGULAR, self._rates.mean(start, end)))
-        elif needed[2] and self._rates_input == 'attitude':
-            values.update(zip(ANGULAR, self._mean_rates(start, end)))
-        if any(name in OF_ATTITUDE for name in names):
+        needed = self._needed(names)
+        if needed.linear:
+            values['u'], values['v'], values['w'] = self._linear.mean(start, end)
+        if needed.rates:
+            values['p'], values['q'], values['r'] = self._rates.mean(start, end)
+        elif needed.turns:
+            values['p'], values['q'], values['r'] = self._mean_rates(start, end)
+        if needed.points:
             q = self._attitude.at((start + end) // 2)
             up, ahead = rotate_back(q, (0.0, 0.0, 1.0)), rotate(q, (1.0, 0.0, 0.0))
             values['sin_roll'], values['sin_pitch'] = up[1], -up[0]
@@ -207,15 +239,15 @@ class CouplingRegressors:
 
         Where the linear velocities end before the span does, all are taken as much earlier.
         """
-        of_attitude = tuple([name for name in names if name in OF_ATTITUDE
-                             or not set(name) & set(LINEAR)])
-        late = max(end - self._linear.end, 0) if of_attitude != names else 0
+        needed = self._needed(names)
+        early = needed.early
+        late = max(end - self._linear.end, 0) if needed.linear else 0
         if late <= self._timeouts[self._linear_input] and not (
                 self.missing(names, start - late, end - late)):
             return self.mean(names, start - late, end - late)
-        if self.missing(of_attitude, start, end):
+        if self.missing(early, start, end):
             return (0.0,) * len(names)
-        values = dict(zip(of_attitude, self.mean(of_attitude, start, end)))
+        values = dict(zip(early, self.mean(early, start, end)))
         return tuple([values.get(name, 0.0) for name in names])
 
     def _mean_rates(self, start: int, end: int) -> Vector:

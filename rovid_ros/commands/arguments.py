@@ -35,8 +35,8 @@ class Version(argparse.Action):
 
     def __call__(self, parser: argparse.ArgumentParser, *given: Any) -> NoReturn:
         """Print it and exit."""
-        from rovid_ros import __version__
-        print(f'{parser.prog} {__version__}')
+        from rovid_ros import build
+        print(f'{parser.prog} {build()}')
         parser.exit()
 
 
@@ -104,6 +104,13 @@ def seed(text: str) -> int:
     """Return a whole number from 0."""
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f'got {text!r}, takes a whole number from 0')
+    return int(text)
+
+
+def count(text: str) -> int:
+    """Return a whole number from 1."""
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes a whole number from 1')
     return int(text)
 
 

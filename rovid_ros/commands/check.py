@@ -7,8 +7,9 @@ What the data of the log or of the graph say is judged in ``check_data``.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 import os
 from pathlib import Path
@@ -20,12 +21,25 @@ import numpy as np
 from rovid_core.model.dofs import DOFS, PHYSICAL
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Scales, Settings, SettingsError
-from rovid_ros.commands.arguments import add_json, add_logs, add_part, positive
+from rovid_ros.commands.arguments import (
+    add_json,
+    add_logs,
+    add_params_file,
+    add_part,
+    AddToSource,
+    positive,
+)
 from rovid_ros.commands.check_data import check_data, ERROR, Findings, Observation
 from rovid_ros.commands.long_work import Progress
-from rovid_ros.commands.running import check_written, CommandError, print_written, UsageError
+from rovid_ros.commands.running import (
+    check_written,
+    CommandError,
+    print_written,
+    source_of,
+    UsageError,
+)
 from rovid_ros.config.input_topics import inputs_of, section, topics_of
-from rovid_ros.config.parameter_file import ParameterFileError, read
+from rovid_ros.config.parameter_file import ParameterFileError, ParameterSource
 from rovid_ros.config.parameters import check as check_values, settings_from
 from rovid_ros.files.checkpoint import is_record
 from rovid_ros.files.state_file import DamagedStateError, load as load_checkpoint
@@ -33,8 +47,10 @@ from rovid_ros.files.whole_files import before, write_json
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.dataflash import PACKAGE as DATAFLASH
 from rovid_ros.logs.log import Log
+from rovid_ros.logs.static_transforms import values_in_logs
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError, nearest
+from rovid_ros.messages.static_frames import TOPIC as TF_STATIC
 from rovid_ros.messages.types import build, normalised, standard_types
 from rovid_ros.results.text import NONE, number, table, unit
 
@@ -50,8 +66,9 @@ TOPIC = re.compile(r'(~/|/)?([A-Za-z_{}]\w*\}?/)*[A-Za-z_{}]\w*\}?', re.ASCII)
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add what ``rovid check`` takes."""
-    command.add_argument('params_file', type=Path, metavar='FILE',
+    command.add_argument('params_file', type=Path, metavar='FILE', action=AddToSource,
                          help="the vehicle's parameter file, the same as the node's")
+    add_params_file(command, required=False)
     add_logs(command, '*')
     command.add_argument('--live', action='store_true', help='against the ROS graph')
     command.add_argument('--timeout', type=positive, metavar='S',
@@ -73,7 +90,7 @@ def run(args: argparse.Namespace) -> None:
     for name in ('start', 'duration'):
         if getattr(args, name) is not None and not args.logs:
             raise UsageError(f'--{name} goes with a LOG')
-    check_written([args.json], [*args.logs, args.params_file])
+    check_written([args.json], [*args.logs, *args.params_file.paths])
     outcome = check(args.params_file, args.logs, start=args.start or 0.0, duration=args.duration,
                     live=args.live, timeout=args.timeout or 5.0, namespace=args.namespace)
     print(outcome.text)
@@ -81,7 +98,7 @@ def run(args: argparse.Namespace) -> None:
         write_json(args.json, outcome.document)
         print_written(args.json)
     if outcome.errors:
-        raise CommandError(f'{args.params_file}: {outcome.verdict}')
+        raise CommandError(f'{args.params_file.files}: {outcome.verdict}')
     print(outcome.verdict)
 
 
@@ -95,14 +112,16 @@ class Outcome:
     document: dict[str, Any]
 
 
-def check(path: Path, logs: Sequence[Path] = (), *, start: float = 0.0,
+def check(path: Path | ParameterSource, logs: Sequence[Path] = (), *, start: float = 0.0,
           duration: float | None = None, live: bool = False, timeout: float = 5.0,
           namespace: str = '') -> Outcome:
     """
-    Check a parameter file.
+    Check parameter files.
 
     Parameters
     ----------
+    path : Path or ParameterSource
+        The file, or the files and what wins over them.
     logs : sequence of Path
         Logs to check it against, joined in time order.
     start, duration : float
@@ -120,52 +139,51 @@ def check(path: Path, logs: Sequence[Path] = (), *, start: float = 0.0,
         If the live graph is asked for where there is no ROS.
 
     """
-    findings = Findings()
-    settings = _read_settings(path, findings)
+    findings, source = Findings(), source_of(path)
+    settings = _read_settings(source, findings)
     seen: Observation | None = None
     if settings is not None:
         alone = not live and not logs
         _check_settings(settings, findings, find_spec('rclpy') is not None if alone else None)
         if live:
-            seen = _check_live(settings, findings, timeout, namespace)
+            seen = _check_live(source, settings, findings, timeout, namespace)
         elif logs:
-            seen = _check_log(settings, findings, logs, start, duration)
+            seen = _check_log(source, settings, findings, logs, start, duration)
     return Outcome(
-        _text(path, settings, findings), findings.count(ERROR), findings.verdict(), {
-            'file': str(path), 'logs': [str(log) for log in logs], 'live': live,
+        _text(source.files, settings, findings), findings.count(ERROR), findings.verdict(), {
+            'file': source.files, 'logs': [str(log) for log in logs], 'live': live,
             'errors': findings.count(ERROR), 'findings': findings.document(),
             **(seen.document() if seen else {})})
 
 
-def _read_settings(path: Path, findings: Findings) -> Settings | None:
+def _read_settings(source: ParameterSource, findings: Findings) -> Settings | None:
     """
-    Read a parameter file; return None if it cannot work.
+    Read parameter files; return None if they cannot work.
 
     All keys that are wrong by themselves are told, then the first contradiction between keys.
     """
     try:
-        entries = read(path)
+        values = source.values()
     except ParameterFileError as error:
         subject, _, text = str(error).partition(': ')
         findings.error(subject, text)
         return None
     wrong = False
-    for key, entry in entries.items():
+    for key, value in values.items():
         try:
-            check_values({key: entry.value})
+            check_values({key: value})
         except SettingsError as error:
             wrong = True
-            findings.error(f'{path}:{entry.line}', str(error))
+            findings.error(source.place_of(key), str(error))
     if wrong:
         return None
     try:
-        settings = settings_from({key: entry.value for key, entry in entries.items()})
+        settings = settings_from(values)
         Converter(settings, lambda name, reason: None)
     except SettingsError as error:
-        at = entries.get(error.key)
-        findings.error(f'{path}:{at.line}' if at else str(path), str(error))
+        findings.error(source.place_of(error.key), str(error))
         return None
-    findings.ok(str(path), f'{len(entries)} keys')
+    findings.ok(source.files, f'{len(values)} keys')
     return settings
 
 
@@ -219,7 +237,7 @@ def _check_type(converter: Converter, topic: str, type_name: str, key: str,
     if type_name in standard_types().fielddefs:
         blank = build(standard_types(), type_name, {})
     if installed:
-        from rovid_ros.node.transport.wire_encoding import import_type, MessageTypeError
+        from rovid_ros.node.transport.message_types import import_type, MessageTypeError
         try:
             blank = import_type(type_name)()
         except MessageTypeError as error:
@@ -304,10 +322,26 @@ def unwritable(path: Path) -> str:
     return ''
 
 
-def _check_log(settings: Settings, findings: Findings, logs: Sequence[Path], start: float,
-               duration: float | None) -> Observation | None:
-    """Read a log once and say how it fits; return None if it cannot be read."""
+def _with_found(source: ParameterSource, settings: Settings, findings: Findings,
+                look_up: Callable[[Settings], Mapping[str, Any]]) -> Settings:
+    """Return the settings with what is looked up in /tf_static, and tell it."""
     try:
+        found = look_up(settings)
+        settings = settings_from({**source.values(), **found})
+    except SettingsError as error:
+        findings.error(error.key, str(error).partition(': ')[2])
+    else:
+        for key, value in found.items():
+            findings.ok(key, f'{", ".join(map(number, value))} from {TF_STATIC}')
+    return settings
+
+
+def _check_log(source: ParameterSource, settings: Settings, findings: Findings,
+               logs: Sequence[Path], start: float, duration: float | None) -> Observation | None:
+    """Read a log and say how it fits; return None if it cannot be read."""
+    try:
+        settings = _with_found(source, settings, findings,
+                               lambda settings: values_in_logs(settings, logs))
         with Log(logs) as log:
             seen = Observation(settings, all_at_hand=True)
             topics = _readable_topics(log, seen.converter, settings, findings)
@@ -364,7 +398,7 @@ def _hint(log: Log, name: str, type_name: str, there: Sequence[str]) -> str:
         f'; {same[0]} has that type' if len(same) == 1 else '')
 
 
-def _check_live(settings: Settings, findings: Findings, timeout: float,
+def _check_live(source: ParameterSource, settings: Settings, findings: Findings, timeout: float,
                 namespace: str) -> Observation:
     """Listen to the graph and say how it fits."""
     try:
@@ -373,7 +407,7 @@ def _check_live(settings: Settings, findings: Findings, timeout: float,
         raise CommandError(
             f'--live needs ROS 2, which is not installed here: {error}') from None
     try:
-        live = LiveCheck(settings, findings, namespace)
+        live = LiveCheck(partial(_with_found, source, settings, findings), findings, namespace)
     except (RuntimeError, ValueError) as error:  # of rcl: an impossible domain or namespace
         raise CommandError(f'--live: {str(error).splitlines()[0]}') from None
     try:
@@ -382,10 +416,10 @@ def _check_live(settings: Settings, findings: Findings, timeout: float,
         live.close()
 
 
-def _text(path: Path, settings: Settings | None, findings: Findings) -> str:
+def _text(files: str, settings: Settings | None, findings: Findings) -> str:
     """Return the tables of the settings, if there are any, and a line for each finding."""
     parts = [] if settings is None else [
-        f'{path}: {settings.identifier.method}, frames {settings.frames}', _input_table(settings),
+        f'{files}: {settings.identifier.method}, frames {settings.frames}', _input_table(settings),
         _dof_table(settings), _thruster_table(settings)]
     return '\n\n'.join([*parts, '\n'.join(map(str, findings.all))])
 

@@ -51,8 +51,8 @@ def run(args: argparse.Namespace) -> None:
     validate = args.validate or []
     check_written([args.report, args.json], [*args.logs, *validate, *args.params_file.paths])
     if args.report:
-        _check_plotly()
-    settings = read_settings(args.params_file)
+        check_plotly()
+    settings = read_settings(args.params_file, logs=[*args.logs, *validate])
     with located_errors(args.params_file):
         trials = read_trials(args.logs, validate, settings, partial(warn, args.prog),
                              start=args.start, duration=args.duration)
@@ -138,7 +138,7 @@ def _row(model: Model, name: str, trials: Sequence[Trial]) -> list[str]:
             number(model.scores[model.trained_on].mae), error, fit]
 
 
-def _check_plotly() -> None:
+def check_plotly() -> None:
     """Refuse a report that could not be drawn, before the work begins."""
     if find_spec('plotly') is None:
         raise CommandError('--report draws with plotly, which is not installed: '

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-import multiprocessing
 import os
 import signal
 import sys
 import time
-from typing import Any, TextIO, TypeVar
+from typing import Any, TextIO, TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future, ProcessPoolExecutor
 
 Given = TypeVar('Given')
 Made = TypeVar('Made')
@@ -134,6 +134,10 @@ def _cores() -> int:
 @contextmanager
 def _pool(workers: int, work: Callable[[int], Any]) -> Iterator[ProcessPoolExecutor]:
     """Provide processes, which are gone afterwards, whatever happens."""
+    # here, as most commands start sooner without
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+    import multiprocessing
     before = multiprocessing.active_children()
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context('fork'), _begin, (work,))
     try:
@@ -152,6 +156,7 @@ def _pool(workers: int, work: Callable[[int], Any]) -> Iterator[ProcessPoolExecu
 
 
 def _await(futures: Sequence[Future[Any]], tick: Callable[[int], None]) -> None:
+    from concurrent.futures import wait
     pending = set(futures)
     while pending:
         done, pending = wait(pending, POLL_PERIOD)

@@ -19,6 +19,7 @@ COMMANDS = {
     'check': 'validate a parameter file',
     'replay': 'identify from recorded logs',
     'compare': 'identify by every method and score every model',
+    'survey': 'identify every dive of a season and test what drifts',
     'simulate': 'write the log of a simulated vehicle',
     'tune': 'find delay, lag, dead-band, heading offset and terms',
     'plan': 'propose the thrust profile to drive next',

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, ExitStack
+from dataclasses import replace
 from functools import partial
 import json
 from pathlib import Path
@@ -66,6 +67,9 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         '--method', default='', metavar='M', help="use this method, not the file's")
     command.add_argument('--output', type=mcap, metavar='OUT.mcap',
                          help='write the output topics, as the node would publish them')
+    command.add_argument('--topics', type=lambda text: text.split(','), metavar='T[,T ...]',
+                         help='with --output: only these, such as rov/params,rov/velocity; '
+                              'without rov/estimate it takes a fraction of the time')
     add_json(command, 'result')
     add_part(command)
     command.add_argument(
@@ -81,20 +85,23 @@ def run(args: argparse.Namespace) -> None:
     """Run ``rovid replay``."""
     if args.rate is not None and not args.ros:
         raise UsageError('--rate goes with --ros')
+    if args.topics and not args.output:
+        raise UsageError('--topics goes with --output')
     part = unfinished(args.output) if args.output else None
     check_written([*{args.output, part}, args.json, args.state],
                   [*args.logs, *args.params_file.paths])
-    settings = read_settings(args.params_file, args.method)
+    settings = read_settings(args.params_file, args.method, args.logs)
     with _locked(args.state):
         _run(args, settings)
 
 
 def _run(args: argparse.Namespace, settings: Settings) -> None:
     begin = args.state if args.state and args.state.exists() else None
+    topics = _output_topics(args.topics, settings)
     with located_errors(args.params_file):
         player = _node(args, settings) if args.ros else PipelinePlayer(settings)
         result = replay(
-            args.logs, settings, player, output=args.output, start=args.start,
+            args.logs, settings, player, output=args.output, topics=topics, start=args.start,
             duration=args.duration, state=begin, warn=partial(warn_on_stderr, args.prog))
     if args.state:
         print(f'begins from {args.state}\n' if begin else
@@ -108,6 +115,17 @@ def _run(args: argparse.Namespace, settings: Settings) -> None:
             sys.stdout.flush()
         save(place, settings, player.stream.state())
     print_written(args.output, args.json, place)
+
+
+def _output_topics(names: Sequence[str] | None, settings: Settings) -> list[str] | None:
+    """Return the output topics that were named, in their order; None for all."""
+    if names is None:
+        return None
+    known = Outputs(settings).topics
+    wanted = {name.strip().lstrip('/') for name in names}
+    for name in wanted - known.keys():
+        raise UsageError(f'--topics: got {name!r}, takes {", ".join(known)}')
+    return [name for name in known if name in wanted]
 
 
 @contextmanager
@@ -134,14 +152,16 @@ def _node(args: argparse.Namespace, settings: Settings) -> Player:
         raise CommandError(f'--ros needs ROS 2, which is not installed here: {error}') from None
     from rovid_ros.node.log_player import NodePlayer
     try:
-        return NodePlayer(read_values(args.params_file, args.method), settings, args.rate)
+        values = read_values(args.params_file, args.method, args.logs)
+        return NodePlayer(values, settings, args.rate)
     except RuntimeError as error:  # of rcl, such as for an impossible ROS_DOMAIN_ID
         raise CommandError(f'--ros: {error}') from None
 
 
 def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
-           output: Path | None = None, start: float = 0.0, duration: float | None = None,
-           state: Path | None = None, warn: Callable[[str], None] = lambda line: None) -> Result:
+           output: Path | None = None, topics: Sequence[str] | None = None,
+           start: float = 0.0, duration: float | None = None, state: Path | None = None,
+           warn: Callable[[str], None] = lambda line: None) -> Result:
     """
     Play logs through the pipeline.
 
@@ -153,6 +173,8 @@ def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
         Plays the messages; closed at the end.
     output : Path, optional
         MCAP file for the output topics; NAME.part.mcap until it is finished.
+    topics : sequence of str, optional
+        Those of ``Outputs.topics`` to write, in their order; all unless given.
     start, duration : float
         Part of the log to use [s], from its beginning.
     state : Path, optional
@@ -173,7 +195,7 @@ def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
     with ExitStack() as stack:
         stack.callback(player.close)
         log = stack.enter_context(Log(logs))
-        run = _Replay(player, settings, _topics(log, player.converter, settings, warn))
+        run = _Replay(player, settings, _topics(log, player.converter, settings, warn), topics)
         if state is not None:
             restore(state, player.stream)
         elif log.recorded:
@@ -197,7 +219,8 @@ def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
             f'interrupted after {run.duration:.1f} s of the log{kept}', interrupt.code)
     for line in (*log.warnings, *player.stream.take_warnings()):
         warn(line)
-    result = run.result(logs)
+    result = replace(run.result(logs), metadata=log.metadata,
+                     start=None if log.own_clock else log.start)
     if run.output is not None:
         run.output.finish()
     return result
@@ -206,7 +229,8 @@ def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
 class _Replay:
     """What was read from the logs so far, and what came out."""
 
-    def __init__(self, player: Player, settings: Settings, topics: Mapping[str, str]) -> None:
+    def __init__(self, player: Player, settings: Settings, topics: Mapping[str, str],
+                 written: Sequence[str] | None) -> None:
         self.topics = topics
         self.output: OutputLog | None = None
         self.last = 0  # [ns] when the newest message was received
@@ -216,6 +240,7 @@ class _Replay:
         self._player = player
         self._settings = settings
         self._outputs = Outputs(settings)
+        self._written = self._outputs.topics if written is None else written
 
     @property
     def duration(self) -> float:
@@ -246,8 +271,10 @@ class _Replay:
         if estimate is None:
             raise ReplayError(f'{", ".join(map(str, logs))}: no step: {self._why_no_step()}')
         models = {dof.dof: (*dof.parameters, *dof.couplings) for dof in estimate.dofs}
-        scores = {dof: self._player.scores.score(dof, model) for dof, model in models.items()}
-        joint = self._player.scores.score_joint(models)
+        delays = {dof.dof: dof.delay for dof in estimate.dofs}
+        scores = {dof: self._player.scores.score(dof, model, delays[dof])
+                  for dof, model in models.items()}
+        joint = self._player.scores.score_joint(models, delays)
         verdicts = {dof.dof: stream.verdict(dof.dof) for dof in estimate.dofs}
         judgements = {dof.dof: stream.judgement(dof.dof) for dof in estimate.dofs}
         return Result(
@@ -268,7 +295,9 @@ class _Replay:
             except (ValueError, RecursionError) as error:
                 raise ReplayError(f'{CONTROL}: {error}') from None
             if name == 'reset':
-                self._write_topics(self._outputs.reset(), self.last)  # as the node does
+                self._write_topics(  # as the node does
+                    [out for out in self._outputs.reset() if out.topic in self._written],
+                    self.last)
         else:
             topic = self.topics[message.topic]
             if topic != message.topic:
@@ -280,13 +309,14 @@ class _Replay:
         self._steps += len(estimates)
         if self.output is not None:
             for estimate in estimates:
-                self._write_topics(self._outputs.messages(estimate), estimate.time)
+                self._write_topics(
+                    self._outputs.each(estimate, self._written), estimate.time)
 
-    def _write_topics(self, outputs: Sequence[Output], time: int) -> None:
+    def _write_topics(self, outputs: Iterable[Output], time: int) -> None:
         if self.output is not None:
             for out in outputs:
-                self.output.write(f'/{out.topic}', out.type, out.fields, self.last, time,
-                                  latched=out.topic in LATCHED)
+                self.output.write_raw(f'/{out.topic}', out.type, out.cdr, self.last,
+                                      publish_time=time, latched=out.topic in LATCHED)
 
     def _why_no_step(self) -> str:
         stream = self._player.stream
@@ -364,7 +394,8 @@ def report(result: Result) -> str:
 
 def _checklist(settings: Settings, dofs: Mapping[str, Mapping[str, Any]]) -> str:
     """Return what to look at where a model predicts worse than a constant, '' if none does."""
-    worse = [dof for dof, values in dofs.items() if (values['fit'] or 0.0) < 0.0]
+    worse = [dof for dof, values in dofs.items()
+             if (values['fit'] or 0.0) < 0.0 and values['status'] != 'unexcited']
     if not worse:
         return ''
     heading = 'yaw_offset, heading and unit' if settings.attitude.topic else 'topic'

@@ -152,28 +152,37 @@ def _fail(prog: str, message: str, code: int) -> int:
     return code
 
 
-def read_settings(path: Path | ParameterSource, method: str = '') -> Settings:
+def read_settings(path: Path | ParameterSource, method: str = '',
+                  logs: Sequence[Path] = ()) -> Settings:
     """
     Read parameters as the node does; ``method`` is that of the command line.
 
-    Raises ParameterFileError, CommandError or UsageError if one of them cannot work.
+    What is to be looked up in /tf_static is looked up in the logs, if there are any. Raises
+    ParameterFileError, CommandError or UsageError if one of them cannot work, and LogError.
     """
     from rovid_ros.config.parameters import settings_from
     with located_errors(path):
         try:
-            return settings_from(read_values(path, method))
+            return settings_from(read_values(path, method, logs))
         except ValueError as error:
             if method and getattr(error, 'key', '') == 'identifier.method':
                 raise UsageError(f'--method: {str(error).partition(": ")[2]}') from None
             raise
 
 
-def read_values(path: Path | ParameterSource, method: str = '') -> dict[str, Any]:
+def read_values(path: Path | ParameterSource, method: str = '',
+                logs: Sequence[Path] = ()) -> dict[str, Any]:
     """Read the parameters by their dotted names; ``method`` wins over the file's."""
-    return {**_source(path).values(), **({'identifier.method': method} if method else {})}
+    values = {**source_of(path).values(), **({'identifier.method': method} if method else {})}
+    if logs and any(value for key, value in values.items() if key.endswith('.sensor_frame')):
+        from rovid_ros.config.parameters import settings_from
+        from rovid_ros.logs.static_transforms import values_in_logs
+        values.update(values_in_logs(settings_from(values), logs))
+    return values
 
 
-def _source(path: Path | ParameterSource) -> ParameterSource:
+def source_of(path: Path | ParameterSource) -> ParameterSource:
+    """Return where parameters come from that may be one file alone."""
     from rovid_ros.config.parameter_file import ParameterSource
     return ParameterSource((path,)) if isinstance(path, Path) else path
 
@@ -187,7 +196,7 @@ def located_errors(path: Path | ParameterSource) -> Iterator[None]:
         key = getattr(error, 'key', '')  # of a SettingsError or FieldError
         if not key:
             raise
-        raise CommandError(f'{_source(path).place_of(key)}: {error}') from None
+        raise CommandError(f'{source_of(path).place_of(key)}: {error}') from None
 
 
 def check_written(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:

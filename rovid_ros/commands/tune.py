@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 import math
 from pathlib import Path
@@ -23,10 +24,9 @@ from rovid_ros.commands.running import (
     located_errors,
     print_written,
     read_settings,
-    UsageError,
     warn,
 )
-from rovid_ros.config.parameter_file import edited
+from rovid_ros.config.parameter_file import edited, override
 from rovid_ros.files.whole_files import write_json, write_text
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.messages.converter import Converter
@@ -51,16 +51,19 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> None:
     """Run ``rovid tune``."""
-    if len(args.params_file.arguments) > 2:
-        raise UsageError('takes one --params-file and no -p, for it writes a copy of the file')
+    source = args.params_file
     check_written([args.output, args.json], [*args.logs, *args.params_file.paths])
-    settings = read_settings(args.params_file)
+    settings = read_settings(args.params_file, logs=args.logs)
     with located_errors(args.params_file):
         tuned = tune_logs(args.logs, settings, start=args.start, duration=args.duration,
                           warn=partial(warn, args.prog))
     print(tuned_text(tuned))
-    write_text(args.output, edited(args.params_file.paths[-1], tuned.changes()))
-    read_settings(args.output)
+    changes = tuned.changes()
+    write_text(args.output, edited(source.paths[-1], changes))
+    read_settings(replace(source, paths=(*source.paths[:-1], args.output)))
+    for rule in source.overrides:
+        if changes.keys() & override(rule):
+            warn(args.prog, f'-p {rule} wins over what {args.output} says: leave it out')
     if args.json:
         write_json(args.json, tuned_document(tuned))
     print_written(args.output, args.json)

@@ -70,7 +70,7 @@ def sentence(best: Model, trials: Sequence[Trial]) -> str:
     logs = unseen(best, [trial.name for trial in trials]) or [best.trained_on]
     error, fit = best.error(logs), best.fit_on(logs)
     what = logs[0] if len(logs) == 1 else f'{len(logs)} logs that it was not trained on'
-    own = ', on which it was trained' if logs == [best.trained_on] else ''
+    own = ', on which it was trained,' if logs == [best.trained_on] else ''
     return (
         f'{dof.capitalize()}: effective mass {number(mass)} {unit(dof, "mass")}, quadratic drag '
         f'{number(quadratic)} {unit(dof, "quadratic_drag")}, linear drag {number(linear)} '
@@ -178,8 +178,8 @@ def _series(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
     return {
         't': _column(seconds), 'velocity': _column(velocities),
         'force': _column(forces),
-        'simulated': {m.method: _column(trial.scores.predicted(dof, m.all_parameters))
-                      for m in chosen}}
+        'simulated': {m.method: _column(trial.scores.predicted(
+            dof, m.all_parameters, m.fit.delay)) for m in chosen}}
 
 
 def _adaptation(dof: str, trial: Trial, models: Sequence[Model]) -> Data:

@@ -115,7 +115,8 @@ class TrialPlayer(PipelinePlayer):
                              f'standard deviation of {identifier.delay_std:.3f} s')
             found[method] = Fit(
                 identifier.parameters, np.array(identifier.covariance).reshape(4, 4),
-                '; '.join(notes), identifier.couplings, identifier.uncertainty.couplings_std)
+                '; '.join(notes), identifier.couplings, identifier.uncertainty.couplings_std,
+                0.0 if math.isnan(identifier.delay) else identifier.delay)
         return found
 
     def excites(self, dof: str) -> bool:
@@ -246,7 +247,8 @@ def _with_joint_scores(models: Sequence[Model], trials: Sequence[Trial],
         together = {dof: model.all_parameters for dof, model in groups[key].items()}
         if not all(map(math.isfinite, chain(*together.values()))):
             return {}
-        return {trial.name: trial.scores.score_joint(together) for trial in trials}
+        delays = {dof: model.fit.delay for dof, model in groups[key].items()}
+        return {trial.name: trial.scores.score_joint(together, delays) for trial in trials}
 
     coupled = [key for key, group in groups.items()
                if any(model.fit.couplings for model in group.values())]
@@ -318,7 +320,8 @@ def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
                   settings.dof[dof].couplings if fit.couplings else (),
                   idle=frozenset([t.name for t in trials if not t.player.excites(dof)]))
     return replace(model, scores={
-        t.name: t.scores.score(dof, model.all_parameters) if sound else Score() for t in trials})
+        t.name: t.scores.score(dof, model.all_parameters, fit.delay) if sound else Score()
+        for t in trials})
 
 
 def unseen(model: Model, logs: Sequence[str]) -> list[str]:

@@ -124,7 +124,15 @@ def _mounted(name: str) -> list[Key]:
         key_of(f'{name}.mounting', f'{name}.mounting', InputSettings,
                'how the sensor is turned in the body: roll, pitch, yaw from the axes of the body '
                '(forward, left, up) to those of the sensor, as rpy in a URDF', 'rad', -6.3, 6.3),
+        _sensor_frame(name, 'mounting'),
     ]
+
+
+def _sensor_frame(name: str, key: str) -> Key:
+    """Return the key of the frame that stands for another key."""
+    return key_of(f'{name}.sensor_frame', f'{name}.sensor_frame', InputSettings,
+                  f'frame of the sensor: {key}, where it is not given, is looked up once in the '
+                  'static transforms of tf2 (/tf_static), from base_frame; empty: as given')
 
 
 def _run() -> list[Key]:
@@ -172,6 +180,7 @@ def _inputs() -> list[Key]:
         key_of('position.lever_arm', 'lever_arm', Settings,
                'position of the transponder in the body frame (forward, left, up)', 'm',
                -100.0, 100.0),
+        _sensor_frame('position', 'lever_arm'),
         *_source('depth', 'depth', 'topic of the depth sensor; replaces position z for heave'),
         key_of('depth.scale', 'depth_scale', Settings, 'z [m, up] = scale * value + offset'),
         key_of('depth.offset', 'depth_offset', Settings, 'z [m, up] = scale * value + offset',

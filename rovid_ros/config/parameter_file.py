@@ -107,6 +107,11 @@ class ParameterSource:
     overrides: tuple[str, ...] = ()
 
     @property
+    def files(self) -> str:
+        """Return the names of the files."""
+        return ', '.join(map(str, self.paths))
+
+    @property
     def arguments(self) -> list[str]:
         """Return the arguments of a command line that give it."""
         return [*(word for path in self.paths for word in ('--params-file', str(path))),
@@ -130,7 +135,7 @@ class ParameterSource:
             entry = read(path).get(key)
             if entry:
                 return f'{path}:{entry.line}'
-        return ', '.join(map(str, self.paths))
+        return self.files
 
 
 def override(rule: str) -> dict[str, Any]:
@@ -347,7 +352,7 @@ class _Reader:
 
 def edited(path: Path, changes: Mapping[str, float | tuple[str, ...]]) -> str:
     """
-    Return the text of a parameter file, which has ``dofs``, with other values.
+    Return the text of a parameter file with other values.
 
     ``changes`` has the new number, or words of a list, by dotted name. A key that the file does
     not have goes to its neighbours. Raises ParameterFileError if the file cannot be read.
@@ -359,7 +364,8 @@ def edited(path: Path, changes: Mapping[str, float | tuple[str, ...]]) -> str:
 
     def section_of(name: str) -> int:
         # of several sections that fit the node, the one that the value comes from
-        line = entries.get(name, entries['dofs']).line
+        entry = entries.get(name) or entries.get('dofs')
+        line = entry.line if entry else begins[0]
         return max(k for k, begin in enumerate(begins) if begin <= line)
 
     for name, value in changes.items():

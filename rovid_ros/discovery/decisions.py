@@ -392,10 +392,32 @@ def _fit(made: Discovery, moved: Motion) -> None:
         quadratic, linear = max(-push.beta * mass, 0.0), max(-push.gamma * mass, 0.0)
         if quadratic == linear == 0.0:  # what stops it at its typical speed
             linear = strong / max(fast, 1e-6)
-        made.dofs[dof] = Known(mass, quadratic, linear, 1.4 * strong, 1.4 * fast,
-                               push.explained, sign, _couplings(dof, force, push, moved))
+        made.dofs[dof] = Known(
+            mass, quadratic, linear, _amplitude(force), _amplitude(velocity), push.explained, sign,
+            _couplings(dof, force, push, moved))
+    _name_dependent(made)
     speeds = [float(np.nanpercentile(np.abs(moved.velocities[dof]), 99.0)) for dof in made.dofs]
     made.fastest = max(speeds, default=1.0)
+
+
+def _amplitude(values: Array) -> float:
+    """Return the size of what comes and goes, as ``rovid check`` judges typical sizes by."""
+    squares = np.minimum(np.abs(values), np.nanpercentile(np.abs(values), 99.0)) ** 2  # no spikes
+    return math.sqrt(4.0 / 3.0 * float(np.nanmean(squares * squares) / np.nanmean(squares)))
+
+
+def _name_dependent(made: Discovery) -> None:
+    """Name what the commands cannot drive apart from DOFs that they explain better."""
+    apart: list[str] = []
+    for dof in sorted(made.dofs, key=lambda dof: -made.dofs[dof].explained):
+        rows = np.array([made.thrusters.rows[one] for one in (*apart, dof)])
+        if np.linalg.matrix_rank(rows) == len(rows):
+            apart.append(dof)
+    others = [dof for dof in made.dofs if dof not in apart]
+    if others:
+        made.guesses.append(f'{", ".join(others)}: no command drives it apart from '
+                            f'{", ".join(dof for dof in made.dofs if dof in apart)}, so its '
+                            'numbers say little')
 
 
 def _couplings(dof: str, force: Array, push: Push, moved: Motion) -> tuple[str, ...]:

@@ -122,6 +122,11 @@ class Log:
         return [*self._warnings, *chain(*(one.warnings for one in self._containers))]
 
     @property
+    def own_clock(self) -> bool:
+        """Tell whether its times do not begin in 1970, but with the device that wrote it."""
+        return any(container.own_clock for container in self._containers)
+
+    @property
     def progress(self) -> float:
         """Return the fraction, 0 to 1, of what was asked for that has been read."""
         return self._position

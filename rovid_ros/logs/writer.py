@@ -9,13 +9,11 @@ import os
 from pathlib import Path
 from typing import Any
 
-from mcap.writer import CompressionType, Writer
 from rovid_ros.files.whole_files import sync_folder
 from rovid_ros.logs.container import LogError
+from rovid_ros.logs.mcap_writer import McapWriter
 from rovid_ros.messages.types import build, standard_types, TypeUnknownError
 
-_COMPRESSION = {
-    'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4, 'none': CompressionType.NONE}
 _CHUNK = 768 * 1024  # [bytes], as rosbag2
 _FOREVER = 'sec: 9223372036\n    nsec: 854775807'
 _QOS = """\
@@ -75,8 +73,9 @@ class LogWriter:
             self._file = BufferedWriter(_File(path, 'wb'))
         except OSError as error:
             raise LogError(f'{path}: cannot be written: {error.strerror}') from None
-        self._writer = Writer(self._file, chunk_size=_CHUNK, compression=_COMPRESSION[compression])
-        self._writer.start(profile='ros2', library='rovid')
+        self._writer = McapWriter(
+            self._file, compression='' if compression == 'none' else compression,
+            chunk_size=_CHUNK, profile='ros2', library='rovid')
         self._schemas: dict[tuple[str, str | None], int] = {}
         self._channels: dict[tuple[str, int], int] = {}
 
@@ -122,7 +121,7 @@ class LogWriter:
             schema = self._schemas[type, definition] = self._schema(type, definition)
         channel = self._channels.get((topic, schema))
         if channel is None:
-            channel = self._writer.register_channel(
+            channel = self._writer.add_channel(
                 topic, 'cdr', schema, {'offered_qos_profiles': _OFFERED[latched]})
             self._channels[topic, schema] = channel
         self._writer.add_message(channel, max(time, 0), cdr, max(
@@ -130,7 +129,7 @@ class LogWriter:
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record."""
-        self._writer.add_metadata(name, dict(values))
+        self._writer.add_metadata(name, values)
 
     def flush(self) -> None:
         """Hand everything so far to the operating system, in a form that can be read."""
@@ -172,8 +171,7 @@ class LogWriter:
             if type not in store.fielddefs:
                 raise TypeUnknownError(f'type {type}: no definition of it is at hand')
             definition = store.generate_msgdef(type, ros_version=2)[0]
-        number: int = self._writer.register_schema(type, 'ros2msg', definition.encode())
-        return number
+        return self._writer.add_schema(type, 'ros2msg', definition.encode())
 
 
 class OutputLog(LogWriter):

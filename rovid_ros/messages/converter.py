@@ -166,8 +166,8 @@ class Converter:
                     time = seconds * 1_000_000_000 + nanoseconds
                 else:
                     self._count(source.input, 'zero_stamp')
-            events.append(Event(time - source.latency, (
-                Sample(source.input, value, source.part),), origin))
+            sample = Sample(input=source.input, value=value, part=source.part)
+            events.append(Event(time=time - source.latency, samples=(sample,), origin=origin))
         return events if len(events) < 2 else _merged_by_time(events, origin)
 
     def check_type(self, topic: str, blank: Any) -> None:
@@ -273,7 +273,7 @@ def _merged_by_time(events: Sequence[Event], origin: Any) -> list[Event]:
     times: dict[int, tuple[Sample, ...]] = {}
     for event in events:
         times[event.time] = times.get(event.time, ()) + event.samples
-    return [Event(time, samples, origin) for time, samples in times.items()]
+    return [Event(time=time, samples=samples, origin=origin) for time, samples in times.items()]
 
 
 def _has_stamp(source: Source, message: Any) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from functools import partial
 import time
 from typing import Any
@@ -16,6 +17,7 @@ from rovid_ros.config.input_topics import inputs_of, section
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.transport.inputs import message_class, qos
+from rovid_ros.node.transport.static_frames import look_up
 
 NAME = 'rovid_check'
 
@@ -24,18 +26,20 @@ class LiveCheck:
     """
     Listen to a vehicle for some seconds; nothing is published.
 
-    The namespace is that of the node that is going to run; relative topics are in it.
+    ``complete`` returns the settings with what a function finds that it calls. The namespace is
+    that of the node that is going to run; relative topics are in it.
     """
 
-    def __init__(self, settings: Settings, findings: Findings, namespace: str = '') -> None:
-        self._settings = settings
+    def __init__(self, complete: Callable[[Callable[[Settings], Mapping[str, Any]]], Settings],
+                 findings: Findings, namespace: str = '') -> None:
         self._findings = findings
-        self._seen = Observation(settings)
         self._broken: set[str] = set()
         self._context = rclpy.Context()
         rclpy.init(args=[], context=self._context)
         self._node = Node(NAME, namespace=namespace, context=self._context,
                           enable_rosout=False, start_parameter_services=False)
+        self._settings = complete(partial(look_up, self._node))
+        self._seen = Observation(self._settings)
 
     def run(self, timeout: float) -> Observation:
         """Listen for ``timeout`` [s] and say what was found."""

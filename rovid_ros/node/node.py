@@ -16,17 +16,20 @@ from rovid_core.model.samples import Event
 from rovid_core.pipeline.steps import Scorer
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
+from rovid_ros import build
 from rovid_ros.config.input_topics import inputs_of
 from rovid_ros.files.checkpoint import Checkpoint
 from rovid_ros.logs.player import change_parameters, PARAMETERS, recorded_changes, repeat_control
 from rovid_ros.messages.converter import Converter
+from rovid_ros.messages.static_frames import TOPIC
 from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import NODE_NAME, ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
 from rovid_ros.node.silence import PERIOD, SilenceWatch
 from rovid_ros.node.transport.inputs import InputDecoder, message_classes, Subscriptions
+from rovid_ros.node.transport.message_types import definition
 from rovid_ros.node.transport.publishers import Publishers
-from rovid_ros.node.transport.wire_encoding import definition
+from rovid_ros.node.transport.static_frames import look_up
 from rovid_ros.results.outputs import Outputs
 from std_srvs.srv import SetBool, Trigger
 
@@ -81,10 +84,17 @@ class IdentifierNode(ParameterNode):
 
     def configure(self) -> None:
         """Make everything but the inputs."""
+        self.found.clear()
+        if self._live:
+            self.show_found(look_up(self, self.initial_settings()))
         settings = self.initial_settings()
         if not self._live:
             settings = replace(settings, record_path='', checkpoint_path='')
         self._prepare(settings)
+        # not before: what is refused is one line
+        self.get_logger().info(f'rovid {build()}')
+        for key, value in self.found.items():
+            self.get_logger().info(f'{key}: {value} from {TOPIC}')
         if self.changes:
             change_parameters(self.stream, self.changes)
         self.show_changes({'enable': self.stream.adapting})
@@ -172,7 +182,8 @@ class IdentifierNode(ParameterNode):
         self._recorder = Recorder(
             Path(settings.record_path), definition, self.get_logger().error,
             lambda: self.stream.state(), max_size=settings.record_max_size,
-            max_duration=settings.record_max_duration) if settings.record_path else None
+            max_duration=settings.record_max_duration, found=self.found,
+        ) if settings.record_path else None
         self.stream = Stream(settings, recorder=self._recorder, scorer=self._scorer)
         self.converter = Converter(settings, self.stream.reject)
         self._classes = message_classes(settings, self.converter) if self._live else {}

@@ -108,6 +108,7 @@ class ParameterNode(ManagedNode):
         self._lines = WarningLimiter()
         self.changes: dict[str, Any] = {}  # of live keys, since the node was made
         self._given = dict(values)
+        self.found: dict[str, Any] = {}  # what the node looked up by itself; it was not given
         self._declared = False
         super().__init__(name, rclpy_overrides(values))
         try:
@@ -132,9 +133,9 @@ class ParameterNode(ManagedNode):
         Raises SettingsError where they are wrong, also with those changes.
         """
         try:
-            return settings_from(self._given)
+            return settings_from({**self._given, **self.found})
         except SettingsError:
-            return settings_from({**self._given, **self.changes})
+            return settings_from({**self._given, **self.found, **self.changes})
 
     def current_settings(self) -> Settings:
         """Return the settings that a change applies to; raises as ``initial_settings``."""
@@ -148,6 +149,11 @@ class ParameterNode(ManagedNode):
         """Let the parameters show values that were changed by a service or a replayed log."""
         self.changes.update(changes)
         super().set_parameters_atomically(typed_parameters(changes))
+
+    def show_found(self, found: Mapping[str, Any]) -> None:
+        """Go on with values of keys that were not given, and let the parameters show them."""
+        self.found = dict(found)
+        super().set_parameters_atomically(typed_parameters(found))
 
     def set_parameters(self, parameter_list: list[Parameter[Any]]) -> list[SetParametersResult]:
         """Set one parameter after the other."""

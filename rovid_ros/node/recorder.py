@@ -16,6 +16,7 @@ from rovid_ros import __version__
 from rovid_ros.files.whole_files import create_unused, prepare_file, sync_folder
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.player import CONTROL
+from rovid_ros.logs.static_transforms import FOUND
 from rovid_ros.logs.writer import LogWriter
 
 
@@ -54,18 +55,22 @@ class Recorder:
         Returns the state of the stream, for the beginning of a part.
     max_size, max_duration : float
         Of a part [bytes and s]; 0: any.
+    found : mapping
+        What was looked up in /tf_static, by key, which a replay needs as well.
 
     """
 
     def __init__(self, path: Path, definition: Callable[[str], str],
                  failed: Callable[[str], object],
                  state: Callable[[], Mapping[str, Any]] = dict, *,
-                 max_size: float = 0.0, max_duration: float = 0.0) -> None:
+                 max_size: float = 0.0, max_duration: float = 0.0,
+                 found: Mapping[str, Any] | None = None) -> None:
         prepare_file('record.path', path)
         self.path = self._first_path = path
         self._definition = definition
         self._failed = failed
         self._state = state
+        self._found = found
         self._max_size = max_size or math.inf
         self._max_duration = max_duration * 1e9 or math.inf
         self._writer: LogWriter | None = None
@@ -82,6 +87,8 @@ class Recorder:
         self._writer = LogWriter(self.path)
         sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power
         values = {'version': __version__, 'run': self._run, 'part': str(self._part)}
+        if self._found:
+            values[FOUND] = json.dumps(self._found)
         if restored is not None:
             values['state'] = json.dumps(restored)
         self._writer.metadata('rovid_record', values)

@@ -59,6 +59,18 @@ class Plot:
         x, y = thinned(x, y)
         self._add_line(name, x, y, line)
 
+    def add_points(self, name: str, x: Values, y: Values, low: Values, high: Values,
+                   texts: Sequence[str], color: str) -> None:
+        """Add points with their intervals and what the pointer says of each."""
+        self._add('95 %', [at for at in x for _ in range(3)],
+                  [end for pair in zip(low, high) for end in (*pair, None)],
+                  {'type': 'scatter', 'mode': 'lines', 'hoverinfo': 'skip',
+                   'line': {'color': color, 'width': 1.0, 'simplify': False}})
+        self._add(name, x, y, {'type': 'scatter', 'mode': 'markers',
+                               'text': [escape(text) for text in texts],
+                               'marker': {'color': color, 'size': 5}})
+        self._traces[-1]['hovertemplate'] += '<br>%{text}'
+
     def add_level(self, name: str, x: Values, y: float, line: Mapping[str, Any]) -> None:
         """Add a horizontal line over the whole of ``x`` to the last panel."""
         ends = [x[0], x[-1]] if x else []
@@ -190,6 +202,22 @@ class Figures:
                 'Where the water goes to in the world of the messages, with its 95 % band. In the '
                 f'end {found["status"]}: ', arrow, ' ', quantity(math.hypot(x, y), 'm/s'),
                 f', {degrees:.0f} degrees from x to y.'))
+
+    def of_survey(self, dof: str, values: Data, axis: Data) -> Html:
+        """Return the figure of the parameters of one DOF over all dives, and their lines."""
+        plot = Plot(self._columns, (axis['name'], axis['unit']), f'{dof} over the dives')
+        for name, found in values['parameters'].items():
+            points, trend = found['points'], found['trend']
+            plot.add_panel(title(name), found['unit'], tall=True)
+            plot.add_points('dive', points['x'], points['value'], points['low'], points['high'],
+                            points['log'], 'c1')
+            if trend:
+                plot.add_curve('trend', trend['x'], trend['y'],
+                               {**REFERENCE, 'color': 'c2', 'width': 2.0})
+        begin = axis['from'][:16].replace('T', ' ')
+        since = f' Days since {begin} UTC.' if begin else ''
+        return self._figure('survey', dof, 'all dives', plot, f'{capital(dof)}, dive by dive.',
+                            f'Each with its 95 % interval; the line is the trend.{since}')
 
     def of_excitation(self, dof: str, values: Data, log: str) -> Html:
         """Return the figures of what moved one DOF on one log: histograms and spectra."""

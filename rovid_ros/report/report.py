@@ -9,7 +9,7 @@ request.
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import hashlib
 from importlib import resources
 import json
@@ -61,6 +61,13 @@ def page(data: Data) -> str:
     """Return the whole HTML document."""
     figures = Figures(data)
     sections = _sections(data, figures)
+    return document(f'Identification of {", ".join(data["dofs"]) or "nothing"}', _header(data),
+                    sections, figures)
+
+
+def document(title: str, header: Html, sections: Sequence[tuple[str, str, Html]],
+             figures: Figures) -> str:
+    """Return an HTML document of some sections (id, heading, content) and their figures."""
     style = _source('style.css')
     plotly = get_plotlyjs()
     script = f"(() => {{\n'use strict';\n{_source('draw.js')}}})();\n"
@@ -68,15 +75,14 @@ def page(data: Data) -> str:
     # plotly writes style attributes, and exports a picture by way of a data URL
     policy = (f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; "
               "img-src data: blob:; base-uri 'none'; form-action 'none'")
-    title = f'Identification of {", ".join(data["dofs"]) or "nothing"}'
     head = join(Html('<meta charset="utf-8">'),
                 Html(f'<meta http-equiv="Content-Security-Policy" content="{policy}">'),
                 Html('<meta name="viewport" content="width=device-width, initial-scale=1">'),
                 Html('<meta name="color-scheme" content="light dark">'), tag('title', title),
                 Html(f'<style>{style}</style>'))
     body = join(
-        tag('a', 'To the results', href='#found', class_='skip'),
-        _header(data), _contents(sections),
+        tag('a', 'To the results', href=f'#{sections[0][0]}', class_='skip'),
+        header, _contents(sections),
         tag('main', *(tag('section', tag('h2', heading), content, id=name)
                       for name, heading, content in sections)),
         Html(f'<script type="application/json" id="numbers">{_json(figures.document())}'
@@ -107,8 +113,8 @@ def _sections(data: Data, figures: Figures) -> list[tuple[str, str, Html]]:
             drawn = figures.of_log(dof, values, log)
             plots += [tag('h3', f'{capital(dof)} on {log["name"]}'), *drawn] if drawn else []
         if plots:
-            hint = [_hint()] if len(sections) == 4 else []
-            sections.append((f'plots-{dof}', f'{capital(dof)} over time', join(*hint, *plots)))
+            first = [hint()] if len(sections) == 4 else []
+            sections.append((f'plots-{dof}', f'{capital(dof)} over time', join(*first, *plots)))
     if currents := data.get('current'):
         sections.append(('current', 'Current of the water', join(*(
             figures.of_current(found, log) for log, found in currents.items()))))
@@ -138,13 +144,13 @@ def _header(data: Data) -> Html:
                       '+ γ v + δ'), class_='model'))
 
 
-def _contents(sections: list[tuple[str, str, Html]]) -> Html:
+def _contents(sections: Sequence[tuple[str, str, Html]]) -> Html:
     return tag('nav', tag('ol', *(
         tag('li', tag('a', heading, href=f'#{name}')) for name, heading, _ in sections)),
         aria_label='Contents')
 
 
-def _hint() -> Html:
+def hint() -> Html:
     return join(
         tag('p', 'Drag across a plot, or pinch it, to zoom: all plots of the same log and degree '
                  'of freedom follow. Double-click to see everything again. Names in the legend '

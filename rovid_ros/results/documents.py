@@ -21,6 +21,7 @@ from rovid_core.model.dofs import COUPLINGS, DOFS, Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.score import Score
+from rovid_ros import build
 from rovid_ros.messages.field_paths import nearest
 from rovid_ros.results.current import current_values, told
 
@@ -48,6 +49,10 @@ class Result:
         (input, reason) -> how many.
     current : dict, optional
         Of the water, as in the JSON: see :func:`current_document`.
+    start : int, optional
+        When the log begins [ns since 1970]; None where its clock does not tell.
+    metadata : dict
+        What the log says of itself, by name.
 
     """
 
@@ -59,6 +64,8 @@ class Result:
     dofs: Mapping[str, Mapping[str, Any]]
     rejected: Mapping[tuple[str, str], int]
     current: Mapping[str, Any] | None = None
+    start: int | None = None
+    metadata: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def document(self) -> dict[str, Any]:
         """Return what ``--json`` writes."""
@@ -66,7 +73,7 @@ class Result:
         for (_, reason), count in sorted(self.rejected.items()):
             reasons[reason] = reasons.get(reason, 0) + count
         return {
-            'method': self.settings.identifier.method, 'steps': self.steps,
+            'rovid': build(), 'method': self.settings.identifier.method, 'steps': self.steps,
             'duration_s': self.duration, 'rejected': reasons, 'dofs': self.dofs,
             'current': self.current}
 

@@ -25,31 +25,27 @@ motion at ``stamp``, all in seconds. ``status`` is the index in ``STATUSES``. Al
 """
 
 
+AGE, UPDATED = COLUMNS.index('age'), COLUMNS.index('updated')
+
+
 def model_columns(couplings: Sequence[str]) -> list[str]:
     """Return the labels of all columns, for the names of the couplings of all DOFs."""
     return [*COLUMNS, *(f'kappa_{name}{end}' for name in couplings for end in ('', '_std'))]
 
 
-def model_row(dof: DofEstimate, own: Sequence[str], couplings: Sequence[str], now: int,
-              updated: bool) -> list[float]:
+def model_row(dof: DofEstimate, own: Sequence[str], couplings: Sequence[str]) -> list[float]:
     """
-    Return the values of a DOF.
+    Return the values of a DOF; ``age`` and ``updated`` are NaN, as they change without a step.
 
     Parameters
     ----------
     own, couplings : sequence of str
         Names of the DOF's couplings, and of those of all DOFs; NaN where it has none.
-    now : int
-        Event time [ns] that the age counts up to.
-    updated : bool
-        Whether the DOF has just made a step.
 
     """
-    made_step = dof.time > 0 or dof.steps > 0
     values = [
-        dof.time * 1e-9 if made_step else math.nan,
-        dof.stale_for or (now - dof.time) * 1e-9 if made_step else math.nan,
-        float(STATUSES.index(dof.status)), float(dof.valid), float(updated), dof.fit,
+        dof.time * 1e-9 if _made_step(dof) else math.nan, math.nan,
+        float(STATUSES.index(dof.status)), float(dof.valid), math.nan, dof.fit,
         dof.delay, dof.delay_std]
     for numbers, stds in ((physical(dof.parameters), dof.physical_std),
                           (dof.parameters, dof.std)):
@@ -60,3 +56,14 @@ def model_row(dof: DofEstimate, own: Sequence[str], couplings: Sequence[str], no
     for name in couplings:
         values += kappas.get(name, (math.nan, math.nan))
     return values
+
+
+def age(dof: DofEstimate, now: int) -> float:
+    """Return how old the numbers of a DOF are [s] at an event time [ns], NaN before a step."""
+    if not _made_step(dof):
+        return math.nan
+    return dof.stale_for or (now - dof.time) * 1e-9
+
+
+def _made_step(dof: DofEstimate) -> bool:
+    return dof.time > 0 or dof.steps > 0

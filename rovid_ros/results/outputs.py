@@ -1,23 +1,25 @@
-"""
-The messages of an estimate, as plain fields.
-
-The node fills ROS messages with them and the log writer those of a log, so both say the
-same.
-"""
+"""The messages of an estimate, serialised: the node sends the bytes, a log holds the same."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Sequence
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.model.dofs import DOFS, Four, NAN4, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Scales, Settings
 from rovid_ros.results.current import current_message, current_values, told
-from rovid_ros.results.model_rows import model_columns, model_row
+from rovid_ros.results.model_rows import AGE, age, model_columns, model_row, UPDATED
+from rovid_ros.results.wire_encoding import (
+    ArrayEncoder,
+    diagnostic_array,
+    JointStateEncoder,
+    StatusBody,
+    TwistEncoder,
+    VectorEncoder,
+)
 
 ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
 DIAGNOSTIC_TYPE = 'diagnostic_msgs/msg/DiagnosticArray'
@@ -64,13 +66,12 @@ LONG = 10.0
 _Kappas = dict[str, float]
 
 
-@dataclass(frozen=True)
-class Output:
-    """A message that goes out: nested dicts and lists of plain values in ``fields``."""
+class Output(NamedTuple):
+    """A message that goes out."""
 
     topic: str
     type: str
-    fields: dict[str, Any]
+    cdr: bytes
 
 
 class Outputs:
@@ -104,21 +105,30 @@ class Outputs:
         self._kappas = dict(self._initial_kappas)
         self._coupling_names = tuple(dict.fromkeys(
             name for names in self._couplings.values() for name in names))
-        self._frames, self._base = settings.frames, settings.base_frame
+        names, self._frames, self._base = settings.dofs, settings.frames, settings.base_frame
+        self._parameters_array = ArrayEncoder(names, PARAMETERS)
+        self._couplings_array = ArrayEncoder(names, self._coupling_names)
+        self._model_array = ArrayEncoder(names, model_columns(self._coupling_names))
+        self._covariance_array = ArrayEncoder('xy', 'xy')
+        self._joints = JointStateEncoder(self._base, names)
+        self._twists = TwistEncoder(self._base)
+        self._currents = VectorEncoder(WORLD_FRAMES[self._frames])
         self._has_current = settings.estimates_current
         self.topics = {**TOPICS, **(COUPLING_TOPICS if self._coupling_names else {}),
                        **(CURRENT_TOPICS if self._has_current else {})}
-        self._latched: dict[str, Callable[[], dict[str, Any]]] = {
+        self._latched: dict[str, Callable[[], bytes]] = {
             topic: make for topic, make in zip(LATCHED, (
-                lambda: self._values(0), lambda: self._values(1),
-                lambda: self._coupling_values(0), lambda: self._coupling_values(1),
+                lambda: self._row_array(0), lambda: self._row_array(1),
+                lambda: self._coupling_array(0), lambda: self._coupling_array(1),
                 self._model))
             if topic in self.topics}
-        self._makers: dict[str, Callable[[Estimate], dict[str, Any]]] = {
+        self._makers: dict[str, Callable[[Estimate], bytes]] = {
             'rov/identifier_state': self._state, 'rov/velocity': self._twist,
             'rov/estimate': self._diagnostics,
             'rov/current': self._current, 'rov/current_covariance': self._current_covariance}
-        self._statuses: dict[str, tuple[DofEstimate, bool, dict[str, Any]]] = {}
+        self._told: dict[str, DofEstimate] = {}  # what ``_rows`` and ``_kappas`` have seen
+        self._models: dict[str, tuple[DofEstimate, list[float]]] = {}
+        self._statuses: dict[str, tuple[DofEstimate, int, StatusBody]] = {}
         self._nothing = Estimate(0, tuple([
             DofEstimate(name, row[0], couplings=tuple(self._initial_kappas[name][0].values()))
             for name, row in self._initial.items()]), ())
@@ -145,6 +155,9 @@ class Outputs:
         """Yield the same one by one, so that the first is out before the next is made."""
         self._estimate = estimate
         for dof in estimate.dofs:
+            if self._told.get(dof.dof) is dof:
+                continue
+            self._told[dof.dof] = dof
             if dof.status not in ('invalid', 'stale'):
                 self._rows[dof.dof] = (dof.parameters, dof.std)
                 names = self._couplings[dof.dof]
@@ -159,121 +172,88 @@ class Outputs:
         """Go back to the initial values; return the messages that say so without a step."""
         self._rows, self._kappas = dict(self._initial), dict(self._initial_kappas)
         self._estimate = self._nothing
+        self._told.clear()
         return self.latched(list(self._latched))
 
     def latched(self, topics: Collection[str]) -> list[Output]:
         """Return the messages of ``LATCHED`` topics as they are after the last estimate."""
         return [Output(topic, self.topics[topic], self._latched[topic]()) for topic in topics]
 
-    def _diagnostics(self, estimate: Estimate) -> dict[str, Any]:
+    def _diagnostics(self, estimate: Estimate) -> bytes:
         statuses = [self._status(dof, index in estimate.stepped)
                     for index, dof in enumerate(estimate.dofs)]
         if self._has_current:
             current = told(estimate.current, self._frames)
-            statuses.append({
-                'level': CURRENT_LEVELS[current.status], 'name': 'current',
-                'message': current_message(current), 'hardware_id': '',
-                'values': key_values(current_values(current))})
-        return {'header': header(estimate.time, self._base), 'status': statuses}
+            statuses.append((CURRENT_LEVELS[current.status], StatusBody(
+                'current', current_message(current), '', current_values(current)).encode()))
+        return diagnostic_array(estimate.time, self._base, statuses)
 
-    def _state(self, estimate: Estimate) -> dict[str, Any]:
-        return {
-            'header': header(estimate.time, self._base),
-            'name': [dof.dof for dof in estimate.dofs],
-            'position': [],
-            'velocity': [dof.v_hat for dof in estimate.dofs],
-            'effort': [dof.force for dof in estimate.dofs],
-        }
+    def _state(self, estimate: Estimate) -> bytes:
+        return self._joints.encode(estimate.time, [dof.v_hat for dof in estimate.dofs],
+                                   [dof.force for dof in estimate.dofs])
 
-    def _twist(self, estimate: Estimate) -> dict[str, Any]:
+    def _twist(self, estimate: Estimate) -> bytes:
         # a DOF that is not identified has no velocity here: NaN, not a claim of standing still
         velocity = {dof.dof: dof.velocity for dof in estimate.dofs}
-        values = [velocity.get(name, math.nan) for name in DOFS]
-        return {
-            'header': header(estimate.time, self._base),
-            'twist': {
-                'linear': dict(zip('xyz', values[:3])),
-                'angular': dict(zip('xyz', values[3:])),
-            },
-        }
+        return self._twists.encode(
+            estimate.time, [velocity.get(name, math.nan) for name in DOFS])
 
-    def _current(self, estimate: Estimate) -> dict[str, Any]:
+    def _current(self, estimate: Estimate) -> bytes:
         current = told(estimate.current, self._frames)
-        return {'header': header(estimate.time, WORLD_FRAMES[self._frames]),
-                'vector': {'x': current.x, 'y': current.y, 'z': 0.0}}
+        return self._currents.encode(estimate.time, current.x, current.y, 0.0)
 
-    def _current_covariance(self, estimate: Estimate) -> dict[str, Any]:
+    def _current_covariance(self, estimate: Estimate) -> bytes:
         xx, xy, yy = told(estimate.current, self._frames).covariance
-        return _array(['x', 'y'], ['x', 'y'], [(xx, xy), (xy, yy)])
+        return self._covariance_array.encode([(xx, xy), (xy, yy)])
 
-    def _status(self, dof: DofEstimate, stepped: bool) -> dict[str, Any]:
-        """Return the status of a DOF; without a step, only ``updated`` is another."""
-        known, before, status = self._statuses.get(dof.dof, (None, stepped, {}))
-        if known is not dof:
-            status = _status(dof, self._couplings[dof.dof], stepped)
-        elif before is not stepped:
-            updated, = key_values({'updated': stepped})
-            status = {**status, 'values': [updated if value['key'] == 'updated' else value
-                                           for value in status['values']]}
-        self._statuses[dof.dof] = dof, stepped, status
-        return status
+    def _status(self, dof: DofEstimate, stepped: bool) -> tuple[int, bytes]:
+        """Return level and status of a DOF; without a step, only ``updated`` is another."""
+        known, level, body = self._statuses.get(dof.dof, (None, OK, None))
+        if known is not dof or body is None:
+            level = ERROR if dof.stale_for > LONG else LEVELS[dof.status]
+            body = StatusBody(dof.dof, dof_message(dof), '',
+                              _values(dof, self._couplings[dof.dof]), 'updated')
+            self._statuses[dof.dof] = dof, level, body
+        return level, body.encode(stepped)
 
-    def _model(self) -> dict[str, Any]:
-        """Return the fields of ``rov/model``."""
-        now, stepped, names = self._estimate.now, self._estimate.stepped, self._coupling_names
-        return _array([dof.dof for dof in self._estimate.dofs], model_columns(names), [
-            model_row(dof, self._couplings[dof.dof], names, now, i in stepped)
-            for i, dof in enumerate(self._estimate.dofs)])
+    def _model(self) -> bytes:
+        """Return ``rov/model``."""
+        now, stepped = self._estimate.now, self._estimate.stepped
+        rows = []
+        for index, dof in enumerate(self._estimate.dofs):
+            known, row = self._models.get(dof.dof, (None, []))
+            if known is not dof:
+                row = model_row(dof, self._couplings[dof.dof], self._coupling_names)
+                self._models[dof.dof] = dof, row
+            row[AGE], row[UPDATED] = age(dof, now), float(index in stepped)
+            rows.append(row)
+        return self._model_array.encode(rows)
 
-    def _values(self, which: int) -> dict[str, Any]:
-        """Return the fields of ``rov/params`` (0) or ``rov/params_std`` (1)."""
-        return _array(list(self._rows), PARAMETERS, [row[which] for row in self._rows.values()])
+    def _row_array(self, which: int) -> bytes:
+        """Return ``rov/params`` (0) or ``rov/params_std`` (1)."""
+        return self._parameters_array.encode([row[which] for row in self._rows.values()])
 
-    def _coupling_values(self, which: int) -> dict[str, Any]:
+    def _coupling_array(self, which: int) -> bytes:
         """Return the same of the couplings, NaN where a DOF has no such one."""
         names = self._coupling_names
-        return _array(list(self._kappas), names, [
+        return self._couplings_array.encode([
             [row[which].get(name, math.nan) for name in names] for row in self._kappas.values()])
-
-
-def header(time: int, frame: str) -> dict[str, Any]:
-    """Return the fields of a ``std_msgs/Header`` for a time [ns]."""
-    sec, nanosec = divmod(time, 1_000_000_000)
-    return {'stamp': {'sec': sec, 'nanosec': nanosec}, 'frame_id': frame}
-
-
-def key_values(values: Mapping[str, Any]) -> list[dict[str, str]]:
-    """Return ``diagnostic_msgs/KeyValue`` fields; a float's text gives its exact bits back."""
-    return [{'key': key, 'value': _text(value)} for key, value in values.items()]
 
 
 def dof_message(dof: DofEstimate) -> str:
     """Return status and reasons in one line."""
-    return f'{dof.status}: {", ".join(dof.reasons)}' if dof.reasons else dof.status
+    reasons = dof.reasons
+    return f'{dof.status}: {", ".join(reasons)}' if reasons else dof.status
 
 
-def _array(names: list[str], labels: Sequence[str], rows: Sequence[Sequence[float]]
-           ) -> dict[str, Any]:
-    size, columns = len(rows), len(labels)
-    return {
-        'layout': {
-            'dim': [
-                {'label': ','.join(names), 'size': size, 'stride': columns * size},
-                {'label': ','.join(labels), 'size': columns, 'stride': columns},
-            ],
-            'data_offset': 0,
-        },
-        'data': [value for row in rows for value in row],
-    }
-
-
-def _status(dof: DofEstimate, couplings: Sequence[str], stepped: bool) -> dict[str, Any]:
+def _values(dof: DofEstimate, couplings: Sequence[str]) -> dict[str, Any]:
+    """Return all that ``rov/estimate`` says of a DOF, by key; ``updated`` is put in later."""
     values: dict[str, Any] = {
         **dict(zip(PARAMETERS, dof.parameters)),
-        **dict(zip([f'{name}_std' for name in PARAMETERS], dof.std)),
+        **dict(zip(_STDS, dof.std)),
         **dict(zip(PHYSICAL, physical(dof.parameters))),
-        **{f'{name}_{end}': value for name, interval in dof.intervals.items()
-           for end, value in zip(('low', 'high'), interval)},
+        **{key: value for name, interval in dof.intervals.items()
+           for key, value in zip(_ENDS[name], interval)},
         'velocity': dof.velocity,
         'v_hat': dof.v_hat,
         'dv': dof.dv,
@@ -283,7 +263,7 @@ def _status(dof: DofEstimate, couplings: Sequence[str], stepped: bool) -> dict[s
         'status': dof.status,
         'reasons': ', '.join(dof.reasons),
         'time': dof.time,
-        'updated': stepped,
+        'updated': None,
     }
     for name in ('delay', 'delay_std', 'W'):
         if not math.isnan(getattr(dof, name)):
@@ -292,19 +272,8 @@ def _status(dof: DofEstimate, couplings: Sequence[str], stepped: bool) -> dict[s
         values[f'kappa_{name}'], values[f'kappa_{name}_std'] = kappa, std
     if dof.stale_for:
         values['age'] = dof.stale_for
-    return {
-        'level': ERROR if dof.stale_for > LONG else LEVELS[dof.status],
-        'name': dof.dof,
-        'message': dof_message(dof),
-        'hardware_id': '',
-        'values': key_values(values),
-    }
+    return values
 
 
-def _text(value: Any) -> str:
-    if type(value) is float:  # as almost all are
-        return repr(value)
-    if isinstance(value, bool):
-        return 'true' if value else 'false'
-    # numpy's floats are floats, with another repr
-    return float.__repr__(value) if isinstance(value, float) else str(value)
+_STDS = [f'{name}_std' for name in PARAMETERS]
+_ENDS = {name: (f'{name}_low', f'{name}_high') for name in (*PARAMETERS, *PHYSICAL)}

@@ -389,7 +389,7 @@ def test_the_live_graph(tmp_path: Path, log: Path) -> None:
     rclpy = pytest.importorskip('rclpy')
     from rclpy.executors import SingleThreadedExecutor
     from rclpy.node import Node
-    from rovid_ros.node.transport.wire_encoding import import_type
+    from rovid_ros.node.transport.message_types import import_type
 
     context = rclpy.Context()
     rclpy.init(args=[], context=context)

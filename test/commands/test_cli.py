@@ -9,7 +9,7 @@ import sys
 from threading import Thread
 
 import pytest
-from rovid_ros import __version__
+from rovid_ros import build
 from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.main import COMMANDS, main
 from rovid_ros.commands.running import check_written, CommandError, Interrupted, run_to_exit_code
@@ -42,7 +42,7 @@ def test_help_and_version(arguments: list[str], capsys: pytest.CaptureFixture[st
 
 def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
     main(['--version'])
-    assert capsys.readouterr().out == f'rovid {__version__}\n'
+    assert capsys.readouterr().out == f'rovid {build()}\n'
 
 
 def test_no_command_at_all_shows_the_help(capsys: pytest.CaptureFixture[str]) -> None:
@@ -180,7 +180,7 @@ def test_the_module_is_the_command(repository: Path, environment: dict[str, str]
     out = subprocess.run(
         [sys.executable, '-m', 'rovid_ros.commands', '--version'], cwd=repository, env=environment,
         check=True, capture_output=True, text=True).stdout
-    assert out == f'rovid {__version__}\n'
+    assert out == f'rovid {build()}\n'
 
 
 def test_only_the_command_that_runs_is_imported(

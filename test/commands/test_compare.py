@@ -115,7 +115,7 @@ def test_a_term_that_is_not_there_is_left_out(
         folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = (folder / 'rov.yaml').read_text().replace('        bias: 2.9', '        bias: 0.0')
     (folder / 'level.yaml').write_text(text)
-    assert main(['simulate', '--params-file', str(folder / 'level.yaml'), '--duration', '120',
+    assert main(['simulate', '--params-file', str(folder / 'level.yaml'), '--duration', '80',
                  '--output', str(folder / 'level{}.mcap'), '--profile', f'surge=150@0.05{STILL}',
                  '--profile', f'surge=100@0.08{STILL}']) == 0
     capsys.readouterr()
@@ -169,7 +169,7 @@ def test_few_fixes(values: dict[str, float], duration: float, folder: Path) -> N
     assert main(['simulate', '--params-file', str(folder / 'few.yaml'), '--duration',
                  str(duration), '--output', str(folder / 'few.mcap')]) == 0
     assert main(['compare', str(folder / 't1.mcap'), '--validate', str(folder / 'few.mcap'),
-                 '--params-file', str(folder / 'few.yaml'),
+                 '--duration', '60', '--params-file', str(folder / 'few.yaml'),
                  '--report', str(folder / 'few.html')]) == 0
     if duration > 60.0:
         assert main(['compare', str(folder / 'few.mcap'),

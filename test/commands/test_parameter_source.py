@@ -52,5 +52,10 @@ def test_a_command_takes_them(
     assert 'yaw' not in capfd.readouterr().out
     assert main(['replay', str(out), *arguments[:6], '-p', 'max_gap:=-2']) == 1
     assert '-p max_gap:=-2: max_gap: got -2, takes a number' in capfd.readouterr().err
-    assert main(['tune', str(out), *arguments[:4], '--output', str(tmp_path / 'o.yaml')]) == 2
-    assert 'takes one --params-file' in capfd.readouterr().err
+    capfd.readouterr()
+    assert main(['check', str(file), '--params-file', str(more), '-p', 'dofs:=[surge]']) == 0
+    said = capfd.readouterr().out
+    assert f'{file}, {more}' in said
+    assert 'thrusters drive 1 degrees of freedom' in said
+    assert main(['check', str(file), '-p', 'max_gap:=-2']) == 1
+    assert '-p max_gap:=-2' in capfd.readouterr().out

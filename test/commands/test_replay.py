@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 import pytest
 from rovid_core.identify.status import STATUSES
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
+from rovid_ros import build
 from rovid_ros.commands.demo import demo
 from rovid_ros.commands.main import main
 from rovid_ros.commands.running import Interrupt, Interrupted
@@ -84,8 +85,9 @@ def messages(path: Path, topic: str) -> Iterator[tuple[int, int, Any]]:
 
 def test_the_json_is_as_specified(written: tuple[Path, dict[str, Any]]) -> None:
     document = written[1]
-    assert list(document) == ['method', 'steps', 'duration_s', 'rejected', 'dofs',
+    assert list(document) == ['rovid', 'method', 'steps', 'duration_s', 'rejected', 'dofs',
                               'current']
+    assert document['rovid'] == build()
     assert document['method'] == 'ekf'
     assert document['duration_s'] == pytest.approx(DURATION, abs=0.1)
     assert document['rejected'] == {}
@@ -123,6 +125,30 @@ def test_the_json_is_the_last_published_estimate(
         assert {name: float(values[name]) for name in (*PARAMETERS, *PHYSICAL)} == {
             name: found[name] for name in (*PARAMETERS, *PHYSICAL)}
         assert int(values['steps']) == found['steps']
+
+
+def test_topics_are_those_of_the_whole_output(
+        config: Path, log: Path, written: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    output = tmp_path / 'some.mcap'
+    assert main(['replay', str(log), '--params-file', str(config), '--output', str(output),
+                 '--topics', '/rov/velocity,rov/params']) == 0
+
+    def read(path: Path, *topics: str) -> list[tuple[str, int, bytes]]:
+        with path.open('rb') as file:
+            return [(channel.topic, message.log_time, message.data) for _, channel, message
+                    in make_reader(file).iter_messages(topics=topics or None)]
+
+    assert read(output) == read(written[0], '/rov/params', '/rov/velocity') != []
+
+
+def test_topics_that_there_are_not_are_named(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run = ['replay', str(log), '--params-file', str(config), '--topics']
+    assert main([*run, 'rov/params']) == 2
+    assert '--topics goes with --output' in capsys.readouterr().err
+    assert main([*run, 'rov/parms', '--output', str(tmp_path / 'out.mcap')]) == 2
+    assert "--topics: got 'rov/parms', takes rov/params, rov/params_std" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_output_holds_every_output_topic(written: tuple[Path, dict[str, Any]]) -> None:

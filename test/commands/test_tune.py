@@ -47,9 +47,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_tuned_file_replays_better(
         folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine, tuned = folder / 'mine.yaml', folder / 'tuned.yaml'
-    assert main(['tune', f'{folder}/log.mcap', '--params-file', str(mine),
+    first = folder / 'first.yaml'
+    first.write_text('/**: {ros__parameters: {max_wait: 0.2, surge.initial.mass: 1.0}}')
+    assert main(['tune', f'{folder}/log.mcap', '--params-file', str(first), '--params-file',
+                 str(mine), '-p', 'max_wait:=0.1', '-p', 'thrusters.delay:=0.0',
                  '--output', str(tuned), '--json', f'{folder}/tune.json']) == 0
-    assert 'thrusters.delay' in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert 'thrusters.delay' in said.out
+    assert f'-p thrusters.delay:=0.0 wins over what {tuned} says: leave it out' in said.err
+    assert 'max_wait' not in said.err
     assert mine.read_text() == SURGE
     text = tuned.read_text()
     assert '# mine' in text and '# one' in text
@@ -106,6 +112,13 @@ def test_a_missing_key_is_put_in(tmp_path: Path) -> None:
     assert load(tmp_path / 'tuned.yaml') == {
         **load(path), **changes, 'surge.terms': ['alpha']}
     settings_from(load(tmp_path / 'tuned.yaml'))
+
+
+def test_a_file_of_few_keys_takes_them_too(tmp_path: Path) -> None:
+    path = tmp_path / 'few.yaml'
+    path.write_text('/**:\n  ros__parameters: {max_gap: 1.0}\n')
+    path.write_text(edited(path, {'thrusters.delay': 0.125}))
+    assert load(path) == {'max_gap': 1.0, 'thrusters.delay': 0.125}
 
 
 @pytest.mark.parametrize('terms', [

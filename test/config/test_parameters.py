@@ -49,6 +49,8 @@ def test_every_setting_has_exactly_one_key() -> None:
         wanted |= {f'{name}.{f.name}' for f in fields(InputSettings)}
         if name not in ('attitude', 'angular_velocity', 'velocity'):  # the sensors of the body
             wanted -= {f'{name}.frames', f'{name}.mounting'}
+            if name != 'position':
+                wanted -= {f'{name}.sensor_frame'}
     for dof in DOFS:
         wanted |= {f'dof.{dof}.{f.name}' for f in fields(DofSettings)}
         wanted |= {f'simulation.dofs.{dof}.{f.name}' for f in fields(SimulatedDof)}

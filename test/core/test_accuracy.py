@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 from math import isfinite
-from statistics import median
 
 import pytest
+from rovid_core import COMPILED
 from rovid_core.identify.aid.adaptive_identifier import Gains
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.lowpass import LowPass
@@ -68,6 +68,7 @@ def test_neither_typical_sizes_nor_adaptation_time_decide(logs, time, force, spe
     assert prediction(run(stream, logs[0])[-1].dofs[0].parameters).mae < 0.007
 
 
+@pytest.mark.skipif(COMPILED, reason='compiled code does not see that a class is replaced')
 def test_thrust_that_is_not_filtered_like_the_velocity_is_several_times_worse(
         logs, monkeypatch):
     # the identifier with raw gains, which takes both filtered
@@ -76,8 +77,7 @@ def test_thrust_that_is_not_filtered_like_the_velocity_is_several_times_worse(
         feedback_gain=gains.feedback, adaptation_gains=gains.adaptation, integrator='euler')
 
     def error():
-        return median(prediction(run(Stream(settings), log)[-1].dofs[0].parameters).mae
-                      for log in logs)
+        return prediction(run(Stream(settings), logs[0])[-1].dofs[0].parameters).mae
 
     alike = error()
 

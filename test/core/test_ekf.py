@@ -31,6 +31,7 @@ from test.support.online_trials import (
     prediction_error,
     trial,
 )
+from test.support.sensors import at_rates
 from test.support.surge import HEAVY, LIGHT, SURGE_TRUTH, TRAINING
 from test.support.tank import LEAST, online_fits, yaw_fit
 from test.support.trials import CONFIG
@@ -268,7 +269,7 @@ def test_a_coupling_predicts_the_tank_s_yaw_better(data):
 
 
 def test_the_intervals_hold_for_every_dof_with_held_commands():
-    settings = settings_from(load(CONFIG / 'jhurov.yaml'))
+    settings = at_rates(settings_from(load(CONFIG / 'jhurov.yaml')), depth=10.0, attitude=10.0)
     errors = []
     for seed in range(6):
         stream = Stream(settings)

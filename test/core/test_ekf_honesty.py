@@ -179,6 +179,16 @@ def test_a_model_that_does_not_predict_is_not_converged_and_one_that_stops_is_no
     assert 'converged' not in Drive().go([steps[0], *wrong]).judged
 
 
+def test_a_delay_at_the_end_of_its_range_is_said_and_nothing_has_converged():
+    """The thrust is stamped 0.1 s late, of a vehicle whose tether hides by how much."""
+    first, *steps = pieces(VEHICLES['tether 1 N'], 0, 150.0)
+    late = [step._replace(force=by.force, forces=by.forces, pieces=by.pieces)
+            for step, by in zip(steps[1:], steps)]
+    drive = Drive().go([first, *late])
+    assert 'stands at its bound of -0.05 s' in drive.notes[-1]
+    assert drive.judged[-1] == 'converging'
+
+
 def test_what_the_blocks_say_goes_on_after_a_restore():
     steps = pieces(VEHICLES['reverse thrust x 0.8'], 0, 200.0)
     drive = Drive().go(steps[:1530])
@@ -194,7 +204,8 @@ def test_what_the_blocks_say_goes_on_after_a_restore():
 
 @pytest.mark.parametrize(('key', 'bad'), [
     ('bank', {'members': [], 'best': 0}),
-    ('bank', {'members': [{}, {}], 'best': 0}), ('theta', [1.0]), ('losses', [1e999]),
+    ('bank', {'members': [{}, {}], 'best': 0}), ('theta', [1.0]),
+    ('bank', {**ExtendedKalman(SCALES).state()['bank'], 'losses': [1e999]}),
     ('clock', {'recent': {'times': [0.0, 1.0], 'means': [], 'slopes': [], 'held': False},
                'path': 0.0, 'fix': 0.0, 'ahead': 0.0})])
 def test_a_state_that_does_not_fit_is_refused(key, bad):
@@ -232,6 +243,12 @@ def test_errors_that_repeat_within_a_block_widen_the_interval():
     # of errors that repeat it is that of the blocks, and beyond six they count no more
     assert repeated.covariance[0][0] > 1 / 20
     assert white.covariance[1] == [0.0] * 5
+
+
+@pytest.mark.parametrize('scatter', [0.0, 0.08])
+def test_the_variance_that_blocks_state_is_that_of_a_mean(scatter):
+    stated = [scored(scatter, 40, seed).verdict().covariance[0][0] for seed in range(8)]
+    assert np.mean(stated) == pytest.approx((scatter**2 + 1 / 100) / 40, rel=0.3)
 
 
 def test_blocks_that_are_joined_say_the_same():

@@ -142,8 +142,8 @@ def test_the_noise_of_unfiltered_velocities_leaves_no_bias():
 
 
 def test_output_error_attains_the_bound():
-    ratio, bound = bound_ratio(16)
-    assert ratio.max() < 1.6  # 200 seeds are in the benchmark; 16 scatter
+    ratio, bound = bound_ratio(8)
+    assert ratio.max() < 1.6  # 200 seeds are in the benchmark; 8 scatter
     assert bound.max() < 0.002
 
 

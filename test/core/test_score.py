@@ -176,3 +176,26 @@ def test_a_reference_is_met_between_two_times() -> None:
     log.add_reference(first + 60_000_000_001, (9.0, *still, 0.0))
     log.add_reference(first, (math.nan, *still, 0.0))
     assert log.score('surge', SURGE_TRUTH).mae < 1e-10
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.137, -0.26])
+@pytest.mark.parametrize('block', [BLOCK, 100_000])
+def test_the_thrust_acts_as_late_as_the_method_says(delay: float, block: int) -> None:
+    """The vehicle feels at 50 Hz what the log has at 10 Hz."""
+    fine, seconds = 0.02, 40.0
+    time = np.arange(round(seconds / fine)) * fine
+    # held for as long as a step of the log, which is cut at other times
+    felt = 100.0 * np.sin(np.floor((time - delay + 1e-9) / 0.1) * 0.1)
+    v = one_by_one(SURGE_TRUTH, 0.0, np.full(len(time), fine), felt)
+    log = ScoreLog(SETTINGS, block)
+    log.begin_run('surge', 0, float(v[0]))
+    for k in range(round(seconds / 0.1)):
+        force = 100.0 * math.sin(k * 0.1)
+        end = (k + 1) * PERIOD
+        log.add_step('surge', (end - PERIOD, end - PERIOD // 2, end), Step(
+            0.1, (0.0,) * 3, (0.0,) * 3, 0.0, 0.1, (0.05, 0.05), (force, force)))
+        if 0.5 < k * 0.1 < seconds - 0.5:
+            log.add_reference(end, (float(v[(k + 1) * 5]), *[math.nan] * 5))
+    errors = {d: log.score('surge', SURGE_TRUTH, d).mae for d in (delay, delay + 0.1)}
+    assert errors[delay] < 2e-3 < 5e-3 < errors[delay + 0.1]
+    assert log.score('surge', SURGE_TRUTH, math.nan) == log.score('surge', SURGE_TRUTH)

@@ -38,6 +38,12 @@ def feed(stream: Stream, events: list[Event]) -> list[Estimate]:
     return [estimate for event in events for estimate in stream.receive(event)]
 
 
+def told(estimates: list[Estimate]) -> str:
+    """Return all numbers as text, for a NaN is equal to itself alone."""
+    return repr([(estimate.time, [(*dof._replace(uncertainty=None), dof.covariance, dof.delay_std)
+                                  for dof in estimate.dofs]) for estimate in estimates])
+
+
 def held(stream: Stream) -> tuple[object, ...]:
     """Return what a change must leave alone."""
     identifier = stream.identifier('surge')
@@ -80,7 +86,7 @@ def test_raw_gains_mean_nothing_to_the_filter(events: list[Event]) -> None:
     feed(stream, events[:half])
     feed(same, events[:half])
     stream.change(changed(settings, **RAW), '')
-    assert repr(feed(stream, events[half:])) == repr(feed(same, events[half:]))
+    assert told(feed(stream, events[half:])) == told(feed(same, events[half:]))
 
 
 CHANGES = {

@@ -211,6 +211,13 @@ def test_the_topics_of_recorded_logs(log: str, dofs: tuple[str, ...], expected: 
 # --- asking, and what cannot be done ------------------------------------------------------
 
 
+def test_what_no_command_drives_apart_is_named(
+        data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = data / 'bluerov2_tank' / 'surge_sway_heave.mcap'  # without a command of yaw
+    assert main(['init', str(log), '--output', str(tmp_path / 'rov.yaml')]) == 0
+    assert 'yaw: no command drives it apart from surge, sway, heave' in capsys.readouterr().out
+
+
 def test_another_choice_is_taken(data: Path) -> None:
     with Log([data / 'blueboat' / 'bb235.mcap']) as log:
         signals = read_signals(log, 0.0, None)

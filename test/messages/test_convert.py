@@ -42,7 +42,7 @@ def message(name: str, fields: Mapping[str, Any]) -> Any:
 
 def ros_message(name: str, fields: Mapping[str, Any]) -> Any:
     pytest.importorskip('rclpy')
-    from rovid_ros.node.transport.wire_encoding import import_type
+    from rovid_ros.node.transport.message_types import import_type
 
     from test.support.ros_messages import fill
     return fill(import_type(name), fields)

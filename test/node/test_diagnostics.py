@@ -30,8 +30,8 @@ from rovid_ros.node.health.diagnostics import diagnostics, NodeState
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.health.levels import Arrivals, HealthData, input_level, RecentCounts
 from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport.message_types import import_type
 from rovid_ros.node.transport.publishers import best_effort, reliable
-from rovid_ros.node.transport.wire_encoding import import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
 
 from test.support.live_node import (
@@ -45,6 +45,7 @@ from test.support.live_node import (
     VALUES,
     write_parameters,
 )
+from test.support.outputs import fields_of
 
 NAME = '/rov1/identifier_node'
 SETTINGS = settings_from(VALUES)
@@ -92,7 +93,7 @@ class Watched:
     def statuses(self, **state: Any) -> dict[str, Status]:
         """Return the statuses of a message by the part that they are about."""
         node = NodeState(NAME, **{'uptime': self.steady, **state})
-        fields = diagnostics(self.health, node).fields
+        fields = fields_of(diagnostics(self.health, node))
         return {status['name'].removeprefix(f'{NAME}: '): (
                     status['hardware_id'], status['level'], status['message'],
                     {entry['key']: entry['value'] for entry in status['values']})

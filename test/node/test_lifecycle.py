@@ -19,8 +19,8 @@ from rclpy.serialization import deserialize_message
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.player import CONTROL
 from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport.message_types import import_type
 from rovid_ros.node.transport.publishers import latched
-from rovid_ros.node.transport.wire_encoding import import_type
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 

@@ -30,8 +30,8 @@ from rovid_ros.node.log_player import NodePlayer
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.process import read_files
 from rovid_ros.node.recorder import Received, Recorder
+from rovid_ros.node.transport.message_types import definition, import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import best_effort, latched
-from rovid_ros.node.transport.wire_encoding import definition, import_type, MessageTypeError
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
 

@@ -11,7 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.transport.inputs import LARGEST_DECIMATION, LATE, LoadShedding
 
-from test.support.live_node import changed, Peer, simulated, TYPES
+from test.support.live_node import changed, Peer, simulated, TYPES, WatchedStream
 
 
 def taken(load: LoadShedding, topic: str = '/fast', longest_gap: int = 1 << 60) -> int:
@@ -83,7 +83,8 @@ def test_overload_leaves_out_fixes_and_no_commands(
             peer.publish([position[k], *current[2 * k:2 * k + 2]])
             time.sleep(0.02)
 
-    monkeypatch.setattr(node.stream, 'receive', slow)
+    stream = node.stream
+    monkeypatch.setattr(node, 'stream', WatchedStream(stream, slow))
     sender = Thread(target=send)
     sender.start()
     while sender.is_alive():
@@ -93,7 +94,7 @@ def test_overload_leaves_out_fixes_and_no_commands(
     assert set(refused) == {('position', 'overload')}
     assert 0 < refused['position', 'overload'] < 250
 
-    monkeypatch.setattr(node.stream, 'receive', sound)
+    monkeypatch.setattr(node, 'stream', stream)
     for k in range(250, 300):
         if k == 290:
             refused = dict(node.stream.rejected)

@@ -12,8 +12,8 @@ rclpy = pytest.importorskip('rclpy')
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.transport.message_types import import_type
 from rovid_ros.node.transport.publishers import best_effort, latched, reliable
-from rovid_ros.node.transport.wire_encoding import import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
 from std_msgs.msg import Float64MultiArray
 

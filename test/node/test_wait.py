@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from test.support.live_node import changed, Peer, Raw, replayed, TYPES
+from test.support.live_node import changed, Peer, Raw, replayed, TYPES, WatchedStream
 
 rclpy = pytest.importorskip('rclpy')
 
@@ -90,8 +90,8 @@ def test_inputs_do_not_go_through_the_executor(
     with turning() as run:
         received: list[Any] = []
         receive = run.node.stream.receive
-        monkeypatch.setattr(run.node.stream, 'receive', lambda event: (
-            received.append(event), receive(event))[1])
+        monkeypatch.setattr(run.node, 'stream', WatchedStream(
+            run.node.stream, lambda event: (received.append(event), receive(event))[1]))
         run.peer.advertise(TYPES)
         before, turns = run.executor.count, run.turns
         for number in range(0, len(messages), 10):  # some at a time

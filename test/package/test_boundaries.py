@@ -28,7 +28,7 @@ CORE_ROOMS = {
 }
 EVERYTHING_BUT_THE_NODE = {
     'config', 'files', 'messages', 'logs', 'discovery', 'results', 'comparison', 'report',
-    'commands'}
+    'survey', 'commands'}
 ROS_ROOMS = {
     'config': set(),
     'files': {'config'},
@@ -38,8 +38,9 @@ ROS_ROOMS = {
     'results': {'messages'},
     'comparison': {'logs', 'messages', 'results'},
     'report': {'files', 'results'},
+    'survey': {'files', 'logs', 'results'},
     'commands': EVERYTHING_BUT_THE_NODE | {'node'},  # the node only where it is asked for
-    'node': EVERYTHING_BUT_THE_NODE - {'comparison', 'report', 'discovery'},
+    'node': EVERYTHING_BUT_THE_NODE - {'comparison', 'report', 'discovery', 'survey'},
 }
 
 WITHOUT_ROS = """

@@ -15,6 +15,8 @@ from rovid_ros.results.current import current_text
 from rovid_ros.results.documents import current_document
 from rovid_ros.results.outputs import CURRENT_TOPICS, OK, Outputs, TOPICS, WARN
 
+from test.support.outputs import fields_of
+
 TIME = 1_700_000_000_123_456_789
 CURRENT = Current(0.21, -0.08, (4e-4, 1e-4, 9e-4), 1.5, 'known')
 
@@ -34,7 +36,7 @@ def estimate(current: Current | None) -> Estimate:
 
 
 def fields(current: Current | None, **changes: Any) -> dict[str, dict[str, Any]]:
-    return {out.topic: out.fields
+    return {out.topic: fields_of(out)
             for out in Outputs(settings(**changes)).messages(estimate(current))}
 
 
@@ -103,7 +105,7 @@ def test_a_log_holds_the_current(tmp_path: Path) -> None:
     path = tmp_path / 'out.mcap'
     with OutputLog(path) as log:
         for out in Outputs(settings()).messages(estimate(CURRENT)):
-            log.write(f'/{out.topic}', out.type, out.fields, TIME, TIME)
+            log.write_raw(f'/{out.topic}', out.type, out.cdr, TIME)
         log.finish()
     with Log([path]) as read:
         message, = read.messages(['/rov/current'])

@@ -39,7 +39,7 @@ def read(tmp_path: Path) -> Callable[[Output], Any]:
     def read(output: Output) -> Any:
         log = OutputLog(tmp_path / 'out.mcap')
         with log:
-            log.write(f'/{output.topic}', output.type, output.fields, 1)
+            log.write_raw(f'/{output.topic}', output.type, output.cdr, 1)
             log.finish()
         with Log([tmp_path / 'out.mcap']) as written:
             return next(written.messages([f'/{output.topic}'])).data

@@ -23,6 +23,8 @@ from rovid_ros.results import outputs
 from rovid_ros.results.documents import dofs_document
 from rovid_ros.results.outputs import ERROR, LEVELS, OK, Output, Outputs, TOPICS, WARN
 
+from test.support.outputs import fields_of
+
 TIME = 1_700_000_000_123_456_789
 AWKWARD = (1.0 / 3.0, -0.1 - 0.2, -1e-17, 5e-324)
 
@@ -52,7 +54,7 @@ def estimate(status: str = 'converging', reasons: tuple[str, ...] = (), std: Fou
 def by_topic(outputs: list[Output]) -> dict[str, dict[str, Any]]:
     assert [out.topic for out in outputs] == list(TOPICS)
     assert all(out.type == TOPICS[out.topic] for out in outputs)
-    return {out.topic: out.fields for out in outputs}
+    return {out.topic: fields_of(out) for out in outputs}
 
 
 def test_params_are_a_row_major_table() -> None:
@@ -100,7 +102,7 @@ def coupled_estimate(status: str = 'converging', vr: float = AWKWARD[0]) -> Esti
 def test_couplings_are_a_table_of_all_names_with_nan_where_a_dof_has_none() -> None:
     outputs = Outputs(coupled_settings())
     assert list(outputs.topics) == [*TOPICS, 'rov/couplings', 'rov/couplings_std']
-    messages = {out.topic: out.fields for out in outputs.messages(coupled_estimate())}
+    messages = {out.topic: fields_of(out) for out in outputs.messages(coupled_estimate())}
     for topic, row in (('rov/couplings', [AWKWARD[0], 2.5]), ('rov/couplings_std', [0.25, 0.5])):
         assert messages[topic]['layout'] == {
             'dim': [{'label': 'surge,yaw', 'size': 2, 'stride': 6},
@@ -115,12 +117,12 @@ def test_couplings_are_a_table_of_all_names_with_nan_where_a_dof_has_none() -> N
 
 def test_couplings_are_held_while_invalid_and_go_back_on_a_reset() -> None:
     outputs = Outputs(coupled_settings())
-    before = outputs.latched(['rov/couplings'])[0].fields['data']
+    before = fields_of(outputs.latched(['rov/couplings'])[0])['data']
     assert before[:2] == [0.0, 0.0]
     outputs.messages(coupled_estimate())
     outputs.messages(coupled_estimate('invalid', vr=9.0))
-    assert outputs.latched(['rov/couplings'])[0].fields['data'][:2] == [AWKWARD[0], 2.5]
-    again = {out.topic: out.fields for out in outputs.reset()}
+    assert fields_of(outputs.latched(['rov/couplings'])[0])['data'][:2] == [AWKWARD[0], 2.5]
+    again = {out.topic: fields_of(out) for out in outputs.reset()}
     assert again['rov/couplings']['data'][:2] == [0.0, 0.0]
     assert all(math.isnan(x) for x in again['rov/couplings_std']['data'])
 
@@ -253,8 +255,8 @@ def test_summary_without_a_step_has_the_initial_values() -> None:
 
 def test_the_first_message_is_there_before_the_next_is_made(
         monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[int] = []  # the parameters have no header, what comes after them has
-    monkeypatch.setattr(outputs, 'header', lambda time, frame: made.append(time) or {})
+    made: list[int] = []
+    monkeypatch.setattr(outputs, 'diagnostic_array', lambda *parts: made.append(1) or b'')
     messages = Outputs(settings()).each(estimate(), TOPICS)
     assert next(messages).topic == 'rov/params'
     assert made == []

@@ -1,5 +1,6 @@
 """Files of others: what is no log is refused by name, what makes up its content is bounded."""
 
+from collections.abc import Callable
 import os
 from pathlib import Path
 import signal
@@ -88,17 +89,13 @@ def test_a_database_without_end_is_left_on_ctrl_c(
     timer.join()
 
 
-@pytest.mark.parametrize('name', ['log.mcap', 'log.db3', 'log.mcap.zst'])
-def test_a_pipe_is_no_log(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize('name', ['log.mcap', 'log.db3', 'log.mcap.zst', '/dev/zero'])
+def test_a_pipe_or_a_device_is_no_log(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
-    os.mkfifo(path)
+    if not path.exists():
+        os.mkfifo(path)
     with patience(), pytest.raises(LogError, match=f'^{path}: is not a regular file$'):
         Log([path])
-
-
-def test_a_device_is_no_log() -> None:
-    with pytest.raises(LogError, match='^/dev/zero: is not a regular file$'):
-        Log([Path('/dev/zero')])
 
 
 def test_a_bag_with_a_pipe_or_an_impossible_name_reads_the_others(tmp_path: Path) -> None:
@@ -143,46 +140,43 @@ def simulate(*options: object) -> int:
     return main(['simulate', '--params-file', str(CONFIG), '--duration', '1', *map(str, options)])
 
 
-def test_a_simulation_that_fails_leaves_the_log_that_was_there(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str]) -> None:
-    path, part = tmp_path / 'log.mcap', tmp_path / 'log.part.mcap'
+def stopped_simulation(path: Path, stop: Callable[[], None]) -> int:
+    """Simulate to where a log is already, do something at the 20th message; the log stays."""
     path.write_bytes(b'mine')
     write, left = LogWriter.write, [20]
 
-    def failing(*given: object, **named: object) -> None:
+    def stopping(*given: object, **named: object) -> None:
         left[0] -= 1
         if not left[0]:
-            raise OSError(28, 'No space left on device', str(part))
+            stop()
         write(*given, **named)  # type: ignore[arg-type]
 
-    with monkeypatch.context() as patch:
-        patch.setattr(LogWriter, 'write', failing)
-        assert simulate('--output', path) == 1
-    assert capsys.readouterr().err == f'rovid simulate: {part}: No space left on device\n'
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(LogWriter, 'write', stopping)
+        code = simulate('--output', path)
     assert path.read_bytes() == b'mine'
+    return code
+
+
+def test_a_simulation_that_fails_leaves_the_log_that_was_there(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, part = tmp_path / 'log.mcap', tmp_path / 'log.part.mcap'
+
+    def fail() -> None:
+        raise OSError(28, 'No space left on device', str(part))
+
+    assert stopped_simulation(path, fail) == 1
+    assert capsys.readouterr().err == f'rovid simulate: {part}: No space left on device\n'
     assert simulate('--output', path) == 0
     assert [entry.name for entry in tmp_path.iterdir()] == ['log.mcap']
     assert len(path.read_bytes()) > 4
 
 
 def test_an_interrupted_simulation_leaves_the_log_that_was_there(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-        capsys: pytest.CaptureFixture[str]) -> None:
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, part = tmp_path / 'log.mcap', tmp_path / 'log.part.mcap'
-    path.write_bytes(b'mine')
-    write, left = LogWriter.write, [20]
-
-    def signalled(*given: object, **named: object) -> None:
-        left[0] -= 1
-        if not left[0]:
-            signal.raise_signal(signal.SIGTERM)
-        write(*given, **named)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(LogWriter, 'write', signalled)
-    assert simulate('--output', path) == 143
+    assert stopped_simulation(path, lambda: signal.raise_signal(signal.SIGTERM)) == 143
     assert f'{part} holds the first' in capsys.readouterr().err
-    assert path.read_bytes() == b'mine'
     with Log([part]) as log:
         assert sum(1 for _ in log.raw(list(log.topics))) == 20
 
@@ -200,6 +194,21 @@ def test_a_closed_stderr_is_no_reason_to_stop(redirection: str, tmp_path: Path) 
     assert 'warning' not in run.stdout
     with Log([path]) as log:
         assert log.warnings == []
+
+
+def test_no_file_is_opened_in_place_of_stdout_or_stderr(tmp_path: Path) -> None:
+    code = ('import os, sys\n'
+            'from rovid_ros.commands.running import open_standard_files\n'
+            'open_standard_files()\n'
+            'with open(sys.argv[1], "w"):\n'
+            '    os.write(1, b"printed")\n'
+            '    os.write(2, b"told")\n')
+    path = tmp_path / 'log'
+    run = subprocess.run(
+        ['sh', '-c', '"$0" -c "$1" "$2" >&- 2>&-', sys.executable, code, str(path)],
+        cwd=REPOSITORY, env=child_environment())
+    assert run.returncode == 0
+    assert path.read_text() == ''
 
 
 def test_ctrl_c_during_the_imports_is_one_line() -> None:

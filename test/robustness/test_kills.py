@@ -8,7 +8,7 @@ from test.support.replay_kills import replay_kills
 
 
 def test_killed_replays(tmp_path: Path) -> None:
-    tally = replay_kills(tmp_path, 3, seed=3, duration=40.0)
+    tally = replay_kills(tmp_path, 3, seed=3, duration=25.0)
     assert tally.faults == []
     assert tally.kills == 3
     assert tally.states > 0

@@ -62,8 +62,9 @@ class Bench:
         self.values = values
         self.recording = train
         self.truth = truth or {}
-        player = PipelinePlayer(train.settings)
-        replay([judge], train.settings, player, start=start)
+        # in still water what models are scored on is the same with every method
+        player = PipelinePlayer(self.method('aid'))
+        replay([judge], self.method('aid'), player, start=start)
         self.judge: ScoreLog = player.scores
         self._usual: dict[tuple[str, float], Outcome] = {}
 
@@ -99,9 +100,10 @@ class Bench:
         return float(np.abs(self.judge.series(dof)[1]).mean())
 
 
-def simulated(duration: float = 300.0, on: float = 80.0) -> Bench:
+def simulated(duration: float = 300.0, on: float = 80.0, **rates: float) -> Bench:
     """Return the vehicle of config/jhurov.yaml; faults come on after a time [s]."""
-    values = load(CONFIG / 'jhurov.yaml')
+    values = {**load(CONFIG / 'jhurov.yaml'),
+              **{f'simulation.{name}_rate': rate for name, rate in rates.items()}}
     settings = settings_from(values)
     profile: Profile = {dof: tuple([Sinusoid(*wave) for wave in waves])
                         for dof, waves in WAVES.items()}
@@ -110,7 +112,7 @@ def simulated(duration: float = 300.0, on: float = 80.0) -> Bench:
     with TemporaryDirectory() as folder:
         train, judge = Path(folder, 'train.mcap'), Path(folder, 'judge.mcap')
         simulate_log(settings, train, duration, seed=1)
-        simulate_log(settings, judge, 150.0, seed=2, profile=profile)
+        simulate_log(settings, judge, min(duration, 150.0), seed=2, profile=profile)
         return Bench(values, _recording(settings, on, train), judge, truth=truth)
 
 

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from random import Random
 
+from rovid_core.identify.estimate import Estimate
 from rovid_core.inputs.refusals import REASONS
 from rovid_core.model.samples import Event, Sample
 from rovid_core.pipeline.stream import Stream
@@ -24,9 +25,11 @@ Fault = Callable[[float, Value, Random], Value | None]
 
 @cache
 def vehicle(method: str = 'aid') -> Settings:
-    """Return the settings of the paper's vehicle."""
+    """Return the settings of the paper's vehicle, with all inputs at the rate of the fixes."""
     settings = settings_from(load(Path(__file__).parents[2] / 'config' / 'jhurov.yaml'))
-    return replace(settings, identifier=IdentifierSettings(method))
+    rate = settings.simulation.position_rate
+    return replace(settings, identifier=IdentifierSettings(method), simulation=replace(
+        settings.simulation, depth_rate=rate, attitude_rate=rate, thruster_rate=rate))
 
 
 @cache
@@ -55,41 +58,67 @@ def spoilt(input: str, fault: Fault, events: Sequence[Event] | None = None) -> l
     return out
 
 
-def stepped(inputs: Sequence[str], start: float, end: float, by: float) -> list[Event]:
+def stepped(inputs: Sequence[str], start: float, end: float, by: float,
+            events: Sequence[Event] | None = None) -> list[Event]:
     """Return the stream with the clock of some inputs off for a while [s]."""
     return [e._replace(time=e.time + round(by * 1e9))
             if e.samples[0].input in inputs and start <= seconds(e) < end else e
-            for e in clean()]
+            for e in (clean() if events is None else events)]
+
+
+def arriving(events: Sequence[Event], start: float, end: float = math.inf) -> list[Event]:
+    """Return what arrives in a time [s], whatever its stamp says; no message may be left out."""
+    return [event for event, on_time in zip(events, clean(), strict=True)
+            if start <= seconds(on_time) < end]
 
 
 def run(settings: Settings, events: Sequence[Event], scorer: ScoreLog | None = None) -> Stream:
-    """Feed a stream; whatever it is, the estimates are finite and the reasons known."""
+    """Feed a stream to its end."""
     stream = Stream(settings, scorer=scorer)
+    feed(stream, events)
+    stream.finish()
+    return stream
+
+
+def feed(stream: Stream, events: Sequence[Event]) -> set[tuple[str, str]]:
+    """
+    Feed a part of a stream; whatever it is, the estimates are finite and the reasons known.
+
+    Returns
+    -------
+    set
+        Input and reason of what is refused of it.
+
+    """
+    before = dict(stream.rejected)
     for event in events:
         for estimate in stream.receive(event):
             for dof in estimate.dofs:
                 assert all(map(math.isfinite, dof.parameters))
                 assert dof.parameters[0] > 0.0 >= max(dof.parameters[1:3])
-    stream.finish()
-    assert {reason for _, reason in stream.rejected} <= REASONS.keys()
-    return stream
+    refused = {one for one, count in stream.rejected.items() if count > before.get(one, 0)}
+    assert {reason for _, reason in refused} <= REASONS.keys()
+    return refused
 
 
 @cache
-def undisturbed(method: str) -> tuple[ScoreLog, dict[str, float]]:
-    """Return the log to score on, and the mae of the model that it gives."""
+def undisturbed(method: str = 'aid') -> tuple[ScoreLog, Estimate]:
+    """Return the log to score on, and the last estimate that it gives."""
     settings = vehicle(method)
     log = ScoreLog(settings)
     stream = run(settings, clean(), log)
     assert stream.rejected == {}
     assert stream.take_warnings() == []
     assert stream.estimate is not None
-    return log, {d.dof: log.score(d.dof, d.parameters).mae for d in stream.estimate.dofs}
+    return log, stream.estimate
 
 
 def worse(stream: Stream) -> float:
     """Return the largest mae of a DOF's model over that of the undisturbed run."""
-    settings = stream.settings
-    log, maes = undisturbed(settings.identifier.method)
+    log, usual = undisturbed(stream.settings.identifier.method)
     assert stream.estimate is not None
-    return max(log.score(d.dof, d.parameters).mae / maes[d.dof] for d in stream.estimate.dofs)
+
+    def mae(estimate: Estimate) -> list[float]:
+        return [log.score(dof.dof, dof.parameters).mae for dof in estimate.dofs]
+
+    return max(now / before for now, before in zip(mae(stream.estimate), mae(usual)))

@@ -13,8 +13,8 @@ from rcl_interfaces.srv import ListParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
+from rovid_ros.node.transport.message_types import import_type
 from rovid_ros.node.transport.publishers import reliable
-from rovid_ros.node.transport.wire_encoding import import_type
 import yaml
 
 from test.support.processes import PATIENCE

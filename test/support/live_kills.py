@@ -35,7 +35,7 @@ class Vehicle:
     def __init__(self, log: Path, topics: list[str]) -> None:
         import rclpy
         from rclpy.qos import qos_profile_sensor_data
-        from rovid_ros.node.transport.wire_encoding import import_type
+        from rovid_ros.node.transport.message_types import import_type
         rclpy.init(args=[])
         self.node = rclpy.create_node('vehicle')
         with Log([log]) as opened:

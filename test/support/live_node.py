@@ -1,25 +1,28 @@
 """What the live tests share: a vehicle, its messages, the node's process and its peer."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 from mcap.reader import make_reader
 from rclpy.serialization import deserialize_message
 from rovid_core.identify.estimate import Estimate
+from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.messages.converter import Converter
-from rovid_ros.node.transport.wire_encoding import import_type
+from rovid_ros.node.transport.message_types import import_type
 from rovid_ros.results.outputs import Outputs
 
 from test.support.live import heard, level, Peer, Raw, Status, write_parameters
+from test.support.outputs import fields_of
 from test.support.processes import NodeProcess, PATIENCE
 
 __all__ = ['changed', 'heard', 'level', 'NodeProcess', 'PATIENCE', 'Peer', 'Raw', 'replayed',
-           'simulated', 'Status', 'told', 'TYPES', 'VALUES', 'write_parameters']
+           'simulated', 'Status', 'told', 'TYPES', 'VALUES',
+           'WatchedStream', 'write_parameters']
 
 VALUES: dict[str, Any] = {
     'dofs': ['surge', 'heave', 'yaw'],
@@ -98,5 +101,16 @@ def told(settings: Settings, estimates: Iterable[Estimate]) -> list[list[Status]
     outputs = Outputs(settings)
     return [[(status['name'], status['level'], status['message'],
               {entry['key']: entry['value'] for entry in status['values']})
-             for status in outputs.messages(estimate)[-1].fields['status']]
+             for status in fields_of(outputs.messages(estimate)[-1])['status']]
             for estimate in estimates]
+
+
+class WatchedStream:
+    """A stream for which something else receives; in compiled code no method can be replaced."""
+
+    def __init__(self, stream: Stream, receive: Callable[[Event], list[Estimate]]) -> None:
+        self._stream = stream
+        self.receive = receive
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)

@@ -35,9 +35,12 @@ def child_environment() -> dict[str, str]:
 
 @contextmanager
 def patience(seconds: float = 20.0) -> Iterator[None]:
-    """End what would wait for ever, such as for the other end of a pipe."""
+    """End what would wait for ever, such as for the other end of a pipe; that is a failure."""
+    said: list[str] = []
+
     def give_up(number: int, frame: object) -> None:
-        raise AssertionError(f'it is still waiting after {seconds} s')
+        said.append(f'it is still waiting after {seconds} s')
+        raise AssertionError(said[0])
 
     before = signal.signal(signal.SIGALRM, give_up)
     signal.setitimer(signal.ITIMER_REAL, seconds)
@@ -46,6 +49,7 @@ def patience(seconds: float = 20.0) -> Iterator[None]:
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
+    assert not said, said  # what was raised in a callback may have become something else
 
 
 def resident(pid: int | str = 'self') -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from rovid_ros.node.transport.wire_encoding import import_type, split_array
+from rovid_ros.node.transport.message_types import import_type, split_array
 
 
 def fill(cls: Any, fields: Mapping[str, Any]) -> Any:

@@ -46,11 +46,18 @@ def replayed(logs: Path, name: str, settings: Settings, start: float = 0.0,
     return scores, stream.estimate
 
 
+def measured(logs: Path, name: str, settings: Settings, start: float = 0.0,
+             duration: float | None = None) -> ScoreLog:
+    """Return what models are scored on; in still water every method gives it, aid soonest."""
+    return replayed(logs, name, replace(settings, identifier=IdentifierSettings('aid')),
+                    start, duration)[0]
+
+
 def tank_scores(logs: Path) -> tuple[Estimate, dict[str, Score]]:
     """Train on surge_sway_heave.mcap; score on all_axes.mcap against the motion capture."""
     settings = settings_from(load(CONFIG / 'bluerov2_tank.yaml'))
     _, trained = replayed(logs, 'surge_sway_heave.mcap', settings)
-    validation, _ = replayed(logs, 'all_axes.mcap', settings)
+    validation = measured(logs, 'all_axes.mcap', settings)
     return trained, {
         d.dof: validation.score(d.dof, (*d.parameters, *d.couplings)) for d in trained.dofs}
 
@@ -58,11 +65,11 @@ def tank_scores(logs: Path) -> tuple[Estimate, dict[str, Score]]:
 def offline_fits(logs: Path) -> dict[str, tuple[float, float]]:
     """Return mae and fit of output error per DOF, on data that it was not trained on."""
     settings = settings_from(load(CONFIG / 'bluerov2_tank.yaml'))
-    train = replayed(logs, 'surge_sway_heave.mcap', settings)[0]
-    validate = replayed(logs, 'all_axes.mcap', settings)[0]
+    train = measured(logs, 'surge_sway_heave.mcap', settings)
+    validate = measured(logs, 'all_axes.mcap', settings)
     settings = with_couplings(settings, 'yaw', ())
-    first = replayed(logs, 'all_axes.mcap', settings, 0.0, 0.6 * TANK_LENGTH)[0]
-    rest = replayed(logs, 'all_axes.mcap', settings, 0.6 * TANK_LENGTH)[0]
+    first = measured(logs, 'all_axes.mcap', settings, 0.0, 0.6 * TANK_LENGTH)
+    rest = measured(logs, 'all_axes.mcap', settings, 0.6 * TANK_LENGTH)
     fits = {}
     for dof, learn, judge in (('surge', train, validate), ('sway', train, validate),
                               ('heave', train, validate), ('yaw', first, rest)):
@@ -84,10 +91,10 @@ def online_fits(logs: Path, method: str) -> dict[str, float]:
     settings = settings_from(load(CONFIG / 'bluerov2_tank.yaml'))
     settings = replace(settings, identifier=IdentifierSettings(method))
     _, trained = replayed(logs, 'surge_sway_heave.mcap', settings)
-    judge, _ = replayed(logs, 'all_axes.mcap', settings)
+    judge = measured(logs, 'all_axes.mcap', settings)
     settings = with_couplings(settings, 'yaw', ())
     _, first = replayed(logs, 'all_axes.mcap', settings, 0.0, 0.6 * TANK_LENGTH)
-    rest, _ = replayed(logs, 'all_axes.mcap', settings, 0.6 * TANK_LENGTH)
+    rest = measured(logs, 'all_axes.mcap', settings, 0.6 * TANK_LENGTH)
     models = {d.dof: (*d.parameters, *d.couplings) for d in (
         *trained.dofs, *[d for d in first.dofs if d.dof == 'yaw'])}
     return {dof: (rest if dof == 'yaw' else judge).score(dof, models[dof]).fit for dof in LEAST}
@@ -99,5 +106,5 @@ def yaw_fit(logs: Path, couplings: tuple[str, ...]) -> float:
         settings_from(load(CONFIG / 'bluerov2_tank.yaml')), 'yaw', couplings)
     trained = replayed(logs, 'all_axes.mcap', settings)[1]
     yaw, = (d for d in trained.dofs if d.dof == 'yaw')
-    judge = replayed(logs, 'short_all_axes.mcap', settings)[0]
+    judge = measured(logs, 'short_all_axes.mcap', settings)
     return judge.score('yaw', (*yaw.parameters, *yaw.couplings)).fit

@@ -8,8 +8,8 @@ from math import fsum, inf, log, sqrt
 from statistics import median
 from typing import Any, Generic, Protocol, TypeVar
 
+from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, HUBER, Innovations
-from rovid_core.identify.ekf.linearised_filter import DivergenceError
 from rovid_core.identify.ekf.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks
 from rovid_core.model.samples import PlanarStep, Step

@@ -10,9 +10,8 @@ worth is taken from the scores of blocks of data, and from what it predicts with
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 import math
-from typing import Any, cast, NamedTuple
+from typing import Any, cast
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import (
@@ -20,18 +19,25 @@ from rovid_core.identify.ekf.batch_start import (
     KNOWN,
     LONGEST,
     LONGEST_UNKNOWN,
-    PASSES,
     PERIOD,
     read_step,
     UNLEARNED,
     USED,
 )
-from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, Member, OUTLIER
+from rovid_core.identify.ekf.filter_bank import (
+    BLOCK,
+    FilterBank,
+    LOST,
+    Member,
+    OUTLIER,
+    RIGHT,
+    SAID,
+)
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.missing_terms import described
-from rovid_core.identify.ekf.score_blocks import SCATTERED
+from rovid_core.identify.ekf.score_blocks import Verdict
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier
@@ -54,12 +60,6 @@ FORGET = 5.0
 IDLE = 10.0
 """[s] without thrust after which the start does not keep what goes on."""
 
-SAID = 60.0
-"""[s] after a change in which it is said."""
-
-LOSSES, LOST_WITHIN, RIGHT = 3, 30.0, 2.0
-"""Losses of the vehicle within so many seconds that mean a change of one that was understood."""
-
 UNEXPLAINED, MANY_BLOCKS = 3.0, 12
 """Scatter of the blocks, and their number, from which it is worth a word."""
 
@@ -71,6 +71,9 @@ DELAYS = (-0.05, 0.6)
 
 BEYOND = 3.0
 """Standard deviations that data have to want the delay beyond its range, to mean it."""
+
+AT_BOUND = 1e-3
+"""[s] from the end of the range within which the delay stands at it."""
 
 DELAY_STD = 0.05
 """[s] of the guess that there is none."""
@@ -142,38 +145,63 @@ class NormalisedModel:
         return (min(max(p, a), e), min(max(q, b), f), min(max(r, c), g), min(max(s, d), h))
 
 
-class FilterUncertainty(NamedTuple):
-    """What a covariance in normalised units says of the lumped parameters."""
+class FilterUncertainty:
+    """
+    What a covariance in normalised units says of the lumped parameters.
 
-    of_theta: Sequence[Sequence[float]]
-    inflation: float
-    unit: Four
-    active: tuple[bool, bool, bool, bool]
+    It is not to be changed. What is read is computed once: most of an estimate is told by it.
+
+    Parameters
+    ----------
+    of_theta : sequence of p sequences of p floats
+        The covariance.
+    inflation : float
+        By which it is to be multiplied.
+    unit : tuple of 4 floats
+        Of alpha to delta.
+    active : tuple of 4 bools
+        Which of them there are.
+
+    """
+
+    def __init__(self, of_theta: Sequence[Sequence[float]], inflation: float, unit: Four,
+                 active: tuple[bool, bool, bool, bool]) -> None:
+        self._of_theta = of_theta
+        self._inflation = inflation
+        self._unit = unit
+        self._active = active
+        self._covariance: tuple[float, ...] = ()
+        self._std: Four | None = None
 
     @property
     def covariance(self) -> tuple[float, ...]:
         """Return that of the lumped parameters, 16 floats by rows."""
-        return tuple([float(x) * (u * v * self.inflation)
-                      for row, u in zip(self.of_theta, self.unit)
-                      for x, v in zip(row, self.unit)])
+        if not self._covariance:
+            self._covariance = tuple([
+                float(x) * (u * v * self._inflation)
+                for row, u in zip(self._of_theta, self._unit) for x, v in zip(row, self._unit)])
+        return self._covariance
 
     @property
     def std(self) -> Four:
         """Return the standard deviations, NaN for left-out terms."""
-        return cast(Four, tuple([
-            math.sqrt(x) if on else math.nan
-            for x, on in zip(self.covariance[::5], self.active)]))
+        if self._std is None:
+            self._std = cast(Four, tuple([
+                math.sqrt(x) if on else math.nan
+                for x, on in zip(self.covariance[::5], self._active)]))
+        return self._std
 
     @property
     def delay_std(self) -> float:
         """Return the standard deviation of the delay [s]."""
-        return math.sqrt(self.of_theta[-1][-1] * self.inflation)
+        return math.sqrt(self._of_theta[-1][-1] * self._inflation)
 
     @property
     def couplings_std(self) -> tuple[float, ...]:
         """Return the standard deviations of the couplings."""
-        return tuple([self.unit[3] * math.sqrt(float(self.of_theta[k][k]) * self.inflation)
-                      for k in range(4, len(self.of_theta) - 1)])
+        return tuple([
+            self._unit[3] * math.sqrt(float(self._of_theta[k][k]) * self._inflation)
+            for k in range(4, len(self._of_theta) - 1)])
 
 
 class ExtendedKalman(Identifier):
@@ -208,24 +236,22 @@ class ExtendedKalman(Identifier):
         self._begin(self._model.initial)
 
     def _begin(self, theta: Sequence[float]) -> None:
-        self._theta = list(theta)
+        self._theta, self._prior = list(theta), list(self._model.prior)
         self._bank = FilterBank(lambda force_std: self._new(force_std, theta))
         self._clock = self._new_clock()
-        couplings, watched = len(self._scales.couplings), len(self._scales.watched)
-        self._start: BatchStart[Member] | None = BatchStart(
-            self._new, self._new_clock, lambda values: read_step(
-                values, couplings, watched))
-        self._time, self._changed_at = 0.0, -SAID
-        self._losses: list[float] = []
+        self._start: BatchStart[Member] | None = self._new_start()
+        self._time = 0.0
         self._moving = self._usable = False
+        self._noise = math.inf  # before the vehicle changed
         self._idle = 0.0  # [s] without anything to learn, during the start
         self.v_hat = math.nan
         self.excitation = 0.0
+        self._published: Verdict | None = None  # what ``uncertainty`` was made of
         self._publish()
 
     def _new(self, force_std: float, theta: Sequence[float]) -> Member:
-        """Return a filter at some parameters that knows the initial ones."""
-        member = Member(self._theta, self._model.prior, self._model.box, force_std, FIRST_NOISE,
+        """Return a filter at some parameters that knows those to begin with."""
+        member = Member(self._theta, self._prior, self._model.box, force_std, FIRST_NOISE,
                         self._scales.watched)
         member.filter.theta = list(theta)
         return member
@@ -234,6 +260,11 @@ class ExtendedKalman(Identifier):
         scales = self._scales
         return MeasurementClock(scales.force, scales.velocity, len(scales.couplings),
                                 len(scales.watched))
+
+    def _new_start(self) -> BatchStart[Member]:
+        couplings, watched = len(self._scales.couplings), len(self._scales.watched)
+        return BatchStart(self._new, self._new_clock,
+                          lambda values: read_step(values, couplings, watched))
 
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""
@@ -277,7 +308,8 @@ class ExtendedKalman(Identifier):
 
     def _add_step(self, step: Step, adapt: bool) -> None:
         start, clock = self._start, self._clock
-        beginning = start is not None and start.duration < SOON
+        changed = self._bank.changed_at > 0.0
+        beginning = start is not None and start.duration < SOON and not changed
         self._time += step.dt
         span = clock.add_step(step)
         found = [0] * len(self._bank.members)
@@ -296,10 +328,11 @@ class ExtendedKalman(Identifier):
             return
         if start is not None:
             self._go_on_with_start(start, step, came, adapt)
-        elif adapt and LOST in found:
-            self._note_loss(found)
-        if self._start is None and BLOCK in found:
-            self._end_blocks(found)
+        if adapt and (start is None or changed) and self._bank.is_lost_often(
+                found, self._time):
+            self._note_change(step)
+        elif self._start is None and BLOCK in found:
+            self._end_blocks(found, step)
         self.v_hat = self._velocity(step)
         if adapt:
             self._publish()
@@ -320,7 +353,7 @@ class ExtendedKalman(Identifier):
     def note(self) -> str:
         """Return what the filter has to say of the vehicle and its model, '' if nothing."""
         said = []
-        since = self._time - self._changed_at
+        since = self._time - self._bank.changed_at
         if since < SAID:
             said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
         if self._clocks:
@@ -336,7 +369,7 @@ class ExtendedKalman(Identifier):
 
     @property
     def _clocks(self) -> str:
-        """Return what it means that the data want a delay out of range, '' if they do not."""
+        """Return what is said of a delay out of range or at its end, '' if it is inside."""
         verdict, k = self._bank.best.verdict, len(self._theta) - 1
         if verdict is None or verdict.missing is not None:
             return ''
@@ -346,6 +379,10 @@ class ExtendedKalman(Identifier):
                     'that it causes, see thrusters.latency')
         if wanted > DELAYS[1] + beyond:
             return f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust'
+        for bound in DELAYS:
+            if abs(self.delay - bound) < AT_BOUND:
+                return (f'the delay of the thrust stands at its bound of {bound:g} s: '
+                        'see thrusters.latency')
         return ''
 
     @property
@@ -397,7 +434,13 @@ class ExtendedKalman(Identifier):
             start.accept_last_outliers(4)
         if start.duration < start.next:
             return
-        self._solve_start(start)
+        bank = self._bank
+        bank.go_through_again(start, self._theta, start.next <= PERIOD)
+        if bank.best.innovations.noise > RIGHT * self._noise and (
+                self._time < bank.changed_at + LONGEST_UNKNOWN):
+            # it changes on: what was kept is of more than one vehicle
+            self._begin_again(step, bank.changed_at)
+            return
         filter = self._bank.best.filter
         known = filter.theta_covariance[ALPHA][ALPHA] < (KNOWN * filter.theta[ALPHA])**2
         if start.duration > (LONGEST if known else LONGEST_UNKNOWN):
@@ -405,64 +448,40 @@ class ExtendedKalman(Identifier):
         else:
             start.next = start.duration + (2.0 * PERIOD if known else PERIOD)
 
-    def _solve_start(self, start: BatchStart[Member]) -> None:
-        """Replace the filters by those that went through all data so far."""
-        bank = self._bank
-        best, members = bank.best, bank.members
-        early = start.next <= PERIOD
-        with suppress(ArithmeticError, np.linalg.LinAlgError):
-            first = start.solve(best, [best.filter.theta, *([self._theta] if early else [])],
-                                PASSES if early else 2)
-            noise = first.innovations.noise
-            for k, member in enumerate(members):
-                if member is not best:
-                    # one that went astray has taken that for noise
-                    member.innovations.noise = min(member.innovations.noise, noise)
-                    members[k] = start.solve(
-                        member, [member.filter.theta, *([first.filter.theta] if early else [])],
-                        PASSES if early else 2)
-            members[bank.number] = first
-            bank.choose()
-
-    def _note_loss(self, found: Sequence[int]) -> None:
-        """Note if a filter that understood the vehicle has lost it: often is a change."""
-        # after a change there is no verdict for a minute, and what changed may change back
-        if not any(came == LOST and (
-                self._changed_at > 0.0 if member.verdict is None
-                else member.verdict.scatter < RIGHT)
-                   for member, came in zip(self._bank.members, found)):
-            return
-        self._losses = [t for t in self._losses if t > self._time - LOST_WITHIN] + [self._time]
-        if len(self._losses) >= LOSSES:
-            self._note_change()
-
-    def _end_blocks(self, found: Sequence[int]) -> None:
+    def _end_blocks(self, found: Sequence[int], step: Step) -> None:
         """Look at the blocks that are complete."""
-        best = self._bank.best
-        ended = [member for member, came in zip(self._bank.members, found) if came == BLOCK]
-        # a filter that is not the best one tells only while it understands the vehicle
-        changed = [member.blocks.has_changed(math.inf if member is best else SCATTERED)
-                   for member in ended]
-        if True in changed:
-            self._note_change()
+        bank = self._bank
+        ended = bank.ended(found)
+        if bank.contradicted(ended):
+            self._note_change(step)
             return
         for member in ended:
             member.judge()
-        if best in ended:
+        if bank.best in ended:
             self._judge()
 
-    def _note_change(self) -> None:
-        for member in self._bank.members:
-            filter = member.filter
-            # a parameter that a fault has led to 0 must find its way back, too
-            filter.widen_parameters([
-                (CHANGE * max(abs(p), abs(q)))**2 if v else 0.0
-                for p, q, v in zip(filter.theta[:-1], self._theta, self._model.prior)])
-            member.blocks.clear(filter.theta, [
-                filter.theta_covariance[k][k] for k in range(len(filter.theta))])
-            member.verdict = None
-        self._changed_at, self._losses = self._time, []
+    def _note_change(self, step: Step) -> None:
         self._usable = False
+        self._noise = self._bank.best.innovations.noise
+        self._begin_again(step, self._time)
+
+    def _begin_again(self, step: Step, changed_at: float) -> None:
+        """Begin with what the parameters may have become; the noise is what it was."""
+        velocity = self._velocity(step)
+        self._theta = list(self._bank.best.filter.theta)
+        # a parameter that a fault has led to 0 must find its way back, too; the wrong model has
+        # moved the delay by more than it was uncertain
+        *prior, delay = self._model.prior
+        self._prior = [
+            *[(CHANGE * max(abs(p), abs(q)))**2 if v else 0.0
+              for p, q, v in zip(self._theta, self._model.initial, prior)], delay]
+        self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
+        for member in self._bank.members:
+            member.innovations.noise = self._noise
+        self._bank.changed_at = changed_at
+        self._start = self._new_start()
+        self._idle = 0.0
+        self.restart(velocity)
 
     def _velocity(self, step: Step) -> float:
         """Return the velocity at the end of the step [m/s or rad/s]."""
@@ -483,22 +502,24 @@ class ExtendedKalman(Identifier):
         self.delay = best.filter.theta[-1]
         self.couplings = tuple([model.unit[3] * kappa for kappa in best.filter.theta[4:-1]])
         verdict = best.verdict
-        if verdict is not None:
+        if verdict is None:
             self.uncertainty: Uncertainty = FilterUncertainty(
-                verdict.covariance, 1.0, model.unit, model.active)
-        else:
-            self.uncertainty = FilterUncertainty(
                 best.filter.theta_covariance, best.innovations.inflation, model.unit,
                 model.active)
+        elif verdict is not self._published:  # it stays for the whole of a block
+            self.uncertainty = FilterUncertainty(
+                verdict.covariance, 1.0, model.unit, model.active)
+        self._published = verdict
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {
             'parameters': list(self.parameters), 'theta': list(self._theta),
+            'prior': list(self._prior),
+            'noise': None if self._noise == math.inf else self._noise,
             'bank': self._bank.state(), 'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
-            'time': self._time, 'changed_at': self._changed_at,
-            'losses': list(self._losses), 'moving': self._moving, 'usable': self._usable,
+            'time': self._time, 'moving': self._moving, 'usable': self._usable,
             'idle': self._idle,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
             'excitation': self.excitation}
@@ -512,18 +533,26 @@ class ExtendedKalman(Identifier):
         for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
             if not bottom <= p <= top:
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
-        new = ExtendedKalman(self._scales)
-        new._begin(floats(state['theta'], len(new._theta)))
-        new._bank.restore(state['bank'])
-        new._clock.restore(state['clock'])
+        old = self.state()
+        try:
+            self._restore(state)
+        except Exception:
+            self._restore(old)
+            raise
+
+    def _restore(self, state: Mapping[str, Any]) -> None:
+        self._begin(floats(state['theta'], len(self._theta)))
+        self._prior = floats(state['prior'], len(self._prior))
+        if state['noise'] is not None:
+            self._noise, = floats([state['noise']], 1)
+        self._bank.restore(state['bank'])
+        self._clock.restore(state['clock'])
         if state['start'] is None:
-            new._start = None
-        elif new._start is not None:
-            new._start.restore(state['start'])
-        new._time, new._changed_at, new._idle, new.excitation = floats(
-            [state[name] for name in ('time', 'changed_at', 'idle', 'excitation')], 4)
-        new._losses = floats(state['losses'], len(state['losses']))
-        new._moving, new._usable = bool(state['moving']), bool(state['usable'])
-        new.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
-        new._publish()
-        self.__dict__ = new.__dict__
+            self._start = None
+        elif self._start is not None:
+            self._start.restore(state['start'])
+        self._time, self._idle, self.excitation = floats(
+            [state[name] for name in ('time', 'idle', 'excitation')], 3)
+        self._moving, self._usable = bool(state['moving']), bool(state['usable'])
+        self.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
+        self._publish()

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 import math
 from typing import Any, Generic, Protocol, TypeVar
 
+import numpy as np
+from rovid_core.identify.ekf.batch_start import BatchStart, Learner, PASSES
 from rovid_core.identify.ekf.free_prediction import FreePrediction
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.linearised_filter import Bounds, CANDIDATES, LinearisedFilter
+from rovid_core.identify.ekf.linearised_filter import (
+    Bounds,
+    CANDIDATES,
+    floats,
+    LinearisedFilter,
+)
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.score_blocks import ScoreBlocks, Verdict
+from rovid_core.identify.ekf.score_blocks import SCATTERED, ScoreBlocks, Verdict
 
 FORCES = (0.0, 0.05)
 """
@@ -24,6 +32,12 @@ MARGIN = 10.0
 
 WORSE = 1.5
 """Error of a prediction without corrections, over that of the first member, that is too large."""
+
+SAID = 60.0
+"""[s] after a change in which it is said."""
+
+LOSSES, LOST_WITHIN, RIGHT = 3, 30.0, 2.0
+"""Losses of the vehicle within so many seconds that mean a change of one that was understood."""
 
 OUTLIER, LOST, BLOCK = range(1, 4)
 """What comes of a measurement: it does not count, the vehicle is lost, a block is complete."""
@@ -172,14 +186,17 @@ class Member:
             self.judge()
 
 
-class Judged(Protocol):
+class Judged(Learner, Protocol):
     """What a bank needs of a member."""
 
-    innovations: Innovations
+    verdict: Verdict | None
 
     @property
     def free_error(self) -> float:
         """Return the error of the prediction without corrections, NaN if there is none."""
+
+    def judge(self) -> None:
+        """Find what the blocks say."""
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
@@ -204,12 +221,16 @@ class FilterBank(Generic[M]):
     ----------
     number : int
         Of the best member.
+    changed_at : float
+        Time at which the vehicle changed last [s].
 
     """
 
     def __init__(self, new: Callable[[float], M]) -> None:
         self.members = [new(force) for force in FORCES]
         self.number = 0
+        self.changed_at = -SAID
+        self._losses: list[float] = []
 
     @property
     def best(self) -> M:
@@ -235,9 +256,81 @@ class FilterBank(Generic[M]):
                 first < self.best.innovations.likelihood + 0.5 * MARGIN)):
             self.number = 0
 
+    def go_through_again(self, start: BatchStart[M], first_guess: Sequence[float],
+                         early: bool) -> bool:
+        """
+        Replace the members by those that went through all data so far; tell if it went well.
+
+        Parameters
+        ----------
+        start : BatchStart
+            The data.
+        first_guess : sequence of p floats
+            Parameters to begin with besides those of each member, the first time.
+        early : bool
+            Whether this is the first time.
+
+        """
+        best, members, passes = self.best, self.members, PASSES if early else 2
+        with suppress(ArithmeticError, np.linalg.LinAlgError):
+            first = start.solve(
+                best, [best.filter.theta, *([first_guess] if early else [])], passes)
+            noise = first.innovations.noise
+            for k, member in enumerate(members):
+                if member is not best:
+                    # one that went astray has taken that for noise
+                    member.innovations.noise = min(member.innovations.noise, noise)
+                    members[k] = start.solve(
+                        member, [member.filter.theta, *([first.filter.theta] if early else [])],
+                        passes)
+            members[self.number] = first
+            self.choose()
+            return True
+        return False
+
+    def is_lost_often(self, found: Sequence[int], time: float) -> bool:
+        """
+        Tell if members that understood the vehicle lose it so often that it must have changed.
+
+        Parameters
+        ----------
+        found : sequence of int
+            What came of a measurement, by member.
+        time : float
+            [s]
+
+        """
+        # after a change there is no verdict for a minute, and what changed may change back
+        if any(came == LOST and (self.changed_at > 0.0 if member.verdict is None
+                                 else member.verdict.scatter < RIGHT)
+               for member, came in zip(self.members, found)):
+            self._losses = [t for t in self._losses if t > time - LOST_WITHIN] + [time]
+            return len(self._losses) >= LOSSES
+        return False
+
+    def ended(self, found: Sequence[int]) -> list[M]:
+        """Return the members whose block is complete."""
+        return [member for member, came in zip(self.members, found) if came == BLOCK]
+
+    def contradicted(self, ended: Sequence[M]) -> bool:
+        """Tell whether the newest blocks contradict the older ones."""
+        # a filter that is not the best one tells only while it understands the vehicle
+        return True in [member.blocks.has_changed(math.inf if member is self.best else SCATTERED)
+                        for member in ended]
+
+    def begin_anew(self, time: float) -> None:
+        """Forget what was found of a vehicle that has changed."""
+        for member in self.members:
+            filter = member.filter
+            member.blocks.clear([float(x) for x in filter.theta], [
+                float(row[k]) for k, row in enumerate(filter.theta_covariance)])
+            member.verdict = None
+        self.changed_at, self._losses = time, []
+
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return {'members': [member.state() for member in self.members], 'best': self.number}
+        return {'members': [member.state() for member in self.members], 'best': self.number,
+                'changed_at': self.changed_at, 'losses': list(self._losses)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -246,4 +339,6 @@ class FilterBank(Generic[M]):
             raise ValueError('another bank of filters')
         for member, one in zip(self.members, state['members']):
             member.restore(one)
+        self.changed_at, *self._losses = floats(
+            [state['changed_at'], *state['losses']], 1 + len(state['losses']))
         self.number = best

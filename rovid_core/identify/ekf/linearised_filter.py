@@ -20,6 +20,7 @@ import math
 from operator import add, mul
 from typing import Any, NamedTuple
 
+from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.recent_force import RecentForce
 
 ALPHA, BETA, GAMMA, DELTA = range(4)
@@ -52,10 +53,6 @@ Bounds = Sequence[tuple[int, float, float]]
 """Index, lowest and highest value of the parameters that are bounded."""
 
 Matrix = list[list[float]]
-
-
-class DivergenceError(ArithmeticError):
-    """The state of a filter means nothing any more."""
 
 
 class LinearisedFilter:

@@ -20,11 +20,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.linearised_filter import (
     Bounds,
     CANDIDATES,
     DEAD_BAND,
-    DivergenceError,
     floats,
     FORCE_TIME,
     LAG,

@@ -11,7 +11,6 @@ free; one that is freed later in a filter that was linearised without it does no
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 import math
 from typing import Any
@@ -23,7 +22,6 @@ from rovid_core.identify.ekf.batch_start import (
     KNOWN,
     LONGEST,
     LONGEST_UNKNOWN,
-    PASSES,
     PERIOD,
     UNLEARNED,
     USED,
@@ -37,22 +35,17 @@ from rovid_core.identify.ekf.extended_kalman import (
     HELD_FIT,
     IDLE,
     LARGEST,
-    LOSSES,
-    LOST_WITHIN,
     MANY_BLOCKS,
     NormalisedModel,
-    RIGHT,
-    SAID,
     UNEXPLAINED,
 )
-from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
+from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, SAID
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats
 from rovid_core.identify.ekf.missing_terms import described
 from rovid_core.identify.ekf.planar_filter import Array, Noise, Row
 from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, PlanarMember
 from rovid_core.identify.ekf.planar_prediction import PlanarPrediction
-from rovid_core.identify.ekf.score_blocks import SCATTERED
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.method import Identifier
@@ -153,8 +146,7 @@ class PlanarKalman:
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
         self._prediction = PlanarPrediction(self._rows, self._size)
-        self._time, self._changed_at = 0.0, -SAID
-        self._losses: list[float] = []
+        self._time = 0.0
         self._moving = False
         self._usable = [False, False]
         self._idle = 0.0
@@ -256,8 +248,8 @@ class PlanarKalman:
             return
         if start is not None:
             self._go_on_with_start(start, step, came, adapt)
-        elif adapt and LOST in found:
-            self._note_loss(found)
+        elif adapt and self._bank.is_lost_often(found, self._time):
+            self._note_change()
         if BLOCK in found:
             self._end_blocks(found)
         for dof, row in self.rows.items():
@@ -334,45 +326,16 @@ class PlanarKalman:
 
     def _solve_start(self, start: BatchStart[PlanarMember], early: bool) -> bool:
         """Replace the filters by those that went through all data so far; tell if it went well."""
-        bank = self._bank
-        best, members = bank.best, bank.members
-        with suppress(ArithmeticError, np.linalg.LinAlgError):
-            first = start.solve(best, [
-                best.filter.theta.tolist(), *([self._theta] if early else [])],
-                PASSES if early else 2)
-            noise = first.innovations.noise
-            for k, member in enumerate(members):
-                if member is not best:
-                    # one that went astray has taken that for noise
-                    member.innovations.noise = min(member.innovations.noise, noise)
-                    members[k] = start.solve(
-                        member, [member.filter.theta.tolist(), *(
-                            [first.filter.theta.tolist()] if early else [])],
-                        PASSES if early else 2)
-            members[bank.number] = first
-            bank.choose()
-            for member in members:
-                member.judge()
-            return True
-        return False
-
-    def _note_loss(self, found: Sequence[int]) -> None:
-        """Note if a filter that understood the vehicle has lost it: often is a change."""
-        if not any(came == LOST and (
-                self._changed_at > 0.0 if member.verdict is None
-                else member.verdict.scatter < RIGHT)
-                   for member, came in zip(self._bank.members, found)):
-            return
-        self._losses = [t for t in self._losses if t > self._time - LOST_WITHIN] + [self._time]
-        if len(self._losses) >= LOSSES:
-            self._note_change()
+        if not self._bank.go_through_again(start, self._theta, early):
+            return False
+        for member in self._bank.members:
+            member.judge()
+        return True
 
     def _end_blocks(self, found: Sequence[int]) -> None:
         """Look at the blocks that are complete."""
-        best = self._bank.best
-        ended = [member for member, came in zip(self._bank.members, found) if came == BLOCK]
-        if self._start is None and True in [member.blocks.has_changed(
-                math.inf if member is best else SCATTERED) for member in ended]:
+        best, ended = self._bank.best, self._bank.ended(found)
+        if self._start is None and self._bank.contradicted(ended):
             self._note_change()
             return
         for member in ended:
@@ -397,9 +360,7 @@ class PlanarKalman:
                     if filter.theta_covariance[i, i] > 0.0:
                         filter.theta_covariance[i, i] += (
                             CHANGE * max(abs(filter.theta[i]), abs(self._theta[i])))**2
-            member.blocks.clear(filter.theta.tolist(), filter.theta_covariance.diagonal().tolist())
-            member.verdict = None
-        self._changed_at, self._losses = self._time, []
+        self._bank.begin_anew(self._time)
         self._usable = [False, False]
 
     def _velocity(self, k: int, step: PlanarStep) -> float:
@@ -472,7 +433,7 @@ class PlanarKalman:
     def note(self, k: int) -> str:
         """Return what the filter has to say of surge (0) or sway (1), '' if nothing."""
         said = []
-        since = self._time - self._changed_at
+        since = self._time - self._bank.changed_at
         if since < SAID:
             said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
         if self._current.status == 'unobservable':
@@ -511,7 +472,6 @@ class PlanarKalman:
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'prediction': self._prediction.state(), 'time': self._time,
-            'changed_at': self._changed_at, 'losses': list(self._losses),
             'moving': self._moving, 'usable': list(self._usable), 'idle': self._idle,
             'windows': self._windows,
             'heading': [self._heading, *self._headings],
@@ -520,11 +480,11 @@ class PlanarKalman:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        old = self.__dict__.copy()
+        old = self.state()
         try:
             self._restore(state)
-        except BaseException:
-            self.__dict__ = old
+        except Exception:
+            self._restore(old)
             raise
 
     def _restore(self, state: Mapping[str, Any]) -> None:
@@ -539,9 +499,7 @@ class PlanarKalman:
         elif self._start is not None:
             self._start.restore(state['start'])
         self._prediction.restore(state['prediction'])
-        self._time, self._changed_at, self._idle = floats(
-            [state[name] for name in ('time', 'changed_at', 'idle')], 3)
-        self._losses = floats(state['losses'], len(state['losses']))
+        self._time, self._idle = floats([state[name] for name in ('time', 'idle')], 2)
         self._moving, self._windows = bool(state['moving']), int(state['windows'])
         one, other = state['usable']
         self._usable = [bool(one), bool(other)]

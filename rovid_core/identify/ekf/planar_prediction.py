@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import Any
 
+from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.free_prediction import KEPT, SPAN
-from rovid_core.identify.ekf.linearised_filter import DivergenceError, floats
+from rovid_core.identify.ekf.linearised_filter import floats
 from rovid_core.identify.ekf.planar_filter import Noise, PlanarFilter, Row
 from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, POSITION
 

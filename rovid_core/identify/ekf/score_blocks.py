@@ -254,7 +254,7 @@ class ScoreBlocks:
             Of the older blocks, from which they do not tell.
 
         """
-        for newest in (1, 3, 6):
+        for newest in (2, 3, 6):  # one alone may be an odd one
             older = self.count - newest
             if older < max(LEAST_COUNT, len(self._active) + 1):
                 break
@@ -394,6 +394,7 @@ class _Fit:
         else:
             spread = scatter * own
         s = spread + own @ known @ own
+        # not that of one number, though it is one: blocks of a wrong model scatter unevenly
         freedom = n - len(a)
         inverse = np.linalg.pinv(s, hermitian=True)
         t = float(u @ inverse @ u) / len(a)

@@ -33,14 +33,13 @@ from rovid_ros.results.outputs import (
     CURRENT_LEVELS,
     DIAGNOSTIC_TYPE,
     ERROR,
-    header,
-    key_values,
     OK,
     Output,
     STALE,
     WARN,
 )
 from rovid_ros.results.text import unit
+from rovid_ros.results.wire_encoding import diagnostic_array, StatusBody
 
 ACTIVE = 'active'
 LEVEL_NAMES = ('OK', 'WARN', 'ERROR', 'STALE')
@@ -73,11 +72,9 @@ def diagnostics(data: HealthData, node: NodeState) -> Output:
     verdict, values = _state(data, node, {name: verdict for name, verdict, _ in parts})
     hardware = settings.hardware_id or node.name
     statuses = [
-        {'level': level, 'name': f'{node.name}: {name}', 'message': message,
-         'hardware_id': hardware, 'values': key_values(values)}
+        (level, StatusBody(f'{node.name}: {name}', message, hardware, values).encode())
         for name, (level, message), values in [('state', verdict, values), *parts]]
-    return Output('/diagnostics', DIAGNOSTIC_TYPE, {
-        'header': header(data.now, ''), 'status': statuses})
+    return Output('/diagnostics', DIAGNOSTIC_TYPE, diagnostic_array(data.now, '', statuses))
 
 
 def _state(data: HealthData, node: NodeState, others: dict[str, LevelAndMessage]

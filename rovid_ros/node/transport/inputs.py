@@ -26,8 +26,8 @@ from rovid_ros.messages.converter import Converter, Unpacker
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import MAX_MESSAGE_SIZE, typestore, WireType
 from rovid_ros.node.recorder import Received
+from rovid_ros.node.transport.message_types import definition, import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import best_effort, DEPTH, latched, reliable
-from rovid_ros.node.transport.wire_encoding import definition, import_type, MessageTypeError
 
 LATE = 0.5  # [s] the node is behind when the oldest message of a batch has waited longer than this
 LARGEST_DECIMATION = 64  # at least one message in so many is always used

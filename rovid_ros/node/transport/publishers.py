@@ -19,7 +19,7 @@ from rclpy.qos import (
     ReliabilityPolicy,
 )
 from rovid_core.identify.estimate import Estimate
-from rovid_ros.node.transport.wire_encoding import encoded, import_type
+from rovid_ros.node.transport.message_types import import_type
 from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, LATCHED, OF_STEPS, Output, Outputs
 
 DEPTH = 1000  # messages that are kept for a slow peer, so that none of a burst is lost
@@ -66,7 +66,7 @@ class Publishers:
     def publish(self, output: Output) -> None:
         """Send a message."""
         self._unsent.discard(output.topic)
-        self._publishers[output.topic].publish(encoded(output.type, output.fields))
+        self._publishers[output.topic].publish(output.cdr)
 
     def publish_estimates(self, outputs: Outputs, estimates: Sequence[Estimate]) -> None:
         """Send the topics of estimates that have subscribers."""

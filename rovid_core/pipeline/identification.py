@@ -1,0 +1,148 @@
+"""One DOF: its steps into what is known of its parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+import math
+
+from rovid_core.identify import make_identifier, retuned_identifier
+from rovid_core.identify.estimate import DofEstimate
+from rovid_core.identify.method import Identifier
+from rovid_core.identify.status import DofStatus, Judgement
+from rovid_core.inputs.units_and_signs import TypicalSizeCheck, UnsignedCommandCheck
+from rovid_core.model.plant import lumped
+from rovid_core.model.samples import Step
+from rovid_core.settings.run import Scales, Settings
+
+NS = 1e-9
+
+
+class Identification:
+    """
+    Identify one DOF from its steps.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    i : int
+        Number of the DOF in ``settings.dofs``.
+    unsigned : UnsignedCommandCheck
+        Gets the velocity of every step.
+    reject : callable
+        Called with the DOF and the reason for every step that is refused.
+    identifier : Identifier, optional
+        The method, where it is not the configured one for this DOF alone.
+
+    Attributes
+    ----------
+    identifier : Identifier
+        The method.
+    sizes : TypicalSizeCheck
+        What its force and velocity are in fact.
+    estimate : DofEstimate
+        The last one.
+
+    """
+
+    def __init__(self, settings: Settings, i: int, unsigned: UnsignedCommandCheck,
+                 reject: Callable[[str, str], None],
+                 identifier: Identifier | None = None) -> None:
+        self._name = name = settings.dofs[i]
+        dof, method = settings.dof[name], settings.identifier
+        self._i = i
+        self.identifier = identifier or make_identifier(
+            method, dof, settings.raw_gains(name), settings.watched(name))
+        # a method may leave couplings out, and raw gains have their own adaptation time
+        scales = replace(Scales.of(dof), couplings=settings.couplings(name))
+        self._status = DofStatus(scales, getattr(
+            self.identifier, 'adaptation_time', method.adaptation_time))
+        self.sizes = TypicalSizeCheck(name, dof)
+        self._unsigned = unsigned
+        self._reject = reject
+        true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
+        self._truth = None if true is None else lumped(
+            true.mass, true.quadratic_drag, true.linear_drag, true.bias)
+        self._largest_age = round(settings.largest_age(name) / NS)
+        self.refresh()
+
+    def change(self, settings: Settings, gains_change: bool) -> None:
+        """Use other timeouts, and from the next step on other gains; the parameters stay."""
+        self._largest_age = round(settings.largest_age(self._name) / NS)
+        if not gains_change:
+            return
+        method = settings.identifier
+        self.identifier = retuned_identifier(
+            self.identifier, method, settings.dof[self._name], settings.raw_gains(self._name))
+        self._status.retune(getattr(self.identifier, 'adaptation_time', method.adaptation_time))
+
+    def at(self, now: int, silent: bool = False) -> DofEstimate:
+        """
+        Return the estimate at an event time [ns], stale if its last step is too long ago.
+
+        It is stale at once if it is ``silent``: an input without which there is no step has been
+        so for its timeout, or the histories were started anew.
+        """
+        estimate = self.estimate
+        age = now - estimate.time
+        if -self._largest_age <= age <= self._largest_age and not (silent or self._interrupted):
+            return estimate
+        if estimate.judgement.status == 'waiting':  # for its first step
+            return estimate
+        nan = math.nan
+        return estimate._replace(stale_for=max(age, 1) * NS if age >= 0 else math.inf,
+                                 velocity=nan, v_hat=nan, force=nan, W=nan)
+
+    def interrupt(self) -> None:
+        """Have no present velocity until the next step; the parameters stay."""
+        self._interrupted = True
+
+    def refresh(self) -> None:
+        """Let the estimate say what the identifier holds by now, without a step."""
+        self._status.reset()
+        self._steps = 0
+        self._interrupted = False
+        identifier = self.identifier
+        self.estimate = DofEstimate(
+            dof=self._name, parameters=identifier.parameters, uncertainty=identifier.uncertainty,
+            judgement=Judgement('waiting', ('no step yet',)), delay=identifier.delay,
+            couplings=identifier.couplings)
+
+    def judgement(self) -> Judgement:
+        """Return the judgement over all of the data, not that of the last step."""
+        now = self.estimate.judgement
+        return now if now.status in ('waiting', 'frozen') else self._status.of_all
+
+    def verdict(self) -> str:
+        """Return what all data leave open, '' if nothing."""
+        return self._status.verdict()
+
+    def add_step(self, time: int, step: Step, adapt: bool, delay: float) -> None:
+        """
+        Add a step that ends at ``time`` [ns]; without ``adapt`` the parameters stay.
+
+        ``delay`` [s] is that of the low-pass behind which the velocity is.
+        """
+        identifier = self.identifier
+        refused = identifier.step(step, adapt)
+        if refused:
+            self._reject(self._name, refused)
+        else:
+            self._steps += 1
+        self._interrupted = False
+        judgement = self._status.update(identifier, step, refused, adapt)
+        velocity, v_hat = step.velocity[2], identifier.v_hat
+        self.sizes.add_step(step)
+        self._unsigned.add_velocity(self._i, velocity)
+        status = self._status
+        # in the order of the fields: by their names it would take three times as long
+        self.estimate = DofEstimate(
+            self._name, identifier.parameters, identifier.uncertainty, judgement, time,
+            self._steps, velocity,
+            # NaN after a divergence: it goes on from what is measured
+            velocity if v_hat != v_hat else v_hat,
+            step.force[1], identifier.excitation,
+            math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth),
+            identifier.delay, identifier.couplings, status.settled, status.fit,
+            delay, delay if identifier.filtered else 0.0)

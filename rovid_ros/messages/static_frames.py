@@ -1,0 +1,111 @@
+"""Where sensors are in the body, from the static transforms of tf2 instead of the YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+import math
+from typing import Any
+
+from rovid_core.model.dofs import Quaternion, Vector
+from rovid_core.settings.run import Settings, SettingsError
+from rovid_core.velocity.attitude_history import normalised, product, rotate, rotate_back
+
+TOPIC = '/tf_static'
+TYPE = 'tf2_msgs/msg/TFMessage'
+# by input, the key that its ``sensor_frame`` stands for
+KEYS = {'position': 'position.lever_arm', 'attitude': 'attitude.mounting',
+        'angular_velocity': 'angular_velocity.mounting', 'velocity': 'velocity.mounting'}
+
+_IDENTITY: tuple[Vector, Quaternion] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+def wanted_frames(settings: Settings) -> dict[str, str]:
+    """
+    Return the keys whose values are to be looked up, each with the frame of its sensor.
+
+    A value that was given wins, so that what was looked up once can be written down.
+    """
+    given = {'position.lever_arm': settings.lever_arm, **{
+        f'{name}.mounting': settings.input(name).mounting for name in KEYS if name != 'position'}}
+    return {key: settings.input(name).sensor_frame for name, key in KEYS.items()
+            if name in settings.used_inputs() and settings.input(name).sensor_frame
+            and not any(given[key])}
+
+
+class StaticFrames:
+    """A tree of frames, from messages of ``/tf_static``."""
+
+    def __init__(self) -> None:
+        # by frame, the one that it hangs on, and where it is there
+        self._parents: dict[str, tuple[str, tuple[Vector, Quaternion]]] = {}
+
+    def add(self, message: Any) -> None:
+        """Add a TFMessage, of rclpy or decoded from a log; what is no transform is left out."""
+        for one in message.transforms:
+            t, q = one.transform.translation, one.transform.rotation
+            try:
+                turn = normalised((q.x, q.y, q.z, q.w))
+            except ValueError:
+                continue
+            self._parents[_name(one.child_frame_id)] = (
+                _name(one.header.frame_id), ((t.x, t.y, t.z), turn))
+
+    def knows(self, wanted: Iterable[str], base: str) -> bool:
+        """Tell whether the frames of some sensors all hang together with that of the body."""
+        return all(self._between(base, frame) for frame in wanted)
+
+    def values(self, wanted: Mapping[str, str], base: str, where: str) -> dict[str, list[float]]:
+        """
+        Return the values of the keys of ``wanted_frames``: lever arms [m], or angles [rad].
+
+        Raises SettingsError for a frame that does not hang together with ``base``; ``where`` says
+        where that was looked for.
+        """
+        values = {}
+        for key, frame in wanted.items():
+            found = self._between(base, frame)
+            if found is None:
+                names = sorted({*self._parents, *(parent for parent, _ in self._parents.values())})
+                raise SettingsError(
+                    f'{key.partition(".")[0]}.sensor_frame', f'{where}: no static transform from '
+                    f'{base} (base_frame) to {frame}; {TOPIC} has '
+                    f'{", ".join(names) or "nothing"}; publish it, or give {key}')
+            offset, turn = found
+            values[key] = list(offset if key == KEYS['position'] else _angles(turn))
+        return values
+
+    def _between(self, base: str, frame: str) -> tuple[Vector, Quaternion] | None:
+        """Return where a frame is in that of the body; None if they do not hang together."""
+        one, other = self._in_root(_name(base)), self._in_root(_name(frame))
+        if one is None or other is None or one[0] != other[0]:
+            return None
+        (b, p), (f, q) = one[1], other[1]
+        x, y, z, w = p
+        return (rotate_back(p, (f[0] - b[0], f[1] - b[1], f[2] - b[2])),
+                product((-x, -y, -z, w), q))
+
+    def _in_root(self, frame: str) -> tuple[str, tuple[Vector, Quaternion]] | None:
+        """Return the frame that one hangs on in the end, and where it is there; None of none."""
+        (x, y, z), turn = _IDENTITY
+        for _ in range(len(self._parents) + 1):
+            if frame not in self._parents:
+                return frame, ((x, y, z), turn)
+            frame, (offset, rotation) = self._parents[frame]
+            a, b, c = rotate(rotation, (x, y, z))
+            x, y, z = a + offset[0], b + offset[1], c + offset[2]
+            turn = product(rotation, turn)
+        return None  # they hang on each other in a circle
+
+
+def _name(frame: str) -> str:
+    return frame.lstrip('/')  # ROS 1 had one in front
+
+
+def _angles(q: Quaternion) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [rad] of a turn, as rpy in a URDF; upright there is no roll."""
+    x, y, z, w = q
+    sine = 2.0 * (w * y - x * z)
+    if abs(sine) > 1.0 - 1e-12:
+        return 0.0, math.copysign(0.5 * math.pi, sine), 2.0 * math.atan2(z, w)
+    return (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), math.asin(sine),
+            math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))

@@ -1,0 +1,108 @@
+"""The table of a survey: a row per dive and DOF, one for a dive that failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+import csv
+from datetime import datetime, timezone
+import io
+import os
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from rovid_core.model.dofs import PARAMETERS, PHYSICAL
+from rovid_ros.files.whole_files import write_text
+from rovid_ros.results.documents import Result
+
+FAILED = 'failed'  # the status of a dive that gave nothing
+TAG = 'tag_'  # what the columns of tags begin with
+KAPPA = 'kappa_'  # and those of couplings
+COLUMNS = (
+    'log', 'start', 'duration_s', 'method', 'dof', 'status', 'reasons', 'steps', 'fit', 'mae',
+    *(f'{name}{end}' for name in PHYSICAL for end in ('', '_low', '_high')),
+    *(f'{name}{end}' for name in PARAMETERS for end in ('', '_std')),
+    'delay_s', 'delay_std_s', 'current_x', 'current_y', 'current_x_std', 'current_y_std',
+    'current_status', 'warnings', 'error')
+TEXTS = ('log', 'start', 'method', 'dof', 'status', 'reasons', 'current_status', 'error')
+COUNTS = ('steps', 'warnings')
+
+Row: TypeAlias = dict[str, Any]
+
+
+def rows_of(log: Path, result: Result, tags: Mapping[str, str], warnings: int) -> list[Row]:
+    """Return the rows of a dive: the numbers of a replay as they are, None where there is none."""
+    document = result.document()
+    current = {f'current_{name}': value for name, value in (document['current'] or {}).items()}
+    start = None if result.start is None else datetime.fromtimestamp(
+        result.start // 1000 * 1e-6, timezone.utc).isoformat()
+    shared = {'log': str(log), 'start': start, 'duration_s': result.duration,
+              'method': document['method'], 'warnings': warnings, 'error': None,
+              **{f'{TAG}{name}': value for name, value in tags.items()},
+              **{key: value for key, value in current.items() if key in COLUMNS}}
+    return [{**shared, 'dof': dof, **_numbers(values)}
+            for dof, values in document['dofs'].items()]
+
+
+def failed(log: Path, error: str) -> list[Row]:
+    """Return the row of a dive that gave nothing."""
+    return [{'log': str(log), 'status': FAILED, 'error': error}]
+
+
+def _numbers(values: Mapping[str, Any]) -> Row:
+    row = {key: values[key] for key in ('status', 'steps', 'fit', 'mae', *PHYSICAL, *PARAMETERS)}
+    row['reasons'] = '; '.join(values['reasons'])
+    for name, interval in (values['intervals'] or {}).items():
+        if name in PHYSICAL:
+            row[f'{name}_low'], row[f'{name}_high'] = interval or (None, None)
+    for name, std in (values['std'] or {}).items():
+        row[f'{name}_std'] = std
+    if values['delay_s']:
+        row['delay_s'], row['delay_std_s'] = values['delay_s']['value'], values['delay_s']['std']
+    row.update({f'{KAPPA}{name}': kappa for name, kappa in values.get('couplings', {}).items()})
+    return row
+
+
+def columns(rows: Sequence[Row]) -> list[str]:
+    """Return the columns of a table: those of every survey, then couplings and tags by name."""
+    return [*COLUMNS, *sorted({name for row in rows for name in row} - set(COLUMNS))]
+
+
+def write_csv(path: Path, rows: Sequence[Row]) -> None:
+    """Write CSV; a number is written so that its exact bits come back, what is missing is ''."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns(rows), restval='', lineterminator='\n')
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text(path, text.getvalue())
+
+
+def write_parquet(path: Path, rows: Sequence[Row]) -> None:
+    """Write parquet; a tag whose every value is a number is a column of numbers."""
+    import pyarrow
+    from pyarrow import parquet
+    arrays = {}
+    for name in columns(rows):
+        values = [row.get(name) for row in rows]
+        if name in COUNTS:
+            type = pyarrow.int64()
+        elif name in TEXTS:
+            type = pyarrow.string()
+        elif name.startswith(TAG):
+            values, type = _typed(values)
+        else:
+            type = pyarrow.float64()
+        arrays[name] = pyarrow.array(values, type)
+    temporary = path.with_name(f'.{path.name}.{os.getpid()}')
+    try:
+        parquet.write_table(pyarrow.table(arrays), temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _typed(values: list[Any]) -> tuple[list[Any], Any]:
+    import pyarrow
+    try:
+        return [None if value is None else float(value) for value in values], pyarrow.float64()
+    except ValueError:
+        return values, pyarrow.string()

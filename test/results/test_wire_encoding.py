@@ -1,0 +1,101 @@
+"""The encoders against rosbags' own serialisation, with any texts and numbers."""
+
+import math
+from typing import Any
+
+from hypothesis import given, strategies as st
+import numpy as np
+from rovid_ros.messages.types import build, standard_types
+from rovid_ros.results.outputs import ARRAY_TYPE, DIAGNOSTIC_TYPE
+from rovid_ros.results.wire_encoding import (
+    ArrayEncoder,
+    diagnostic_array,
+    JointStateEncoder,
+    StatusBody,
+    TwistEncoder,
+    VectorEncoder,
+    words,
+)
+
+TIME = st.integers(0, (1 << 31) * 10**9 - 1)
+NUMBER = st.floats()
+TEXT = st.text(st.characters(codec='utf-8', exclude_characters='\0'), max_size=9)
+LONG = st.one_of(TEXT, st.text('aé', min_size=60, max_size=300))
+NAMES = st.lists(TEXT, min_size=1, max_size=4)
+VALUES = st.dictionaries(TEXT, st.one_of(
+    NUMBER, st.integers(), st.booleans(), LONG, NUMBER.map(np.float64)), max_size=4)
+STATUS = st.tuples(st.integers(0, 3), TEXT, LONG, TEXT, VALUES)
+
+
+def serialised(name: str, fields: dict[str, Any]) -> bytes:
+    store = standard_types()
+    return bytes(store.serialize_cdr(build(store, name, fields), name))
+
+
+def header(time: int, frame: str) -> dict[str, Any]:
+    sec, nanosec = divmod(time, 10**9)
+    return {'stamp': {'sec': sec, 'nanosec': nanosec}, 'frame_id': frame}
+
+
+@given(NAMES, NAMES, st.data())
+def test_arrays(names: list[str], labels: list[str], data: st.DataObject) -> None:
+    rows, columns = len(names), len(labels)
+    table = data.draw(st.lists(
+        st.lists(NUMBER, min_size=columns, max_size=columns), min_size=rows, max_size=rows))
+    assert ArrayEncoder(names, labels).encode(table) == serialised(ARRAY_TYPE, {
+        'layout': {'dim': [
+            {'label': ','.join(names), 'size': rows, 'stride': rows * columns},
+            {'label': ','.join(labels), 'size': columns, 'stride': columns}], 'data_offset': 0},
+        'data': [value for row in table for value in row]})
+
+
+@given(TIME, TEXT, st.lists(NUMBER, min_size=6, max_size=6))
+def test_twists_and_vectors(time: int, frame: str, values: list[float]) -> None:
+    linear, angular = dict(zip('xyz', values[:3])), dict(zip('xyz', values[3:]))
+    assert TwistEncoder(frame).encode(time, values) == serialised(
+        'geometry_msgs/msg/TwistStamped',
+        {'header': header(time, frame), 'twist': {'linear': linear, 'angular': angular}})
+    assert VectorEncoder(frame).encode(time, *values[:3]) == serialised(
+        'geometry_msgs/msg/Vector3Stamped', {'header': header(time, frame), 'vector': linear})
+
+
+@given(TIME, TEXT, NAMES)
+def test_joint_states(time: int, frame: str, names: list[str]) -> None:
+    velocity = [0.1 * number for number in range(len(names))]
+    effort = [math.nan, *velocity][:len(names)]
+    assert JointStateEncoder(frame, names).encode(time, velocity, effort) == serialised(
+        'sensor_msgs/msg/JointState', {
+            'header': header(time, frame), 'name': names, 'position': [],
+            'velocity': velocity, 'effort': effort})
+
+
+@given(TIME, TEXT, st.lists(STATUS, max_size=3))
+def test_diagnostics(time: int, frame: str, statuses: list[Any]) -> None:
+    assert diagnostic_array(time, frame, [
+        (level, StatusBody(*parts).encode()) for level, *parts in statuses
+    ]) == diagnostics(time, frame, statuses)
+
+
+@given(STATUS, STATUS, st.booleans(), st.integers(0, 4))
+def test_a_switch_is_another_each_time(first: Any, second: Any, on: bool, place: int) -> None:
+    level, *parts, values = first
+    items = [*values.items()]
+    switched = dict([*items[:place], ('switch', None), *items[place:]])
+    body = StatusBody(*parts, switched, 'switch')
+    for value in (on, not on, on):
+        mine = (level, body.encode(value)), (second[0], StatusBody(*second[1:]).encode())
+        assert diagnostic_array(0, '', mine) == diagnostics(
+            0, '', [(level, *parts, {**switched, 'switch': value}), second])
+
+
+def diagnostics(time: int, frame: str, statuses: list[Any]) -> bytes:
+    return serialised(DIAGNOSTIC_TYPE, {'header': header(time, frame), 'status': [
+        {'level': level, 'name': name, 'message': message, 'hardware_id': hardware,
+         'values': [{'key': key, 'value': words(value)} for key, value in values.items()]}
+        for level, name, message, hardware, values in statuses]})
+
+
+def test_the_text_of_a_number_gives_its_bits_back() -> None:
+    assert words(np.float64(0.1)) == '0.1'
+    assert words(1.0 / 3.0) == '0.3333333333333333'
+    assert (words(True), words(3), words('x')) == ('true', '3', 'x')

@@ -40,11 +40,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def demo(folder: Path, duration: float = DURATION) -> None:
     """Simulate ``duration`` [s], identify, and print what is true beside what was found."""
-    config = shipped_file(CONFIG)
-    settings = read_settings(config)
+    settings = read_settings(shipped_file(CONFIG))
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / 'jhurov.mcap'
-    print(f'1. Simulate {duration / 60.0:g} minutes of the vehicle in {_near(config)}:')
+    print(f'1. Simulate {duration / 60.0:.3g} minutes of the vehicle in the shipped {CONFIG}:')
     count = simulate_log(settings, log, duration, seed=1)
     print(f'   {log}, {count:,} messages.\n')
     print('2. Identify it from this log, as the live node would:')
@@ -61,11 +60,6 @@ def demo(folder: Path, duration: float = DURATION) -> None:
     print('\nNext, your own vehicle, from a log of it:\n\n'
           '   rovid init YOUR_LOG --output YOUR_FILE.yaml\n'
           '   rovid replay YOUR_LOG --params-file YOUR_FILE.yaml')
-
-
-def _near(path: Path) -> Path:
-    """Return the path as one would type it here."""
-    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
 
 
 def _parameters(settings: Settings, found: Dofs, guess: Dofs) -> list[list[str]]:

@@ -9,6 +9,7 @@ F, so that hours of log take milliseconds.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import repeat
 import math
 
 import numpy as np
@@ -88,18 +89,22 @@ def midpoint_trajectory(parameters: Array, start: float, dt: Array, force: Array
 
 
 def midpoint_steps(parameters: Array, start: Array, dt: Iterable[float | Array],
-                   force: Iterable[float | Array]) -> Iterator[tuple[Array, Array]]:
+                   force: Iterable[float | Array],
+                   others: Iterable[Sequence[Array] | Array] = repeat(())
+                   ) -> Iterator[tuple[Array, Array]]:
     """
     Step many vehicles side by side by the implicit midpoint rule.
 
     Parameters
     ----------
-    parameters : ndarray, shape (4, ...)
-        alpha, beta <= 0, gamma <= 0, delta of each vehicle.
+    parameters : ndarray, shape (4 + k, ...)
+        alpha, beta <= 0, gamma <= 0, delta and k couplings of each vehicle.
     start : ndarray, shape (...)
         Velocities at the start [m/s or rad/s].
     dt, force : iterable
         Length [s] and mean force [N or N m] of each step; numbers, or arrays over vehicles.
+    others : iterable, optional
+        The k regressors of the couplings in each step, arrays over vehicles.
 
     Yields
     ------
@@ -107,10 +112,13 @@ def midpoint_steps(parameters: Array, start: Array, dt: Iterable[float | Array],
         Velocities over each step and at its end.
 
     """
-    alpha, beta, gamma, delta = parameters
+    alpha, beta, gamma, delta = parameters[:4]
     v = start
-    for h, f in zip(dt, force):
-        mean = mean_velocity(v, 0.5 * h, alpha * f + delta, beta, gamma)
+    for h, f, coupled in zip(dt, force, others):
+        drive = alpha * f + delta
+        for kappa, x in zip(parameters[4:], coupled):
+            drive = drive + kappa * x
+        mean = mean_velocity(v, 0.5 * h, drive, beta, gamma)
         v = 2.0 * mean - v
         yield mean, v
 

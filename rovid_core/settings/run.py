@@ -325,19 +325,22 @@ class Settings:
         """Tell whether steps carry the pieces of the force, and what is watched."""
         return self.all_methods or self.identifier.method in WATCHING
 
-    def watched(self, dof: str) -> tuple[str, ...]:
-        """Return the regressors that a DOF does not have and its method watches."""
-        if not self.watches:
-            return ()
+    def possible_couplings(self, dof: str) -> tuple[str, ...]:
+        """Return the couplings of a DOF whose velocities and angles are measured."""
         sources = {self.source(d) for d in self.dofs}
         linear = 'velocity' if self.velocity.topic else 'position'
         known = set('uvw') if linear in sources else set()
         if self.attitude.topic or 'angular_velocity' in sources:
             known |= set('pqr')
-        named = [name for name in COUPLINGS[dof] if (
-            bool(self.attitude.topic) if name.startswith('sin') else set(name) <= known)]
-        if self.attitude.topic and dof in ('surge', 'sway'):
-            named += HEADING
+        return tuple([name for name in COUPLINGS[dof] if (
+            bool(self.attitude.topic) if name.startswith('sin') else set(name) <= known)])
+
+    def watched(self, dof: str) -> tuple[str, ...]:
+        """Return the regressors that a DOF does not have and its method watches."""
+        if not self.watches:
+            return ()
+        turns = self.attitude.topic and dof in ('surge', 'sway')
+        named = (*self.possible_couplings(dof), *(HEADING if turns else ()))
         return tuple([name for name in named if name not in self.couplings(dof)])
 
     @property

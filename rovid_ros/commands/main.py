@@ -21,7 +21,7 @@ COMMANDS = {
     'compare': 'identify by every method and score every model',
     'survey': 'identify every dive of a season and test what drifts',
     'simulate': 'write the log of a simulated vehicle',
-    'tune': 'find delay, lag, dead-band, heading offset and terms',
+    'tune': 'find delay, lag, dead-band, reverse thrust, heading offset, couplings and terms',
     'plan': 'propose the thrust profile to drive next',
     'export': 'write identified parameters for other programs',
 }

@@ -140,9 +140,9 @@ def _keys(tuned: Tuned) -> list[list[str]]:
             known = math.isfinite(change.low) and change.low < change.high
             rows.append([key, number(change.before), after,
                          f'{number(change.low)} .. {number(change.high)}' if known else NONE])
-    for terms in tuned.terms:
-        after = ' '.join(terms.after) if terms.after != terms.before else 'stay'
-        rows.append([terms.key, ' '.join(terms.before), after, NONE])
+    for names in tuned.lists:
+        after = ' '.join(names.after) if names.after != names.before else 'stay'
+        rows.append([names.key, ' '.join(names.before) or 'none', after, NONE])
     return rows
 
 
@@ -153,10 +153,10 @@ def _notes(tuned: Tuned) -> str:
         lines.append(f'{" and ".join(stage.keys)}: gain {_gain(stage.gain, stage.spread)}{better}')
         if stage.note:
             lines.append(f'  {stage.note}')
-    for terms in tuned.terms:
-        if terms.after != terms.before:
-            better = '' if terms.gain > terms.spread else ': as good with fewer terms'
-            lines.append(f'{terms.key}: gain {_gain(terms.gain, terms.spread)}{better}')
+    for names in tuned.lists:
+        if names.after != names.before:
+            better = '' if names.gain > names.spread else ': as good with fewer'
+            lines.append(f'{names.key}: gain {_gain(names.gain, names.spread)}{better}')
     lines += [f'{dof}: left out: {why}; what is shared by all DOFs changes for it too'
               for dof, why in tuned.left_out.items()]
     return '\n'.join(lines)
@@ -172,9 +172,9 @@ def tuned_document(tuned: Tuned) -> dict[str, Any]:
         key: {'before': change.before, 'after': change.after, 'low': json_number(change.low),
               'high': json_number(change.high), 'gain': stage.gain, 'spread': stage.spread}
         for stage in tuned.stages for key, change in stage.keys.items()}
-    for terms in tuned.terms:
-        keys[terms.key] = {'before': terms.before, 'after': terms.after,
-                           'gain': terms.gain, 'spread': terms.spread}
+    for names in tuned.lists:
+        keys[names.key] = {'before': names.before, 'after': names.after,
+                           'gain': names.gain, 'spread': names.spread}
     return {
         'keys': keys,
         'dofs': {dof: {'output_error': json_numbers(('before', 'after'), errors)}

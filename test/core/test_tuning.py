@@ -108,6 +108,31 @@ def test_finds_the_dead_band(surge: Settings) -> None:
     assert tuned.changes()['thrusters.deadband'] == pytest.approx(0.5, abs=0.15)
 
 
+def test_finds_the_reverse_thrust(surge: Settings) -> None:
+    tuned = tune(read(surge, 120.0, reverse=0.8), surge)
+    assert tuned.changes()['thrusters.reverse'] == pytest.approx(0.8, abs=0.05)
+    before, after = tuned.errors['surge']
+    assert after < 0.8 * before
+
+
+def test_a_coupling_that_is_missing_is_added() -> None:
+    config = Path(__file__).parents[2] / 'config'
+    truth = settings_from({**load(config / 'odometry_wrench.yaml'),
+                           **load(config / 'examples' / 'auv.yaml')})
+    settings = replace(truth, dofs=('surge', 'sway', 'yaw'))
+    tuned = tune(read(settings, 180.0), settings)
+    changes = tuned.changes()
+    assert 'vr' in changes['surge.couplings']  # type: ignore[operator]
+    assert 'ur' in changes['sway.couplings']  # type: ignore[operator]
+    for before, after in tuned.errors.values():
+        assert after < 0.7 * before
+
+
+def test_couplings_are_not_sought_along_axes_that_turn(delayed: Tuned) -> None:
+    assert [names.key for names in delayed.lists] == ['surge.terms']
+    assert 'tune again' in delayed.stages[0].note
+
+
 def test_a_term_that_is_not_there_is_left_out(surge: Settings) -> None:
     truth = surge.simulation.dofs['surge']
     without = replace(surge, simulation=replace(surge.simulation, dofs={

@@ -33,6 +33,7 @@ class Blocks:
     # shape (steps + 1, pieces); bounds of the steps [ns]; the padding has length 0
     nodes: NDArray[np.int64]
     measured: Array  # shape (steps, pieces); mean velocity of each step [m/s or rad/s]
+    regressors: Array  # shape (steps, k, pieces); means of those of the couplings
     fold: NDArray[np.intp]  # shape (pieces,); which fold each piece is in
 
     @property
@@ -85,38 +86,33 @@ def blocks(segments: Sequence[Segment], bounds: Array) -> Blocks | None:
     """
     pieces: list[tuple[int, NDArray[np.int64], Array]] = []
     for segment in segments:
-        nodes, means = _joined(*_intervals(segment))
+        nodes, means = _joined(*segment.intervals())
         of_step = np.searchsorted(bounds, nodes[:-1], 'right') - 1
         for fold in range(FOLDS):
             own = np.flatnonzero(of_step == fold)
             if len(own) >= MIN_STEPS:
-                pieces.append((fold, nodes[own[0]:own[-1] + 2], means[own]))
+                pieces.append((fold, nodes[own[0]:own[-1] + 2], means[:, own]))
     if {fold for fold, _, _ in pieces} != set(range(FOLDS)):
         return None
-    longest = max(len(means) for _, _, means in pieces)
+    longest = max(means.shape[1] for _, _, means in pieces)
+    # shape (1 + k, steps, pieces)
+    padded = np.stack([np.pad(means, ((0, 0), (0, longest - means.shape[1])))
+                       for _, _, means in pieces], axis=2)
     return Blocks(
         np.stack([np.pad(nodes, (0, longest + 1 - len(nodes)), mode='edge')
                   for _, nodes, _ in pieces], axis=1),
-        np.stack([np.pad(means, (0, longest - len(means))) for _, _, means in pieces], axis=1),
-        np.array([fold for fold, _, _ in pieces]))
-
-
-def _intervals(segment: Segment) -> tuple[NDArray[np.int64], Array]:
-    """Return times and the mean velocities between them."""
-    if segment.fixes[-1] != segment.ends[-1]:
-        return segment.fixes, segment.means[:-1]
-    samples = np.concatenate([[segment.velocity], segment.means])
-    return segment.bounds, 0.5 * (samples[:-1] + samples[1:])
+        padded[0], padded[1:].transpose(1, 0, 2), np.array([fold for fold, _, _ in pieces]))
 
 
 def _joined(nodes: NDArray[np.int64], means: Array) -> tuple[NDArray[np.int64], Array]:
-    """Join steps to about ``STEP``."""
-    if not len(means):
-        return nodes, means
+    """Join steps to about ``STEP``; ``means`` has shape (1 + k, steps)."""
     dt = np.diff(nodes) * NS
+    if not len(dt):
+        return nodes, means
     size = max(1, round(STEP / float(np.median(dt))))
-    count = len(means) // size * size
-    path = np.concatenate([[0.0], np.cumsum(means * dt)])[:count + 1:size]
+    count = len(dt) // size * size
+    zero = np.zeros((len(means), 1))
+    path = np.concatenate([zero, np.cumsum(means * dt, axis=1)], axis=1)[:, :count + 1:size]
     nodes = nodes[:count + 1:size]
     return nodes, np.diff(path) / (np.diff(nodes) * NS)
 

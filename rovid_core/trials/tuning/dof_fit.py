@@ -30,7 +30,9 @@ MIN_GAIN = 0.05  # a model has to be this much better than a constant velocity f
 class Models:
     """What was found for the candidates."""
 
-    theta: Array  # shape (candidates, 4); from all blocks, in units of typical force and velocity
+    # shape (candidates, 4 + k); with k couplings, from all blocks, in units of typical force and
+    # velocity
+    theta: Array
     start: Array  # shape (candidates, pieces); velocity at each piece's start, in typical ones
     # shape (candidates, FOLDS); mean absolute error on each block of the model of the others [m/s
     # or rad/s]
@@ -45,10 +47,10 @@ class NormalEquations:
     # shape (candidates,); with this limit, and with the one before
     cost: Array
     before: Array
-    # shape (candidates, pieces, 4, 4) and (candidates, pieces, 4); matrix and right-hand side
+    # shape (candidates, pieces, n, n) and (candidates, pieces, n); matrix and right-hand side
     inside: Array
     slope: Array
-    # shape (candidates, pieces, 4) and (candidates, pieces); how the start's velocity follows the
+    # shape (candidates, pieces, n) and (candidates, pieces); how the start's velocity follows the
     # parameters, and its own step
     cross: Array
     right: Array
@@ -60,19 +62,28 @@ class NormalEquations:
 
 
 class OutputError:
-    """The fit of one DOF's model, which compares velocities through a low-pass [Hz]."""
+    """
+    The fit of one DOF's model, which compares velocities through a low-pass [Hz].
 
-    def __init__(self, blocks: Blocks, scales: Scales, cutoff: float) -> None:
+    ``possible`` are the names of the couplings whose regressors the blocks have.
+    """
+
+    def __init__(self, blocks: Blocks, scales: Scales, cutoff: float,
+                 possible: Sequence[str] = ()) -> None:
         self.blocks, self.scales = blocks, scales
         self.weights = blocks.weights(cutoff)
         self._dt, self._valid = blocks.dt, blocks.valid[:, None, :]
-        self._active = np.array(scales.active)
-        self._units = scales.velocity * np.array(scales.regressor)
-        self.first = self.scaled(np.array(scales.initial))
-        self._low, self._high = (self.scaled(np.array(bound)) for bound in scales.bounds())
+        coupled = scales.coupling_regressor
+        self._others = np.array(coupled)[:, None, None] * blocks.regressors[
+            :, [possible.index(name) for name in scales.couplings], None]
+        self._active = np.array([*scales.active, *[True for _ in coupled]])
+        self._units = scales.velocity * np.array([*scales.regressor, *coupled])
+        self.first = self.scaled(np.array([*scales.initial, *[0.0 for _ in coupled]]))
+        self._low, self._high = (self.scaled(np.array([*bound, *others])) for bound, others in zip(
+            scales.bounds(), scales.coupling_bounds()))
 
     def scaled(self, parameters: Array) -> Array:
-        """Return scaled parameters of lumped ones, shape (..., 4)."""
+        """Return scaled parameters of lumped ones, shape (..., 4 + k)."""
         return np.asarray(parameters / self._units)
 
     def fit(self, force: Array, measured: Array | None = None, begin: Array | None = None,
@@ -86,7 +97,7 @@ class OutputError:
             [N or N m]
         measured : ndarray, shape (steps, candidates, pieces), optional
             Where the candidates differ in it.
-        begin : ndarray, shape (4,), optional
+        begin : ndarray, shape (4 + k,), optional
             Scaled parameters to begin with.
         iterations : int
             Of Gauss and Newton.
@@ -117,11 +128,11 @@ class OutputError:
         """
         Return the mean absolute error on each fold, shape (candidates, FOLDS) [m/s or rad/s].
 
-        All is in typical sizes: ``theta`` of shape (4, candidates, pieces or 1), ``start`` of
+        All is in typical sizes: ``theta`` of shape (4 + k, candidates, pieces or 1), ``start`` of
         (candidates or 1, pieces), ``force`` and ``target`` of (steps, candidates or 1, pieces).
         """
         errors, error = np.empty(target.shape), np.zeros(target.shape[1:])
-        steps = midpoint_steps(theta, start, self._dt, force)
+        steps = midpoint_steps(theta, start, self._dt, force, self._others)
         for k, (mean, _) in enumerate(steps):
             errors[k] = error = error + self.weights[k] * (mean - target[k] - error)
         return self.blocks.by_fold(np.abs(errors)) * self.scales.velocity
@@ -131,7 +142,7 @@ class OutputError:
         """Take each block out by a Newton step, for sums over blocks can be taken apart."""
         member = (self.blocks.fold[:, None] == np.arange(FOLDS)).astype(float)
         rest = 1.0 - member  # (pieces, FOLDS)
-        own = np.empty((len(theta), FOLDS, 4))
+        own = np.empty((len(theta), FOLDS, theta.shape[1]))
         for fold in range(FOLDS):
             own[:, fold] = theta + self._solved(
                 theta, np.einsum('cpij,p->cij', normal.inside, rest[:, fold]),
@@ -149,11 +160,12 @@ class OutputError:
             1.0, own_limit[:, None] / np.maximum(size, 1e-300))
         full = np.einsum('kicp,kjcp->cpij', slopes, slopes * weight[:, None], optimize=True)
         right = np.einsum('kicp,kcp->cpi', slopes, weight * errors, optimize=True)
-        own = np.maximum(full[..., 4, 4], 1e-12)
-        cross = full[..., :4, 4] / own[..., None]
-        return NormalEquations(own_limit, self._huber(size, own_limit), self._huber(size, limit),
-                               full[..., :4, :4] - cross[..., :, None] * full[..., None, :4, 4],
-                               right[..., :4] - cross * right[..., 4:], cross, right[..., 4] / own)
+        own = np.maximum(full[..., -1, -1], 1e-12)
+        cross = full[..., :-1, -1] / own[..., None]
+        return NormalEquations(
+            own_limit, self._huber(size, own_limit), self._huber(size, limit),
+            full[..., :-1, :-1] - cross[..., :, None] * full[..., None, :-1, -1],
+            right[..., :-1] - cross * right[..., -1:], cross, right[..., -1] / own)
 
     def _huber(self, size: Array, limit: Array) -> Array:
         inner = np.minimum(size, limit[:, None])
@@ -163,17 +175,18 @@ class OutputError:
                    target: Array) -> tuple[Array, Array]:
         """Return the errors and their derivatives by theta and start, after the low-pass."""
         parameters = theta.T[:, :, None]
-        _, beta, gamma, _ = parameters
-        slope = np.zeros((5, *start.shape))
-        slope[4] = 1.0
+        _, beta, gamma, _ = parameters[:4]
+        slope = np.zeros((1 + theta.shape[1], *start.shape))
+        slope[-1] = 1.0
         errors, slopes = np.empty(force.shape), np.empty((len(force), *slope.shape))
         error, filtered = np.zeros_like(start), np.zeros_like(slope)
         regressor = np.zeros_like(slope)
         regressor[3] = 1.0
-        steps = midpoint_steps(parameters, start, self._dt, force)
+        steps = midpoint_steps(parameters, start, self._dt, force, self._others)
         for k, (mean, _) in enumerate(steps):
             size, half = np.abs(mean), 0.5 * self._dt[k]
             regressor[0], regressor[1], regressor[2] = force[k], mean * size, mean
+            regressor[4:-1] = self._others[k]
             of_mean = (slope + half * regressor) / (1.0 - half * (gamma + 2.0 * beta * size))
             slope = 2.0 * of_mean - slope
             errors[k] = error = error + self.weights[k] * (mean - target[k] - error)
@@ -193,8 +206,8 @@ class OutputError:
         step = np.zeros_like(theta)
         for _ in range(3):  # again with what would leave the bounds at its bound
             pair = free[:, :, None] & free[:, None, :]
-            matrix = np.where(pair, inside, 0.0) + np.eye(4) * np.where(free, extra, 1.0)[
-                :, None, :]
+            diagonals = np.eye(len(self._units)) * np.where(free, extra, 1.0)[:, None, :]
+            matrix = np.where(pair, inside, 0.0) + diagonals
             right = slope + np.einsum('cij,cj->ci', inside, np.where(free, 0.0, step))
             solved = np.linalg.solve(matrix, np.where(free, right, 0.0)[..., None])[..., 0]
             step = np.clip(theta + np.where(free, -solved, step), self._low,
@@ -207,14 +220,15 @@ class Dof:
     """
     One DOF that is tuned with: ``settings`` have typical sizes from the data.
 
-    Predictions are compared through a low-pass of ``cutoff`` [Hz].
+    Predictions are compared through a low-pass of ``cutoff`` [Hz]. ``possible`` are the names of
+    the couplings whose regressors are measured.
     """
 
     def __init__(self, name: str, row: int, segments: list[Segment], blocks: Blocks,
-                 settings: DofSettings, cutoff: float) -> None:
+                 settings: DofSettings, cutoff: float, possible: Sequence[str]) -> None:
         self.name, self.row, self.segments, self.blocks = name, row, segments, blocks
-        self.settings, self.cutoff = settings, cutoff
-        self.problem = OutputError(blocks, Scales.of(settings), cutoff)
+        self.settings, self.cutoff, self.possible = settings, cutoff, possible
+        self.problem = OutputError(blocks, Scales.of(settings), cutoff, possible)
         self._begin: Array | None = None  # scaled parameters to begin with
         self._models: dict[tuple[float, float], Models] = {}
 
@@ -224,11 +238,10 @@ class Dof:
         force = [self.blocks.force(commanded, self.row, *pair) for commanded in candidates]
         return self.problem.fit(np.stack(force, 1), None, self._begin_of(force[0]), 6)
 
-    def fit_terms(self, commanded: CommandedForce, pair: tuple[float, float],
-                  terms: tuple[str, ...]) -> Models:
-        """Fit and score a model with other terms."""
-        problem = OutputError(
-            self.blocks, Scales.of(replace(self.settings, terms=terms)), self.cutoff)
+    def fit_with(self, commanded: CommandedForce, pair: tuple[float, float],
+                 settings: DofSettings) -> Models:
+        """Fit and score a model with other terms or couplings."""
+        problem = OutputError(self.blocks, Scales.of(settings), self.cutoff, self.possible)
         return problem.fit(self.blocks.force(commanded, self.row, *pair)[:, None], iterations=30)
 
     def fit(self, commanded: CommandedForce, pairs: Sequence[tuple[float, float]],
@@ -259,9 +272,9 @@ def typical(blocks: Blocks, force: Array, settings: DofSettings) -> DofSettings:
     return replace(settings, typical_force=rms[0], typical_velocity=rms[1])
 
 
-def dof_or_reason(log: TuningLog, settings: Settings, name: str,
-           commanded: CommandedForce) -> Dof | str:
-    """Return a DOF, or why nothing can be tuned with it."""
+def dof_or_reason(log: TuningLog, seen: Settings, name: str, settings: DofSettings,
+                  commanded: CommandedForce) -> Dof | str:
+    """Return a DOF of a log that was read with ``seen``, or why nothing can be tuned with it."""
     segments = log.segments(name)
     time = sum(int(s.ends[-1]) - s.start for s in segments) * 1e-9
     if time < MIN_TIME:
@@ -269,16 +282,16 @@ def dof_or_reason(log: TuningLog, settings: Settings, name: str,
     parts = blocks(segments, fold_bounds(segments))
     if parts is None:
         return f'an eighth of the log without steps, takes steps in each of {FOLDS} parts'
-    row = settings.dofs.index(name)
-    thrusters = settings.thrusters
+    row = seen.dofs.index(name)
+    thrusters = seen.thrusters
     pair = (thrusters.delay, thrusters.time_constant)
     force = parts.force(commanded, row, *pair)
     if np.ptp(force[parts.valid]) <= 1e-9 * max(1.0, float(np.abs(force).max())):
         return 'no thrust that changes'
     if not np.ptp(parts.measured[parts.valid]):
         return 'no motion'
-    dof = Dof(name, row, segments, parts, typical(parts, force, settings.dof[name]),
-              settings.cutoff)
+    dof = Dof(name, row, segments, parts, typical(parts, force, settings), seen.cutoff,
+              seen.couplings(name))
     error = float(dof.model(commanded, pair).scores.mean())
     level = parts.measured - parts.by_fold(parts.measured).mean()
     still = float(np.abs(np.where(parts.valid, level, 0.0)).sum() / parts.valid.sum())

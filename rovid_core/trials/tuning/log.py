@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -72,11 +72,29 @@ class Segment:
     fixes: NDArray[np.int64]
     ends: NDArray[np.int64]
     means: Array  # shape (n,); measured over each step, not filtered [m/s or rad/s]
+    # shape (2 k, n); each regressor of the couplings before and after the step's fix
+    regressors: Array
 
-    @property
-    def bounds(self) -> NDArray[np.int64]:
-        """Return the start and the end of every step [ns], shape (n + 1,)."""
-        return np.concatenate([[self.start], self.ends])
+    def intervals(self) -> tuple[NDArray[np.int64], Array]:
+        """
+        Return the times between which mean velocities are known, and the means there.
+
+        Returns
+        -------
+        nodes : ndarray of int64, shape (m + 1,)
+            [ns]
+        means : ndarray, shape (1 + k, m)
+            Of the velocity [m/s or rad/s] and of each regressor of the couplings.
+
+        """
+        before, after = self.regressors[::2], self.regressors[1::2]
+        if self.fixes[-1] == self.ends[-1]:  # a velocity sensor: from sample to sample
+            samples = np.concatenate([[self.velocity], self.means])
+            return (np.concatenate([[self.start], self.ends]),
+                    np.concatenate([[0.5 * (samples[:-1] + samples[1:])], before]))
+        first, last = self.ends[:-1] - self.fixes[:-1], self.fixes[1:] - self.ends[:-1]
+        others = (first * after[:, :-1] + last * before[:, 1:]) / np.maximum(first + last, 1)
+        return self.fixes, np.concatenate([[self.means[:-1]], others])
 
 
 class TuningLog(ScoreLog):
@@ -146,7 +164,8 @@ class TuningLog(ScoreLog):
         for run in self.runs[dof]:
             times, values = run.columns
             if run.count:
-                found.append(Segment(run.start, run.velocity, times[0], times[1], values[3]))
+                found.append(Segment(
+                    run.start, run.velocity, times[0], times[1], values[3], values[4:]))
         return found
 
 
@@ -155,14 +174,14 @@ def turned(forward: list[Segment], sideways: list[Segment],
     """
     Return surge and sway as they are when ``angle`` [rad] is added to every heading.
 
-    Of a level vehicle; both DOFs come from the same fixes.
+    Of a level vehicle; both DOFs come from the same fixes. The regressors of couplings stay.
     """
     c, s = math.cos(angle), math.sin(angle)
     pairs = list(zip(forward, sideways))
-    return ([Segment(u.start, c * u.velocity + s * v.velocity, u.fixes, u.ends,
-                     c * u.means + s * v.means) for u, v in pairs],
-            [Segment(v.start, c * v.velocity - s * u.velocity, v.fixes, v.ends,
-                     c * v.means - s * u.means) for u, v in pairs])
+    return ([replace(u, velocity=c * u.velocity + s * v.velocity, means=c * u.means + s * v.means)
+             for u, v in pairs],
+            [replace(v, velocity=c * v.velocity - s * u.velocity, means=c * v.means - s * u.means)
+             for u, v in pairs])
 
 
 def turnable(settings: Settings) -> tuple[str, str] | None:

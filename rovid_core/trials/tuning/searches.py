@@ -1,5 +1,5 @@
 """
-The searches for heading offset, delay and lag, dead-band and terms.
+The searches for heading offset, delay and lag, dead-band, reverse thrust, couplings and terms.
 
 Each search proposes candidates, has a model fitted for each, and takes the one that predicts
 held-out blocks best if it gains more than chance.
@@ -11,11 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 import math
+from typing import Any
 
 import numpy as np
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.trajectory import Array
-from rovid_core.settings.run import Settings
+from rovid_core.settings.inputs import ThrusterSettings
+from rovid_core.settings.run import DofSettings, Settings
 from rovid_core.trials.tuning.cross_validation import (
     blocks,
     Change,
@@ -143,81 +145,96 @@ def _near(value: float, grid: Sequence[float], finer: float) -> list[float]:
             if 0.0 <= value + k * spacing <= 10.0]
 
 
-KEY = 'thrusters.deadband'
 # Of a large command: the dead-bands that are tried first.
 SHARES = (0.0, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3)
 LARGE = 0.95  # quantile of the sizes of the commands that counts as a large one
+# Force of a negative command relative to that of the same positive one, tried first.
+REVERSE = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)
 # Then these are tried around the best one, in shares of the way to its neighbours.
-DEADBAND_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
+CURVE_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
 
 
-def tune_deadband(log: TuningLog, dofs: Sequence[Dof], settings: Settings,
-                  pair: tuple[float, float]) -> tuple[Stage, CommandedForce]:
+def tune_deadband(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
+                  pair: tuple[float, float]) -> tuple[Stage, ThrusterSettings]:
     """
-    Find the dead-band, which all thrusters share; return also the force with it.
+    Find the dead-band, which all thrusters share; return also the thrusters with it.
 
     ``pair`` is delay and lag of the thrust [s].
     """
-    present = settings.thrusters.deadband
-    candidates = _Candidates(log, dofs, settings, pair)
-    candidates.add([present, *(share * candidates.large for share in SHARES)])
+    sizes = np.abs((log.commands() - thrusters.offset) * thrusters.scale)
+    large = float(np.quantile(sizes[sizes > 0.0], LARGE)) if (sizes > 0.0).any() else 1.0
+    return _tune_curve(_Candidates('deadband', log, dofs, thrusters, pair),
+                       [share * large for share in SHARES])
+
+
+def tune_reverse(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
+                 pair: tuple[float, float]) -> tuple[Stage, ThrusterSettings]:
+    """
+    Find how much less all thrusters push backwards; return also the thrusters with it.
+
+    ``pair`` is delay and lag of the thrust [s].
+    """
+    return _tune_curve(_Candidates('reverse', log, dofs, thrusters, pair), REVERSE)
+
+
+def _tune_curve(candidates: _Candidates,
+                first: Sequence[float]) -> tuple[Stage, ThrusterSettings]:
+    """Try ``first``, then what lies around the best of them."""
+    candidates.add([candidates.present, *first])
     grid = sorted(candidates.tried)
     i = grid.index(candidates.tried[candidates.choice.index])
     candidates.add([
         grid[i] + abs(share) * (grid[i + step] - grid[i])
-        for share in DEADBAND_FINER for step in (-1 if share < 0.0 else 1,)
+        for share in CURVE_FINER for step in (-1 if share < 0.0 else 1,)
         if 0 <= i + step < len(grid)])
     choice = candidates.choice
-    found = choice.index if choice.is_better else 0
+    found = candidates.tried[choice.index if choice.is_better else 0]
     good = [candidates.tried[k] for k in choice.as_good]
-    change = Change(present, candidates.tried[found], min(good), max(good))
-    return Stage({KEY: change}, choice.gain, choice.spread), candidates.commanded[found]
+    change = Change(candidates.present, found, min(good), max(good))
+    return (Stage({f'thrusters.{candidates.key}': change}, choice.gain, choice.spread),
+            candidates.thrusters(found))
 
 
 class _Candidates:
-    """Dead-bands that were tried; the first one is the present one."""
+    """Values of one key of the thrusters that were tried; the first one is the present one."""
 
-    def __init__(self, log: TuningLog, dofs: Sequence[Dof], settings: Settings,
-                 pair: tuple[float, float]) -> None:
-        self._log, self._dofs, self._pair = log, dofs, pair
-        self._thrusters = settings.thrusters
+    def __init__(self, key: str, log: TuningLog, dofs: Sequence[Dof],
+                 thrusters: ThrusterSettings, pair: tuple[float, float]) -> None:
+        self.key, self.present = key, float(getattr(thrusters, key))
+        self._log, self._dofs, self._pair, self._thrusters = log, dofs, pair, thrusters
         self.tried: list[float] = []
-        self.commanded: list[CommandedForce] = []
         self._scores: list[list[Array]] = [[] for _ in dofs]
 
-    @property
-    def large(self) -> float:
-        """Return the size of a large command."""
-        thrusters = self._thrusters
-        sizes = np.abs((self._log.commands() - thrusters.offset) * thrusters.scale)
-        return float(np.quantile(sizes[sizes > 0.0], LARGE)) if (sizes > 0.0).any() else 1.0
+    def thrusters(self, value: float) -> ThrusterSettings:
+        """Return the thrusters with another value."""
+        changed: dict[str, Any] = {self.key: value}
+        return replace(self._thrusters, **changed)
 
     @property
     def choice(self) -> Choice:
         """Return the best one."""
         return choose(relative([np.concatenate(parts) for parts in self._scores], 0), 0)
 
-    def add(self, deadbands: Sequence[float]) -> None:
-        """Fit and score models with further dead-bands."""
-        new = [value for value in dict.fromkeys(deadbands) if value not in self.tried]
+    def add(self, values: Sequence[float]) -> None:
+        """Fit and score models with further values."""
+        new = [value for value in dict.fromkeys(values) if value not in self.tried]
         if not new:
             return
-        forces = [self._log.commanded(replace(self._thrusters, deadband=value)) for value in new]
+        forces = [self._log.commanded(self.thrusters(value)) for value in new]
         for parts, dof in zip(self._scores, self._dofs):
             parts.append(dof.fit_commands(forces, self._pair).scores)
         self.tried += new
-        self.commanded += forces
 
 
-# A term has to lower the error by this share to be kept: without it the model is simpler.
+# A term or coupling has to lower the error by this share: without it the model is simpler.
 WORTH = 0.01
 
 
 @dataclass(frozen=True)
-class TermsChange:
-    """The terms of one DOF."""
+class ListChange:
+    """What the model of one DOF has: the names in a list of the parameter file."""
 
-    dof: str  # its name
+    key: str  # in the parameter file
     # the same where nothing better was found
     before: tuple[str, ...]
     after: tuple[str, ...]
@@ -225,27 +242,50 @@ class TermsChange:
     gain: float
     spread: float
 
-    @property
-    def key(self) -> str:
-        """Return the key in the parameter file."""
-        return f'{self.dof}.terms'
 
-
-def tune_terms(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -> TermsChange:
+def tune_couplings(dof: Dof, commanded: CommandedForce,
+                   pair: tuple[float, float]) -> ListChange:
     """
-    Choose the terms of a DOF; alpha always stays.
+    Add couplings to a DOF, the best one first, as long as it clearly predicts better with it.
+
+    Those that it has stay.
+    """
+    before = after = dof.settings.couplings
+    first = scores = dof.fit_with(commanded, pair, dof.settings).scores
+    while True:
+        sets = [(*after, name) for name in dof.possible if name not in after]
+        if not sets:
+            break
+        found = [dof.fit_with(commanded, pair, replace(dof.settings, couplings=names)).scores
+                 for names in sets]
+        choice = choose(np.concatenate([scores, *found]), 0)
+        if not (choice.index and choice.gain > max(choice.spread, WORTH)):
+            break
+        after, scores = sets[choice.index - 1], found[choice.index - 1]
+    gains = (first[0] - scores[0]) / first[0].mean()
+    return ListChange(f'{dof.name}.couplings', before, after, float(gains.mean()),
+                      float(half_width(gains)))
+
+
+def tune_terms(dof: Dof, commanded: CommandedForce, pair: tuple[float, float],
+               settings: DofSettings) -> ListChange:
+    """
+    Choose the terms of a DOF whose settings have couplings that were found; alpha always stays.
 
     Terms are left out where the model predicts held-out blocks as well without them, and added
     where it clearly predicts better with them.
     """
-    before = dof.settings.terms
+    before = settings.terms
     candidates = [before, *(
         ('alpha', *others) for count in range(len(PARAMETERS))
         for others in combinations(PARAMETERS[1:], count) if {'alpha', *others} != {*before})]
-    scores = np.concatenate([dof.fit_terms(commanded, pair, terms).scores for terms in candidates])
+    scores = np.concatenate([
+        dof.fit_with(commanded, pair, replace(settings, terms=terms)).scores
+        for terms in candidates])
     cost = scores.mean(axis=1) * [1.0 + WORTH * len(terms) for terms in candidates]
     best = int(np.where(np.isfinite(cost), cost, np.inf).argmin())
     gains = (scores[0] - scores[best]) / scores[0].mean()
     gain, spread = float(gains.mean()), float(half_width(gains))
     taken = {*candidates[best]} < {*before} or gain > spread
-    return TermsChange(dof.name, before, candidates[best] if taken else before, gain, spread)
+    return ListChange(
+        f'{dof.name}.terms', before, candidates[best] if taken else before, gain, spread)

@@ -1,5 +1,7 @@
 """
-Finding delay, lag, dead-band, heading offset and terms from a log by cross-validation.
+Finding what a parameter file has to say of a vehicle, from a log by cross-validation.
+
+That is delay, lag, dead-band and reverse thrust, heading offset, couplings and terms.
 
 The log is divided into blocks of time. What is found is that with which a model that output
 error fitted to the other blocks predicts a block best. Nothing is changed that does not gain
@@ -22,9 +24,11 @@ from rovid_core.trials.tuning.cross_validation import (
 from rovid_core.trials.tuning.dof_fit import Dof, dof_or_reason
 from rovid_core.trials.tuning.log import CommandedForce, TuningLog, turnable, turned
 from rovid_core.trials.tuning.searches import (
-    TermsChange,
+    ListChange,
+    tune_couplings,
     tune_deadband,
     tune_heading,
+    tune_reverse,
     tune_terms,
     tune_thrust,
 )
@@ -42,7 +46,7 @@ class Tuned:
     """What was found."""
 
     stages: tuple[Stage, ...]  # keys that were sought together
-    terms: tuple[TermsChange, ...]  # the terms of each DOF
+    lists: tuple[ListChange, ...]  # couplings and terms of each DOF
     # per DOF before and after: mean absolute error of the velocity that models predict on held-out
     # blocks [m/s or rad/s]
     errors: Mapping[str, tuple[float, float]]
@@ -53,8 +57,8 @@ class Tuned:
         changes: dict[str, float | tuple[str, ...]] = {
             key: change.after for stage in self.stages
             for key, change in stage.keys.items() if change.after != change.before}
-        changes.update({terms.key: terms.after for terms in self.terms
-                        if terms.after != terms.before})
+        changes.update({names.key: names.after for names in self.lists
+                        if names.after != names.before})
         return changes
 
 
@@ -62,13 +66,16 @@ def reading_settings(settings: Settings) -> Settings:
     """
     Return the settings with which a log is read to be tuned.
 
-    Of the plane both DOFs, for a wrong heading shows in the one that has no thrust; and the
-    simplest identifier, for what it finds is not used.
+    Of the plane both DOFs, for a wrong heading shows in the one that has no thrust; all couplings
+    of which the regressors are measured; and the simplest identifier, for what it finds is not
+    used.
     """
     dofs, pair = settings.dofs, turnable(settings)
     dofs += tuple(dof for dof in pair or () if dof not in dofs)
-    return replace(settings, dofs=dofs, dof={d: settings.dof.get(d, UNUSED) for d in dofs},
+    seen = replace(settings, dofs=dofs, dof={d: settings.dof.get(d, UNUSED) for d in dofs},
                    identifier=IdentifierSettings())
+    return replace(seen, dof={d: replace(
+        seen.dof[d], couplings=seen.possible_couplings(d)) for d in dofs})
 
 
 def one_by_one(work: Callable[[int], Result], given: Sequence[int]) -> list[Result]:
@@ -87,7 +94,8 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
         raise TuningError('time jumps back in it: take a part of it with --start and --duration')
     seen = reading_settings(settings)
     commanded = log.commanded()
-    found = {name: dof_or_reason(log, seen, name, commanded) for name in settings.dofs}
+    found = {name: dof_or_reason(log, seen, name, settings.dof[name], commanded)
+             for name in settings.dofs}
     left_out = {name: why for name, why in found.items() if isinstance(why, str)}
     old = [dof for dof in found.values() if isinstance(dof, Dof)]
     if not old:
@@ -102,15 +110,34 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
     stages.append(_rounded(tune_thrust(
         new, commanded, settings, each, lambda share: done(0.1 + 0.6 * share))))
     delay, lag = (change.after for change in stages[-1].keys.values())
-    stage, banded = tune_deadband(log, new, seen, (delay, lag))
-    stages.append(_rounded(stage))
+    thrusters = seen.thrusters
+    for search in (tune_deadband, tune_reverse):
+        stage, thrusters = search(log, new, thrusters, (delay, lag))
+        stages.append(_rounded(stage))
     done(0.8)
-    terms = tuple(each(lambda k: tune_terms(new[k], banded, (delay, lag)), range(len(new))))
-    errors = {}
-    for before, after, chosen in zip(old, new, terms):
-        error = after.fit_terms(banded, (delay, lag), chosen.after).scores.mean()
-        errors[after.name] = (_error(before, commanded, present), float(error))
-    return Tuned(tuple(stages), terms, errors, left_out)
+    is_turned = new is not old
+    if is_turned:
+        # their regressors are products of velocities along axes that are turned now
+        stages[0] = replace(stages[0], note='couplings were not sought, for they follow the '
+                                            'heading: tune again with the new file')
+    curved = log.commanded(thrusters)
+
+    def model(k: int) -> tuple[list[ListChange], float]:
+        """Return couplings and terms of a DOF, and its error with them."""
+        dof, lists = new[k], []
+        settings = dof.settings
+        if not is_turned:
+            lists.append(tune_couplings(dof, curved, (delay, lag)))
+            settings = replace(settings, couplings=lists[0].after)
+        lists.append(tune_terms(dof, curved, (delay, lag), settings))
+        settings = replace(settings, terms=lists[-1].after)
+        return lists, float(dof.fit_with(curved, (delay, lag), settings).scores.mean())
+
+    models = each(model, range(len(new)))
+    return Tuned(
+        tuple(stages), tuple([change for lists, _ in models for change in lists]),
+        {dof.name: (_error(dof, commanded, present), error)
+         for dof, (_, error) in zip(old, models)}, left_out)
 
 
 def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
@@ -131,7 +158,7 @@ def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
         segments = moved.get(dof.name, dof.segments)
         parts = blocks(segments, fold_bounds(segments)) if dof.name in moved else None
         made.append(dof if parts is None else Dof(
-            dof.name, dof.row, segments, parts, dof.settings, settings.cutoff))
+            dof.name, dof.row, segments, parts, dof.settings, settings.cutoff, dof.possible))
     return made
 
 

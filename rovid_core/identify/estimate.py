@@ -18,6 +18,9 @@ from rovid_core.model.dofs import Four
 CURRENT_STATUSES = ('off', 'unobservable', 'converging', 'known', 'inconsistent')
 """What is known of the current; ``unobservable`` until the vehicle has turned."""
 
+TURN = 'turn by 45 degrees or more'
+"""What to do first, that a current can be told from drag and bias."""
+
 
 class DofEstimate(NamedTuple):
     """
@@ -113,6 +116,7 @@ class Current(NamedTuple):
     covariance: tuple[float, float, float]  # xx, xy, yy [m^2/s^2]
     chi2: float = math.nan
     status: str = 'converging'  # one of CURRENT_STATUSES
+    advice: str = ''  # what is missing, or what fits better than a current
 
     @property
     def is_seen(self) -> bool:

@@ -141,7 +141,8 @@ class DofStatus:
         reason = self._objection(gram, identifier, self._judgement.status == 'converged', True)
         # a covariance that says that all is known outweighs the shape of the regressors
         excitation = None if identifier.covariance and not reason else gram
-        texts = tuple([text for text in (identifier.note, reason) if text])
+        note = identifier.note
+        texts = tuple([text for text in (note, '' if reason in note else reason) if text])
         return Judgement('converging' if reason else 'converged', texts, excitation)
 
     def _objection(self, gram: Gram, identifier: Identifier, trusted: bool, adapt: bool) -> str:

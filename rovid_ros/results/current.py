@@ -6,17 +6,11 @@ from collections.abc import Mapping
 import math
 from typing import Any
 
-from rovid_core.identify.estimate import Current
+from rovid_core.identify.estimate import Current, TURN
 from rovid_ros.results.text import number
 
-UNSEEN = Current(math.nan, math.nan, (math.nan, math.nan, math.nan), status='unobservable')
-
-ADVICE = {
-    'unobservable': 'cannot be told from drag and bias yet: turn by 45 degrees or more',
-    'inconsistent': 'surge and sway disagree about it: a tether, a heading error or a model that '
-                    'does not fit looks like a current',
-}
-"""What else to say of a status of the current."""
+UNSEEN = Current(math.nan, math.nan, (math.nan, math.nan, math.nan), status='unobservable',
+                 advice=TURN)
 
 
 def told(current: Current | None, frames: str) -> Current:
@@ -24,7 +18,7 @@ def told(current: Current | None, frames: str) -> Current:
     if current is None:
         return UNSEEN
     if not current.is_seen:
-        return UNSEEN._replace(status=current.status)
+        return UNSEEN._replace(status=current.status, advice=current.advice)
     if frames == 'enu':
         return current
     xx, xy, yy = current.covariance
@@ -40,14 +34,13 @@ def current_values(current: Current) -> dict[str, float | str]:
 
 def current_message(current: Current) -> str:
     """Return status and advice in one line."""
-    advice = ADVICE.get(current.status)
-    return f'{current.status}: {advice}' if advice else current.status
+    return f'{current.status}: {current.advice}' if current.advice else current.status
 
 
 def current_text(values: Mapping[str, Any]) -> str:
     """Return the line about a current in the summary of a replay, from its JSON."""
-    status = values['status']
+    status, advice = values['status'], values['advice']
     numbers = [f'{axis} {number(values[axis])} ± {number(values[f"{axis}_std"])} m/s'
                for axis in 'xy' if values[axis] is not None]
     return f'current of the water: {", ".join([*numbers, status])}' + (
-        f' ({ADVICE[status]})' if status in ADVICE else '')
+        f' ({advice})' if advice else '')

@@ -143,9 +143,10 @@ def current_document(settings: Settings, current: Current | None) -> dict[str, A
     """Return the ``current`` part of the JSON [m/s], None where it is not estimated."""
     if not settings.estimates_current:
         return None
-    values = current_values(told(current, settings.frames))
-    return {name: json_number(value) if isinstance(value, float) else value
-            for name, value in values.items()}
+    said = told(current, settings.frames)
+    numbers = {name: json_number(value) if isinstance(value, float) else value
+               for name, value in current_values(said).items()}
+    return {**numbers, 'advice': said.advice}
 
 
 def couplings_document(names: Sequence[str], couplings: Sequence[float],

@@ -72,6 +72,37 @@ def test_until_it_has_turned_the_current_cannot_be_seen(turning):
     assert turning[0].current.std == (0.3, 0.3)
 
 
+def test_what_is_missing_is_said_once(turning):
+    said = list(dict.fromkeys(one.current.advice for one in turning))
+    assert said == ['turn by 45 degrees or more', *[
+        f'after the turn, thrust for {left} s more' for left in (20, 15, 10, 5)], '']
+    reasons = turning[100].dofs[0].reasons
+    assert sum('after the turn' in reason for reason in reasons) == 1
+    assert not any('turn by' in reason for reason in reasons)
+
+
+def test_fixes_too_noisy_for_what_was_driven_ask_for_more_headings():
+    of = Run(rate=1.0, noise=3.0, duration=30.0)
+    last = followed(Stream(settings(of)), of)[-1].current
+    assert (last.status, last.advice) == ('unobservable', 'thrust on other headings')
+
+
+@pytest.mark.parametrize(('late', 'said'), [
+    (0.2, 'clocks disagree: thrust is stamped about 0.'),
+    (-0.7, 'stands at its bound of 0.6 s')])
+def test_clocks_that_disagree_are_said_of_both(late, said):
+    moved = sorted([event._replace(time=event.time + round(late * 1e9))
+                    if event.samples[0].input == 'thrusters' else event
+                    for event in events(FIXES) if event.time < 70e9],
+                   key=lambda event: event.time)
+    stream = Stream(settings(FIXES))
+    for event in moved:
+        stream.receive(event)
+    for dof in stream.estimate.dofs:
+        assert said in ' '.join(dof.reasons)
+        assert dof.status == 'converging'
+
+
 def test_with_one_heading_nothing_converges_and_the_mass_is_held():
     found = followed(Stream(settings(STRAIGHT)), STRAIGHT)
     assert {one.current.status for one in found} == {'unobservable'}

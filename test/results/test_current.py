@@ -59,7 +59,8 @@ def test_the_current_is_told_in_the_world_of_the_messages(
     assert float(values['x_std'])**2 == pytest.approx(covariance[0])
 
 
-@pytest.mark.parametrize('current', [None, CURRENT._replace(status='unobservable')])
+@pytest.mark.parametrize('current', [
+    None, CURRENT._replace(status='unobservable', advice='turn by 45 degrees or more')])
 def test_a_current_that_cannot_be_seen_is_not_a_number(current: Current | None) -> None:
     told = fields(current)
     vector = told['rov/current']['vector']
@@ -74,10 +75,14 @@ def test_a_current_that_cannot_be_seen_is_not_a_number(current: Current | None) 
     assert 'turn by 45 degrees' in current_text(document)
 
 
-def test_an_inconsistent_current_says_what_looks_like_one() -> None:
-    status = fields(CURRENT._replace(chi2=12.0, status='inconsistent'))['rov/estimate']['status']
-    assert status[-1]['level'] == WARN
-    assert 'tether' in status[-1]['message']
+@pytest.mark.parametrize(('status', 'advice'), [
+    ('unobservable', 'thrust on other headings'), ('inconsistent', 'a tether of 1.0 N fits')])
+def test_what_is_missing_or_fits_better_is_said_once(status: str, advice: str) -> None:
+    current = CURRENT._replace(chi2=12.0, status=status, advice=advice)
+    said = fields(current)['rov/estimate']['status'][-1]
+    assert (said['level'], said['message']) == (WARN, f'{status}: {advice}')
+    document = current_document(settings(), current)
+    assert document and current_text(document).endswith(f'{status} ({advice})')
 
 
 def test_the_line_of_a_current_has_its_numbers() -> None:

@@ -24,6 +24,7 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
+from rovid_core.identify.ekf.clocks import clocks_in_doubt, DELAYS
 from rovid_core.identify.ekf.filter_bank import (
     BLOCK,
     FilterBank,
@@ -65,15 +66,6 @@ UNEXPLAINED, MANY_BLOCKS = 3.0, 12
 
 MAX_COUPLING = 100.0
 """Largest coupling, in the standard deviations that it has before any data."""
-
-DELAYS = (-0.05, 0.6)
-"""Range of the delay [s]; far below 0 the force would have to be known ahead."""
-
-BEYOND = 3.0
-"""Standard deviations that data have to want the delay beyond its range, to mean it."""
-
-AT_BOUND = 1e-3
-"""[s] from the end of the range within which the delay stands at it."""
 
 DELAY_STD = 0.05
 """[s] of the guess that there is none."""
@@ -369,21 +361,7 @@ class ExtendedKalman(Identifier):
 
     @property
     def _clocks(self) -> str:
-        """Return what is said of a delay out of range or at its end, '' if it is inside."""
-        verdict, k = self._bank.best.verdict, len(self._theta) - 1
-        if verdict is None or verdict.missing is not None:
-            return ''
-        wanted, beyond = verdict.theta[k], BEYOND * math.sqrt(verdict.covariance[k][k])
-        if wanted < DELAYS[0] - beyond:
-            return (f'clocks disagree: thrust is stamped about {-wanted:.2g} s after the motion '
-                    'that it causes, see thrusters.latency')
-        if wanted > DELAYS[1] + beyond:
-            return f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust'
-        for bound in DELAYS:
-            if abs(self.delay - bound) < AT_BOUND:
-                return (f'the delay of the thrust stands at its bound of {bound:g} s: '
-                        'see thrusters.latency')
-        return ''
+        return clocks_in_doubt(self._bank.best.verdict, len(self._theta) - 1, self.delay)
 
     @property
     def doubt(self) -> str:

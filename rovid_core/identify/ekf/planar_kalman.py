@@ -26,6 +26,7 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
+from rovid_core.identify.ekf.clocks import clocks_in_doubt
 from rovid_core.identify.ekf.extended_kalman import (
     CHANGE,
     CORRELATION,
@@ -46,6 +47,7 @@ from rovid_core.identify.ekf.missing_terms import described
 from rovid_core.identify.ekf.planar_filter import Array, Noise, Row
 from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, PlanarMember
 from rovid_core.identify.ekf.planar_prediction import PlanarPrediction
+from rovid_core.identify.ekf.turning import Turning
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.method import Identifier
@@ -57,9 +59,6 @@ DOFS = ('surge', 'sway')
 
 TURNING = {'surge': 'vr', 'sway': 'ur'}
 """The coupling of each with the velocity of the other one."""
-
-TURNED = 0.8
-"""[rad] Range of headings from which the current can be told from bias and drag."""
 
 WINDOW = 180.0
 """[s] Longest time that is kept to be gone through again."""
@@ -73,7 +72,7 @@ LARGEST_CURRENT = 5.0
 KNOWN_CURRENT, SEEN = 0.02, 1.0 / 3.0
 """Standard deviation [m/s] of a known current, and share of the prior of one that is seen."""
 
-UNSEEN = 'the current cannot be told yet: turn by 45 degrees or more'
+THRUST_ELSEWHERE = 'thrust on other headings'
 
 
 class PlanarKalman:
@@ -151,17 +150,12 @@ class PlanarKalman:
         self._usable = [False, False]
         self._idle = 0.0
         self._windows = 0
-        self._begin_heading()
+        self._turning = Turning()
         self.refused = ''
         self.excitations = [0.0, 0.0]
         for row in self.rows.values():
             row.v_hat = math.nan
         self._publish()
-
-    def _begin_heading(self) -> None:
-        """Begin to look whether the vehicle turns."""
-        self._heading, self._headings = 0.0, (0.0, 0.0)
-        self._turned_at = math.inf  # duration of the start
 
     def _new(self, force_std: float, theta: Sequence[float]) -> PlanarMember:
         """Return a filter at some parameters that knows the initial ones."""
@@ -231,9 +225,11 @@ class PlanarKalman:
         beginning = start is not None and not self._windows and start.duration < SOON
         self._time += step.dt
         span = clock.add_step(step)
-        self._note_heading(span)
+        if start is not None:
+            self._turning.add(span.pieces, (span.end - span.start) / len(span.pieces),
+                              start.duration)
         # between a turn and the solution with a current nothing can be learned without it
-        learns = adapt and (self._free or self._turned_at == math.inf)
+        learns = adapt and (self._free or not self._turning.has_turned)
         self._prediction.move(clock, span)
         found = [self._update(member, span, learns, beginning) for member in self._bank.members]
         came = found[self._bank.number]
@@ -260,16 +256,6 @@ class PlanarKalman:
                 beginning: bool) -> int:
         member.move(self._clock, span)
         return 0 if span.begins else member.update(span, adapt, beginning)
-
-    def _note_heading(self, span: PlanarMeasurement) -> None:
-        h = (span.end - span.start) / len(span.pieces)
-        low, high = self._headings
-        for piece in span.pieces:
-            self._heading += h * piece.rate
-            low, high = min(low, self._heading), max(high, self._heading)
-        self._headings = low, high
-        if high - low > TURNED and self._turned_at == math.inf and self._start is not None:
-            self._turned_at = self._start.duration
 
     def _in_range(self, step: PlanarStep) -> bool:
         return all(abs(force) <= LARGEST * scales.force
@@ -301,9 +287,12 @@ class PlanarKalman:
             return
         if found == LOST:
             start.accept_last_outliers(4)
-        if not self._free and start.duration >= max(PERIOD, self._turned_at + PERIOD):
+        turning = self._turning
+        if not self._free and turning.has_turned and not turning.lacks(start.duration):
             self._free = True
             self._free = self._solve_start(start, early=True)
+            if not self._free:
+                turning.wait(start.duration)
             # once more when there is more of it
             start.next = start.duration + PERIOD
             return
@@ -312,9 +301,9 @@ class PlanarKalman:
             start.next = 2.0 * WINDOW  # not before it turns
             start.add(_start_of(step))
             self._windows += 1
-            self._begin_heading()
+            turning.begin()
             return
-        if start.duration < start.next or self._turned_at < math.inf and not self._free:
+        if start.duration < start.next or turning.has_turned and not self._free:
             return
         self._solve_start(start, early=start.next <= PERIOD)
         filter = self._bank.best.filter
@@ -349,8 +338,13 @@ class PlanarKalman:
         best = self._bank.best
         self._usable = [
             best.verdict is not None and self._current.status == 'known'
+            and not self._clocks(k)
             and best.innovations.correlation < CORRELATION[usable] and fit > HELD_FIT[usable]
-            for usable, fit in zip(self._usable, self._prediction.fits)]
+            for k, (usable, fit) in enumerate(zip(self._usable, self._prediction.fits))]
+
+    def _clocks(self, k: int) -> str:
+        best, i = self._bank.best, self._rows[k].end - 1
+        return clocks_in_doubt(best.verdict, i, best.filter.theta.item(i))
 
     def _note_change(self) -> None:
         for member in self._bank.members:
@@ -406,14 +400,18 @@ class PlanarKalman:
     def _find_current(self, of_theta: Array) -> Current:
         prior = self._settings.prior
         if not self._free:
+            duration = 0.0 if self._start is None else self._start.duration
             return Current(0.0, 0.0, (prior * prior, 0.0, prior * prior), math.nan,
-                           'unobservable')
+                           'unobservable', self._turning.advice(duration))
         (x, y), spread = self._bank.best.filter.current(of_theta)
-        std = math.sqrt(max(spread[0, 0], spread[1, 1], 0.0))
-        return Current(float(x), float(y),
-                       (float(spread[0, 0]), float(spread[0, 1]), float(spread[1, 1])),
-                       math.nan, 'known' if std < KNOWN_CURRENT else
-                       'converging' if std < SEEN * prior else 'unobservable')
+        covariance = float(spread[0, 0]), float(spread[0, 1]), float(spread[1, 1])
+        std = math.sqrt(max(covariance[0], covariance[2], 0.0))
+        found = Current(float(x), float(y), covariance, math.nan, 'known')
+        if std < KNOWN_CURRENT:
+            return found
+        if std < SEEN * prior:
+            return found._replace(status='converging')
+        return found._replace(status='unobservable', advice=THRUST_ELSEWHERE)
 
     @property
     def current(self) -> Current:
@@ -436,8 +434,10 @@ class PlanarKalman:
         since = self._time - self._bank.changed_at
         if since < SAID:
             said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
-        if self._current.status == 'unobservable':
-            said.append(UNSEEN)
+        if self._current.advice:
+            said.append(_said_of(self._current))
+        if self._clocks(k):
+            said.append(self._clocks(k))
         verdict = self._bank.best.verdict
         missing = verdict.missing if verdict is not None else None
         if missing is not None:
@@ -457,9 +457,11 @@ class PlanarKalman:
         if self._usable[k]:
             return ''
         if self._current.status != 'known':
-            return 'the current is not known well yet'
+            return _said_of(self._current)
         if self._bank.best.verdict is None:
             return 'there are no independent pieces of data yet to judge the intervals by'
+        if self._clocks(k):
+            return 'the delay is out of range'
         if not self._bank.best.innovations.correlation < CORRELATION[0]:
             return 'the errors of the prediction hang together: the model lacks something'
         return (f'without corrections it predicts {100.0 * self._prediction.fits[k]:.0f} % of '
@@ -474,8 +476,8 @@ class PlanarKalman:
             'prediction': self._prediction.state(), 'time': self._time,
             'moving': self._moving, 'usable': list(self._usable), 'idle': self._idle,
             'windows': self._windows,
-            'heading': [self._heading, *self._headings],
-            'turned_at': None if self._turned_at == math.inf else self._turned_at,
+            'heading': self._turning.state(),
+            'turned_at': self._turning.turned_at if self._turning.has_turned else None,
             'excitations': list(self.excitations), 'newest': self.newest}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -503,9 +505,7 @@ class PlanarKalman:
         self._moving, self._windows = bool(state['moving']), int(state['windows'])
         one, other = state['usable']
         self._usable = [bool(one), bool(other)]
-        self._heading, low, high = floats(state['heading'], 3)
-        self._headings = low, high
-        self._turned_at = math.inf if state['turned_at'] is None else float(state['turned_at'])
+        self._turning.restore(state['heading'], state['turned_at'])
         self.excitations = floats(state['excitations'], 2)
         self.newest = None if state['newest'] is None else int(state['newest'])
         self._publish()
@@ -605,6 +605,13 @@ class PlanarRow(Identifier):
     def bounds(self) -> tuple[Four, Four]:
         """Return the lowest and the highest lumped parameters."""
         return self._filter.bounds(self._k)
+
+
+def _said_of(current: Current) -> str:
+    """Return why a current that is not known is not."""
+    if current.advice:
+        return f'the current is {current.status}: {current.advice}'
+    return f'the current is known to {100.0 * max(current.std):.0f} cm/s'
 
 
 def _start_of(step: PlanarStep) -> PlanarStart:

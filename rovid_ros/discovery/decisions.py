@@ -25,9 +25,10 @@ _EXPLAINED = 0.1  # share of a DOF's changes below which nothing is known of wha
 _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
 _SMALL = 0.15  # share of the strongest thruster of a DOF below which another does nothing
 _TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
-# The first coupling to look at, and the DOFs that it is made of.
-_USUAL = {'surge': ('vr', ('sway', 'yaw')), 'sway': ('ur', ('surge', 'yaw')),
-          'yaw': ('v', ('sway',))}
+# The first couplings to look at, and the DOFs that each is made of.
+_USUAL: dict[str, dict[str, tuple[str, ...]]] = {
+    'surge': {'vr': ('sway', 'yaw')}, 'sway': {'ur': ('surge', 'yaw')},
+    'yaw': {'v': ('sway',), 'uv': ('surge', 'sway')}}
 _GAINED = 0.03  # share of a DOF's changes that a coupling has to explain
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
@@ -280,7 +281,27 @@ def _thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Motors 
         ours, best = _explained(made, moved), _explained(from_data, moved)
         if ours > 0.5 * best and ours > 0.1:
             return _with_delay(made, moved)
-    return from_data
+    return _without_idle(from_data, signal, used, guesses)
+
+
+def _without_idle(made: Thrusters, signal: Signal, used: Sequence[int],
+                  guesses: list[str]) -> Thrusters:
+    """Return thrusters without those that do nothing to any DOF that is measured."""
+    active = [k for k in range(len(used)) if any(row[k] for row in made.rows.values())]
+    if not active or len(active) == len(used):
+        return made
+
+    def of(values: Sequence[Any]) -> tuple[Any, ...]:
+        return tuple([values[k] for k in active])
+    guesses.append('thrusters: left out is number '
+                   + ', '.join(str(used[k] + 1) for k in range(len(used)) if k not in active)
+                   + ', for it moves nothing that is measured in this log')
+    path = signal.path if made.chain.names else _path(signal, of(used))
+    return replace(
+        made, signal=part(made.signal, active, path, made.signal.shape),
+        chain=replace(made.chain, names=of(made.chain.names) if made.chain.names else (),
+                      gain=of(made.chain.gain), allocation=tuple(map(of, made.chain.allocation))),
+        rows={dof: of(row) for dof, row in made.rows.items()})
 
 
 def _chain(gain: tuple[float, ...], **more: Any) -> ThrusterSettings:
@@ -379,7 +400,8 @@ def _fit(made: Discovery, moved: Motion) -> None:
     """Fit each DOF that is driven, for initial values of the right size."""
     answers = _answers(made.thrusters, moved)
     for dof in [dof for dof in DOFS if dof in answers]:
-        push, force = answers[dof]
+        alone, force = answers[dof]
+        couplings, push = _coupled(dof, force, alone, moved)
         alpha, error = float(push.alphas[0]), float(push.errors[0])
         velocity = moved.velocities[dof]
         sign = 0 if abs(alpha) < SURE * error or push.explained < _EXPLAINED else (
@@ -393,9 +415,9 @@ def _fit(made: Discovery, moved: Motion) -> None:
         if quadratic == linear == 0.0:  # what stops it at its typical speed
             linear = strong / max(fast, 1e-6)
         made.dofs[dof] = Known(
-            mass, quadratic, linear, _amplitude(force), _amplitude(velocity), push.explained, sign,
-            _couplings(dof, force, push, moved))
-    _name_dependent(made)
+            mass, quadratic, linear, _amplitude(force), _amplitude(velocity), alone.explained,
+            sign, couplings)
+    _leave_out_dependent(made)
     speeds = [float(np.nanpercentile(np.abs(moved.velocities[dof]), 99.0)) for dof in made.dofs]
     made.fastest = max(speeds, default=1.0)
 
@@ -406,32 +428,34 @@ def _amplitude(values: Array) -> float:
     return math.sqrt(4.0 / 3.0 * float(np.nanmean(squares * squares) / np.nanmean(squares)))
 
 
-def _name_dependent(made: Discovery) -> None:
-    """Name what the commands cannot drive apart from DOFs that they explain better."""
+def _leave_out_dependent(made: Discovery) -> None:
+    """Leave out DOFs that no command drives apart from those that it explains better."""
     apart: list[str] = []
     for dof in sorted(made.dofs, key=lambda dof: -made.dofs[dof].explained):
         rows = np.array([made.thrusters.rows[one] for one in (*apart, dof)])
         if np.linalg.matrix_rank(rows) == len(rows):
             apart.append(dof)
     others = [dof for dof in made.dofs if dof not in apart]
+    made.dofs = {dof: known for dof, known in made.dofs.items() if dof in apart}
     if others:
-        made.guesses.append(f'{", ".join(others)}: no command drives it apart from '
-                            f'{", ".join(dof for dof in made.dofs if dof in apart)}, so its '
-                            'numbers say little')
+        made.guesses.append(f'{", ".join(others)}: left out, for no command drives it apart from '
+                            f'{", ".join(made.dofs)} in this log')
 
 
-def _couplings(dof: str, force: Array, push: Push, moved: Motion) -> tuple[str, ...]:
-    """Return the coupling that is usual for a DOF, if it explains a part of the motion."""
-    name, others = _USUAL.get(dof, ('', ()))
-    if not name or not {*others} <= moved.velocities.keys():
-        return ()
-    term = np.prod([moved.velocities[other] for other in others], axis=0)
-    known = np.where(np.isfinite(term), moved.velocities[dof], np.nan)
-    both = answer(known, np.column_stack([force, np.nan_to_num(term)]), moved.half)
-    if both is None or both.explained < push.explained + _GAINED or (
-            abs(both.alphas[1]) < SURE * both.errors[1]):
-        return ()
-    return (name,)
+def _coupled(dof: str, force: Array, push: Push, moved: Motion) -> tuple[tuple[str, ...], Push]:
+    """Return the usual coupling of a DOF that explains most, if one does, and the fit with it."""
+    best: tuple[str, ...] = ()
+    coupled = push
+    for name, others in _USUAL.get(dof, {}).items():
+        if not {*others} <= moved.velocities.keys():
+            continue
+        term = np.prod([moved.velocities[other] for other in others], axis=0)
+        known = np.where(np.isfinite(term), moved.velocities[dof], np.nan)
+        both = answer(known, np.column_stack([force, np.nan_to_num(term)]), moved.half)
+        if both and both.explained >= coupled.explained + (0.0 if best else _GAINED) and (
+                abs(both.alphas[1]) > SURE * both.errors[1]):
+            best, coupled = (name,), both
+    return best, coupled
 
 
 def _heading_offset(thrusters: Thrusters, moved: Motion) -> float:
@@ -441,9 +465,28 @@ def _heading_offset(thrusters: Thrusters, moved: Motion) -> float:
 
     coarse = max(np.arange(-15, 17) * math.pi / 16.0, key=explained)
     fine = max(coarse + np.arange(-10, 11) * 0.02, key=explained)
-    if abs(fine) < _TURNED or explained(fine) < explained(0.0) + _EXPLAINED:
+    if abs(fine) < _TURNED or explained(fine) < explained(0.0) + _EXPLAINED or not _all_turned(
+            thrusters, moved, float(fine)):
         return 0.0
     return round(math.remainder(float(fine), 2.0 * math.pi), 2)
+
+
+def _all_turned(thrusters: Thrusters, moved: Motion, angle: float) -> bool:
+    """
+    Tell whether each force in the plane that moves the vehicle moves it aside by an angle [rad].
+
+    A heading offset turns the answers to all of them. Where one DOF is hardly driven, an angle
+    that lends it a part of the other's motion explains more too, and is none.
+    """
+    forces = np.column_stack([_force(thrusters, dof, moved) for dof in ('surge', 'sway')])
+    surge, sway = [answer(moved.velocities[dof], forces, moved.half) for dof in ('surge', 'sway')]
+    if surge is None or sway is None:
+        return False
+    answers = (surge.alphas + 1j * sway.alphas) * np.array([1.0, -1j])  # from where it is pushed
+    told = np.abs(answers) > SURE * np.hypot(surge.errors, sway.errors)
+    aside = np.angle(answers[told])
+    off = np.angle(answers[told] * np.exp(-1j * angle))
+    return bool(told.any() and np.all(np.abs(off) < np.abs(aside)))
 
 
 def _turned(moved: Motion, angle: float) -> Motion:

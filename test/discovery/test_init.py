@@ -9,6 +9,7 @@ import pytest
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import from_yaw, product
+from rovid_ros.commands.examples import example_truth
 from rovid_ros.commands.init import discover
 from rovid_ros.commands.main import main
 from rovid_ros.commands.simulate import simulate_log
@@ -193,7 +194,7 @@ def test_a_frame_that_nobody_knows_has_no_motors() -> None:
     ('bluerov_pool/yaw_2.bag', ('yaw',), {
         'depth': '/rovio/water_pressure/data data',
         'angular_velocity': '/rovio/imu/data data[1:4]',
-        'thrusters': '/rovio/thrusters data[0:4]'}),
+        'thrusters': '/rovio/thrusters data[2:4]'}),
     ('subjugator/forward4.bag', ('surge', 'sway', 'heave', 'yaw'), {
         'position': '/odom pose.pose.position', 'attitude': '/odom pose.pose.orientation',
         'thrusters': '/wrench wrench'}),
@@ -208,14 +209,45 @@ def test_the_topics_of_recorded_logs(log: str, dofs: tuple[str, ...], expected: 
     assert tuple(made.dofs) == dofs
 
 
+@pytest.mark.parametrize('log', ['backward4', 'left2', 'right3'])
+def test_one_axis_that_is_driven_is_no_heading_offset(log: str, data: Path) -> None:
+    assert discover([data / 'subjugator' / f'{log}.bag']).yaw_offset == 0.0
+
+
+def test_thrusters_that_do_nothing_are_left_out(
+        data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, yaml = data / 'bluerov_pool' / 'yaw_2.bag', tmp_path / 'rov.yaml'
+    assert main(['init', str(log), '--output', str(yaml)]) == 0
+    assert 'thrusters: left out is number 1, 2' in capsys.readouterr().out
+    assert main(['check', str(yaml)]) == 0
+    assert 'WARNING' not in capsys.readouterr().out
+
+
+# --- vehicles whose axes move together ----------------------------------------------------
+
+
+def test_the_rough_model_counts_with_couplings(tmp_path: Path) -> None:
+    assert main(['simulate', '--example', 'auv', '--duration', '120', '--seed', '3',
+                 '--output', str(tmp_path / 'auv.mcap')]) == 0
+    made = discover([tmp_path / 'auv.mcap'])
+    assert made.dofs['surge'].couplings == ('vr',)
+    assert made.dofs['yaw'].couplings == ('uv',)
+    # without couplings they come out 1.7 to 4 times as large
+    truth = example_truth('auv').simulation.dofs
+    for dof, known in made.dofs.items():
+        assert 0.5 < known.mass / truth[dof].mass < 1.6, dof
+
+
 # --- asking, and what cannot be done ------------------------------------------------------
 
 
-def test_what_no_command_drives_apart_is_named(
+def test_what_no_command_drives_apart_is_left_out(
         data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log = data / 'bluerov2_tank' / 'surge_sway_heave.mcap'  # without a command of yaw
-    assert main(['init', str(log), '--output', str(tmp_path / 'rov.yaml')]) == 0
-    assert 'yaw: no command drives it apart from surge, sway, heave' in capsys.readouterr().out
+    yaml = tmp_path / 'rov.yaml'
+    assert main(['init', str(log), '--output', str(yaml)]) == 0
+    assert 'yaw: left out, for no command drives it apart' in capsys.readouterr().out
+    assert settings_from(load(yaml)).dofs == ('surge', 'sway', 'heave')
 
 
 def test_another_choice_is_taken(data: Path) -> None:

@@ -232,6 +232,11 @@ class Dof:
         self._begin: Array | None = None  # scaled parameters to begin with
         self._models: dict[tuple[float, float], Models] = {}
 
+    def with_settings(self, settings: DofSettings) -> Dof:
+        """Return the same with another model."""
+        return Dof(self.name, self.row, self.segments, self.blocks, settings, self.cutoff,
+                   self.possible)
+
     def fit_commands(self, candidates: Sequence[CommandedForce],
                      pair: tuple[float, float]) -> Models:
         """Fit and score a model for each way in which commands become a force."""

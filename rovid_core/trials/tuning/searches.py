@@ -17,7 +17,7 @@ import numpy as np
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.trajectory import Array
 from rovid_core.settings.inputs import ThrusterSettings
-from rovid_core.settings.run import DofSettings, Settings
+from rovid_core.settings.run import Settings
 from rovid_core.trials.tuning.cross_validation import (
     blocks,
     Change,
@@ -243,15 +243,16 @@ class ListChange:
     spread: float
 
 
-def tune_couplings(dof: Dof, commanded: CommandedForce,
-                   pair: tuple[float, float]) -> ListChange:
+def tune_couplings(dof: Dof, commanded: CommandedForce, pair: tuple[float, float],
+                   before: tuple[str, ...]) -> ListChange:
     """
     Add couplings to a DOF, the best one first, as long as it clearly predicts better with it.
 
-    Those that it has stay.
+    Those that it has stay. The gain is over those ``before`` any search.
     """
-    before = after = dof.settings.couplings
-    first = scores = dof.fit_with(commanded, pair, dof.settings).scores
+    after = dof.settings.couplings
+    scores = dof.fit_with(commanded, pair, dof.settings).scores
+    first = dof.fit_with(commanded, pair, replace(dof.settings, couplings=before)).scores
     while True:
         sets = [(*after, name) for name in dof.possible if name not in after]
         if not sets:
@@ -267,20 +268,19 @@ def tune_couplings(dof: Dof, commanded: CommandedForce,
                       float(half_width(gains)))
 
 
-def tune_terms(dof: Dof, commanded: CommandedForce, pair: tuple[float, float],
-               settings: DofSettings) -> ListChange:
+def tune_terms(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -> ListChange:
     """
-    Choose the terms of a DOF whose settings have couplings that were found; alpha always stays.
+    Choose the terms of a DOF; alpha always stays.
 
     Terms are left out where the model predicts held-out blocks as well without them, and added
     where it clearly predicts better with them.
     """
-    before = settings.terms
+    before = dof.settings.terms
     candidates = [before, *(
         ('alpha', *others) for count in range(len(PARAMETERS))
         for others in combinations(PARAMETERS[1:], count) if {'alpha', *others} != {*before})]
     scores = np.concatenate([
-        dof.fit_with(commanded, pair, replace(settings, terms=terms)).scores
+        dof.fit_with(commanded, pair, replace(dof.settings, terms=terms)).scores
         for terms in candidates])
     cost = scores.mean(axis=1) * [1.0 + WORTH * len(terms) for terms in candidates]
     best = int(np.where(np.isfinite(cost), cost, np.inf).argmin())

@@ -107,37 +107,36 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
     stages = [_rounded(heading)] if heading else []
     new = _with_heading(log, old, heading, commanded, seen, present)
     done(0.1)
+    is_turned = new is not old
+    couplings: Sequence[ListChange] = ()
+    if is_turned:
+        # their regressors are products of velocities along axes that are turned now
+        stages[0] = replace(stages[0], note='couplings were not sought, for they follow the '
+                                            'heading: tune again with the new file')
+    else:
+        # what they explain hides the rest
+        new, _ = _with_couplings(old, new, commanded, present, each)
+    done(0.2)
     stages.append(_rounded(tune_thrust(
-        new, commanded, settings, each, lambda share: done(0.1 + 0.6 * share))))
+        new, commanded, settings, each, lambda share: done(0.2 + 0.5 * share))))
     delay, lag = (change.after for change in stages[-1].keys.values())
     thrusters = seen.thrusters
     for search in (tune_deadband, tune_reverse):
         stage, thrusters = search(log, new, thrusters, (delay, lag))
         stages.append(_rounded(stage))
     done(0.8)
-    is_turned = new is not old
-    if is_turned:
-        # their regressors are products of velocities along axes that are turned now
-        stages[0] = replace(stages[0], note='couplings were not sought, for they follow the '
-                                            'heading: tune again with the new file')
     curved = log.commanded(thrusters)
-
-    def model(k: int) -> tuple[list[ListChange], float]:
-        """Return couplings and terms of a DOF, and its error with them."""
-        dof, lists = new[k], []
-        settings = dof.settings
-        if not is_turned:
-            lists.append(tune_couplings(dof, curved, (delay, lag)))
-            settings = replace(settings, couplings=lists[0].after)
-        lists.append(tune_terms(dof, curved, (delay, lag), settings))
-        settings = replace(settings, terms=lists[-1].after)
-        return lists, float(dof.fit_with(curved, (delay, lag), settings).scores.mean())
-
-    models = each(model, range(len(new)))
-    return Tuned(
-        tuple(stages), tuple([change for lists, _ in models for change in lists]),
-        {dof.name: (_error(dof, commanded, present), error)
-         for dof, (_, error) in zip(old, models)}, left_out)
+    if not is_turned:
+        # and the rest hid some of them
+        new, couplings = _with_couplings(old, new, curved, (delay, lag), each)
+    done(0.9)
+    terms = each(lambda k: tune_terms(new[k], curved, (delay, lag)), range(len(new)))
+    errors = {}
+    for before, dof, names in zip(old, new, terms):
+        found_last = replace(dof.settings, terms=names.after)
+        error = dof.fit_with(curved, (delay, lag), found_last).scores.mean()
+        errors[dof.name] = (_error(before, commanded, present), float(error))
+    return Tuned(tuple(stages), (*couplings, *terms), errors, left_out)
 
 
 def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
@@ -158,8 +157,18 @@ def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
         segments = moved.get(dof.name, dof.segments)
         parts = blocks(segments, fold_bounds(segments)) if dof.name in moved else None
         made.append(dof if parts is None else Dof(
-            dof.name, dof.row, segments, parts, dof.settings, settings.cutoff, dof.possible))
+            dof.name, dof.row, segments, parts, dof.settings, dof.cutoff, dof.possible))
     return made
+
+
+def _with_couplings(old: Sequence[Dof], dofs: Sequence[Dof], commanded: CommandedForce,
+                    pair: tuple[float, float],
+                    each: ParallelMap) -> tuple[list[Dof], Sequence[ListChange]]:
+    """Return the DOFs with the couplings that the log wants, and what that changes."""
+    found = each(lambda k: tune_couplings(
+        dofs[k], commanded, pair, old[k].settings.couplings), range(len(dofs)))
+    return [dof.with_settings(replace(dof.settings, couplings=names.after))
+            for dof, names in zip(dofs, found)], found
 
 
 def _error(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -> float:

@@ -108,7 +108,8 @@ class Current(NamedTuple):
     """
     The horizontal current of the water in the ENU world, where it goes to.
 
-    ``chi2`` (two degrees of freedom) says how far what surge and sway tell of it lie apart.
+    ``chi2`` (two degrees of freedom) says how much better a pull in the world or headings that
+    are off fit what surge and sway tell of it; NaN until that is judged.
     """
 
     x: float  # [m/s]

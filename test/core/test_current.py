@@ -2,12 +2,21 @@
 
 from dataclasses import replace
 import json
+import re
 
 import pytest
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import CurrentSettings
 
-from test.support.moving_water import away, CURRENT, events, Run, settings, TRUTH
+from test.support.moving_water import (
+    away,
+    CURRENT,
+    events,
+    Run,
+    settings,
+    TRUTH,
+    with_headings_off,
+)
 
 FIXES, STRAIGHT = Run(), Run(stiff=True, duration=75.0)
 
@@ -135,7 +144,28 @@ def test_surge_alone_drifts_sideways():
     assert away(last.current[:2]) < 0.1
 
 
-@pytest.mark.parametrize('at', [15.0, 45.0])
+def test_nothing_fits_an_exact_vehicle_better_than_the_current(turning):
+    assert 'inconsistent' not in {one.current.status for one in turning}
+    assert turning[-1].current.chi2 < 10.0
+
+
+@pytest.mark.parametrize(('of', 'off', 'named', 'true', 'by'), [
+    (Run(pull=(0.8, -0.6)), 0.0, r'a constant pull of ([\d.]+) N', 1.0, 0.2),
+    (FIXES, 5.0, r'headings that are off by ([\d.]+) degrees', 5.0, 0.8)])
+def test_what_looks_like_a_current_is_named_with_its_size(of, off, named, true, by):
+    stream = Stream(settings(of))
+    for event in with_headings_off(of, off):
+        stream.receive(event)
+    last = stream.estimate
+    assert last.current.status == 'inconsistent'
+    assert float(re.search(named, last.current.advice)[1]) == pytest.approx(true, abs=by)
+    assert last.current.chi2 > 20.0
+    for dof in last.dofs:
+        assert dof.status == 'converging'
+        assert last.current.advice in ' '.join(dof.reasons)
+
+
+@pytest.mark.parametrize('at', [15.0, 45.0, 85.0])
 def test_a_saved_state_goes_on_with_the_same_bits(at):
     first, second = Stream(settings(FIXES)), Stream(settings(FIXES))
     followed(first, FIXES, at)

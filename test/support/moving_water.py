@@ -1,9 +1,12 @@
 """A small vehicle that turns, or does not, in water that moves."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 import math
+from unittest.mock import patch
 
+from rovid_core.model.dofs import Quaternion
 from rovid_core.model.samples import Event, Sample
 from rovid_core.settings.inputs import InputSettings, ThrusterSettings
 from rovid_core.settings.run import (
@@ -13,8 +16,10 @@ from rovid_core.settings.run import (
     SimulatedDof,
     SimulationSettings,
 )
+from rovid_core.simulation.coupled_plant import CoupledPlant
 from rovid_core.simulation.profiles import Profile, Sinusoid, Steps
 from rovid_core.simulation.sensors import simulate
+from rovid_core.velocity.attitude_history import from_yaw, product, rotate_back
 
 CURRENT = (0.15, -0.1)
 TRUTH = {'surge': SimulatedDof(17.6, 18.2, 4.0), 'sway': SimulatedDof(24.2, 21.7, 6.2),
@@ -37,14 +42,36 @@ class Run:
     rate: float = 10.0  # [Hz]
     noise: float = 0.005  # [m] or [m/s]
     duration: float = 100.0  # [s]
+    pull: tuple[float, float] = (0.0, 0.0)  # of a tether, in the world [N]
 
 
 @lru_cache(maxsize=4)
 def events(run: Run) -> tuple[Event, ...]:
     """Return what its sensors say."""
     pushes = {**PUSHES, 'yaw': ()} if run.stiff else PUSHES
-    return tuple([Event(time, (Sample(name, value),)) for time, name, value in simulate(
-        settings(run), run.duration, 0, pushes)])
+    with patch.object(CoupledPlant, 'advance', _pulled(run.pull)):
+        return tuple([Event(time, (Sample(name, value),)) for time, name, value in simulate(
+            settings(run), run.duration, 0, pushes)])
+
+
+def _pulled(pull: tuple[float, float]) -> Callable[..., list[float]]:
+    advance = CoupledPlant.advance
+
+    def pulled(plant: CoupledPlant, attitude: Quaternion, force: Sequence[float],
+               dt: float) -> list[float]:
+        x, y, _ = rotate_back(attitude, (*pull, 0.0))
+        surge, sway, *rest = force
+        return advance(plant, attitude, [surge + x, sway + y, *rest], dt)
+
+    return pulled
+
+
+def with_headings_off(run: Run, degrees: float) -> tuple[Event, ...]:
+    """Return what the sensors of a run say whose attitudes are turned by an angle."""
+    turn = from_yaw(math.radians(degrees))
+    return tuple([
+        event._replace(samples=(Sample('attitude', product(turn, event.samples[0].value)),))
+        if event.samples[0].input == 'attitude' else event for event in events(run)])
 
 
 def settings(run: Run, dofs: tuple[str, ...] = ('surge', 'sway')) -> Settings:

@@ -45,6 +45,13 @@ CURRENT = slice(4, 6)
 
 AXES = 2
 
+ALTERNATIVES = ('pull_x', 'pull_y', 'heading')
+"""
+What a current may be mistaken for, watched behind all other regressors.
+
+A constant pull in the world along x and y [N], and an offset of the headings [rad].
+"""
+
 
 class Row(NamedTuple):
     """
@@ -64,6 +71,8 @@ class Row(NamedTuple):
         Index of each other coupling, and its number among the regressors.
     watched : int
         Regressors that are watched besides ``CANDIDATES``; they stand behind the others.
+    force : float
+        Typical one [N].
 
     """
 
@@ -73,6 +82,7 @@ class Row(NamedTuple):
     turning: int
     measured: tuple[tuple[int, int], ...]
     watched: int = 0
+    force: float = 1.0
 
     @property
     def couplings(self) -> int:
@@ -153,7 +163,7 @@ class PlanarFilter:
         self._noise = noise
         self.force_std = noise.force_std
         p = self._p = len(self.theta)
-        q = p + sum(len(CANDIDATES) + row.watched for row in rows)
+        q = p + sum(len(CANDIDATES) + row.watched for row in rows) + len(ALTERNATIVES)
         self.motion: Array = np.zeros(SIZE)
         self.covariance: Array = np.zeros((SIZE, SIZE))
         self.sensitivities: Array = np.zeros((SIZE, q))
@@ -302,6 +312,9 @@ class PlanarFilter:
         if alone:
             return
         self._spread(h, piece, laws, pushes, (um, vm), couplings)
+        # headings that are off turn the path through the water
+        self.sensitivities[0, -1] -= dy
+        self.sensitivities[1, -1] += dx
         covariance, noise = self.covariance, heading_noise / h
         covariance[0, 0] += noise * dy * dy
         covariance[1, 1] += noise * dx * dx
@@ -346,6 +359,10 @@ class PlanarFilter:
         phi = np.zeros((2, self.sensitivities.shape[1]))
         ways = [self._regressors(phi[k], k, h, one, middle, piece.rate, couplings[k])
                 for k, one in enumerate(zip(pushes, (du, dv), (g00, g11), (w00, w11)))]
+        for k, row in enumerate(self._rows):
+            per_newton = self.theta.item(row.first) * row.velocity / row.force
+            phi[k, -3] = per_newton * piece[2 * k]
+            phi[k, -2] = per_newton * piece[2 * k + 1]
         self.sensitivities = transition @ self.sensitivities + forcing @ phi
         for k, (row, way) in enumerate(zip(self._rows, ways)):
             for i, change in zip((row.first, row.end - 1), way):

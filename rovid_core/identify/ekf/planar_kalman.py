@@ -124,7 +124,7 @@ class PlanarKalman:
                 first, first + 5 + len(names), scales.velocity,
                 first + 4 + names.index(turning) if turning in names else -1,
                 tuple([(first + 4 + k, k) for k, name in enumerate(names) if name != turning]),
-                len(scales.watched)))
+                len(scales.watched), scales.force))
             first = rows[-1].end
         return rows[0], rows[1]
 
@@ -336,6 +336,7 @@ class PlanarKalman:
     def _judge(self) -> None:
         """Find whether the model may be used."""
         best = self._bank.best
+        self._current = self._find_current(self._covariance())
         self._usable = [
             best.verdict is not None and self._current.status == 'known'
             and not self._clocks(k)
@@ -406,12 +407,13 @@ class PlanarKalman:
         (x, y), spread = self._bank.best.filter.current(of_theta)
         covariance = float(spread[0, 0]), float(spread[0, 1]), float(spread[1, 1])
         std = math.sqrt(max(covariance[0], covariance[2], 0.0))
-        found = Current(float(x), float(y), covariance, math.nan, 'known')
-        if std < KNOWN_CURRENT:
-            return found
-        if std < SEEN * prior:
-            return found._replace(status='converging')
-        return found._replace(status='unobservable', advice=THRUST_ELSEWHERE)
+        better = self._bank.best.alternative
+        found = Current(float(x), float(y), covariance, better.chi2, 'known')
+        if not std < SEEN * prior:
+            return found._replace(status='unobservable', advice=THRUST_ELSEWHERE)
+        if better.advice:
+            return found._replace(status='inconsistent', advice=better.advice)
+        return found if std < KNOWN_CURRENT else found._replace(status='converging')
 
     @property
     def current(self) -> Current:

@@ -7,10 +7,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from rovid_core.identify.ekf.alternatives import better_than_a_current, NOT_JUDGED
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.linearised_filter import Bounds, floats
 from rovid_core.identify.ekf.planar_filter import (
+    ALTERNATIVES,
     Array,
     AXES,
     Noise,
@@ -146,6 +148,13 @@ class PlanarMember:
     watched : sequence of str
         Names of all regressors that are watched.
 
+    Attributes
+    ----------
+    verdict : Verdict or None
+        What the blocks say, None while there are too few.
+    alternative : Alternative
+        What fits better than a current.
+
     """
 
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
@@ -153,8 +162,10 @@ class PlanarMember:
                  moves: Noise, noise: float, watched: Sequence[str]) -> None:
         self.filter = PlanarFilter(rows, theta, variances, moves)
         self.innovations = Innovations(noise, AXES)
-        self.blocks = ScoreBlocks(theta, variances, watched, considered)
+        self.blocks = ScoreBlocks(theta, variances, watched, considered, len(ALTERNATIVES))
         self.verdict: Verdict | None = None
+        self.alternative = NOT_JUDGED
+        self._current_is_free = not considered
         self._bounds = bounds
         self._fastest = max(row.velocity for row in rows)
 
@@ -261,6 +272,8 @@ class PlanarMember:
     def judge(self) -> None:
         """Find what the blocks say; one that believes in unknown forces has a wrong model."""
         self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)
+        self.alternative = NOT_JUDGED if self.verdict is None or not self._current_is_free else (
+            better_than_a_current(self.blocks, self.verdict))
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
@@ -272,6 +285,6 @@ class PlanarMember:
         self.filter.restore(state['filter'])
         self.innovations.restore(state['innovations'])
         self.blocks.restore(state['blocks'])
-        self.verdict = None
+        self.verdict, self.alternative = None, NOT_JUDGED
         if state['judged']:
             self.judge()

@@ -75,6 +75,30 @@ class Missing:
 
 
 @dataclass(frozen=True)
+class Regression:
+    """
+    What further regressors would explain.
+
+    Attributes
+    ----------
+    kappa : ndarray, shape (k,)
+        Their coefficients.
+    power : float
+        By how much -2 log of the likelihood would fall; chi-squared if there is nothing.
+    t_squared : float
+        The same by the scatter of the blocks, whatever the model says (Hotelling).
+    moved : ndarray, shape (active parameters,)
+        By how much the parameters fall short of what they would be, with the other sign.
+
+    """
+
+    kappa: Array
+    power: float
+    t_squared: float
+    moved: Array
+
+
+@dataclass(frozen=True)
 class Verdict:
     """
     What the blocks say.
@@ -113,15 +137,17 @@ class ScoreBlocks:
         Names of the regressors behind the parameters.
     considered : mapping, optional
         Index and variance of parameters that are not found, but not known either.
+    further : int
+        Regressors behind the watched ones that a verdict does not look at.
 
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float],
                  watched: Sequence[str] = CANDIDATES,
-                 considered: Mapping[int, float] | None = None) -> None:
+                 considered: Mapping[int, float] | None = None, further: int = 0) -> None:
         p = len(theta)
         self._considered = considered or {}
-        self._q = p + len(watched)
+        self._q = p + len(watched) + further
         self._candidates = {name: [p + k] for k, name in enumerate(watched)}
         if all(name in watched for name in HEADING):
             # a current pushes in any direction
@@ -150,6 +176,11 @@ class ScoreBlocks:
     def count(self) -> int:
         """Return how many blocks there are."""
         return len(self._counts)
+
+    @property
+    def measurements(self) -> float:
+        """Return how many measurements they have."""
+        return float(self._counts.sum())
 
     def add(self, found: Innovation, added: float, theta: Sequence[float], dt: float) -> bool:
         """
@@ -218,6 +249,20 @@ class ScoreBlocks:
             return None
         return self._fit(self.count).verdict(
             self._counts, wrong_model, self._candidates, self._considered)
+
+    def regression(self, columns: Sequence[int]) -> Regression | None:
+        """
+        Return what further regressors would explain, None where it cannot be told.
+
+        Parameters
+        ----------
+        columns : sequence of int
+            Where they stand, also counted from the end.
+
+        """
+        fit = self._fit(self.count)
+        fit.scatter()
+        return fit.regression([k % self._q for k in columns])
 
     def _fit(self, count: int) -> _Fit:
         """Return what the oldest blocks give."""
@@ -351,6 +396,16 @@ class _Fit:
 
         None where it is not significant. Of several columns the coefficient is their size.
         """
+        found = self.regression(columns)
+        if found is None or not min(found.power, found.t_squared) > NAMED_T * NAMED_T:
+            return None
+        kappa = found.kappa
+        size = float(kappa[0]) if len(kappa) == 1 else float(np.linalg.norm(kappa))
+        # with the regressor the squared innovations are as many as there are of them
+        return size, found.power / (found.power + count), found.moved
+
+    def regression(self, columns: Sequence[int]) -> Regression | None:
+        """Return what regressors would explain, None where it cannot be told."""
         a, k = np.array(self.active)[:, None], np.array(columns)
         to, own = self.information[:, a, k], self.information[:, k[:, None], k]
         w = self.c @ to.sum(axis=0)
@@ -366,13 +421,8 @@ class _Fit:
         kappa = np.linalg.solve(rest, total)
         scatter = s - i @ kappa
         spread = self.n / (self.n - 1) * np.einsum('nk,nl->kl', scatter, scatter)
-        power = float(total @ kappa)
-        t = min(power, float(total @ np.linalg.pinv(spread, hermitian=True) @ total))
-        if not t > NAMED_T * NAMED_T:
-            return None
-        size = float(kappa[0]) if len(kappa) == 1 else float(np.linalg.norm(kappa))
-        # with the regressor the squared innovations are as many as there are of them
-        return size, power / (power + count), w @ kappa
+        return Regression(kappa, float(total @ kappa), float(
+            total @ np.linalg.pinv(spread, hermitian=True) @ total), w @ kappa)
 
     def contradicts(self, information: Array, score: Array, largest_scatter: float) -> bool:
         """Tell whether newer blocks do, in a way that matters."""

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.keys import Key, KEYS, LARGE
+from rovid_ros.config.parameter_file import scalar
 from rovid_ros.config.parameters import changed, check, settings_from
 from rovid_ros.node.health.console import WarningLimiter
 from rovid_ros.node.lifecycle import ManagedNode
@@ -163,9 +164,11 @@ class ParameterNode(ManagedNode):
             self, parameter_list: list[Parameter[Any]]) -> SetParametersResult:
         """Set all parameters or none: what is wrong is refused as in a parameter file."""
         values = own_values(parameter_list)
-        if not (self._declared and values):
+        strangers = {p.name: p.value for p in parameter_list if not self.has_parameter(p.name)}
+        if not (self._declared and (values or strangers)):
             return super().set_parameters_atomically(parameter_list)
         try:
+            check(strangers)  # names the nearest key
             if self.configured:
                 values = self._changing(values)
                 changed(self.current_settings(), values)
@@ -197,9 +200,29 @@ class ParameterNode(ManagedNode):
 
 
 def own_values(parameters: Iterable[Parameter[Any]]) -> dict[str, Any]:
-    """Return the plain values of those parameters that are in the table of the keys."""
-    return {p.name: list(p.value) if isinstance(p.value, (list, tuple, array)) else p.value
+    """
+    Return the plain values of those parameters that are in the table of the keys.
+
+    ``ros2 param`` takes ``1e-5``, and a list with such a number, for a text: these are read as in
+    a parameter file.
+    """
+    return {p.name: _number(p) if isinstance(p.value, str) else
+            list(p.value) if isinstance(p.value, (list, tuple, array)) else p.value
             for p in parameters if p.name in OWN}
+
+
+def _number(parameter: Parameter[Any]) -> Any:
+    """Return the number, or the numbers, of a text where such are meant; else the text."""
+    kind, text = OWN[parameter.name], parameter.value.strip()
+    if kind == Parameter.Type.DOUBLE:
+        numbers = [scalar(text)]
+    elif kind == Parameter.Type.DOUBLE_ARRAY and text.startswith('[') and text.endswith(']'):
+        numbers = [scalar(entry.strip()) for entry in text[1:-1].split(',')]
+    else:
+        return parameter.value
+    if any(type(number) not in (int, float) for number in numbers):
+        return parameter.value
+    return numbers[0] if kind == Parameter.Type.DOUBLE else numbers
 
 
 def typed_parameters(values: Mapping[str, Any]) -> list[Parameter[Any]]:

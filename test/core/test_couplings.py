@@ -27,6 +27,7 @@ from rovid_core.settings.run import (
 from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.offline import METHODS
 from rovid_core.trials.score import ScoreLog
+from rovid_core.velocity.couplings import MeanVelocities
 
 TRUTH = {
     'surge': SimulatedDof(20.0, 40.0, 8.0, 0.0, (25.0,), (0.05,)),
@@ -140,6 +141,17 @@ def test_a_row_waits_for_a_slower_sensor_and_gives_up_in_event_time() -> None:
     steps, stream = steps_of(quick(configured()), 60.0, without='position')
     assert stream.rejected[('attitude', 'no_coupling')] > 700
     assert 350 < len(steps['yaw']) < 420
+
+
+def test_a_mean_does_not_go_on_over_an_interval_that_is_missing() -> None:
+    means = MeanVelocities()
+    means.memory = 1000
+    means.add_mean(0, 10, (1.0, 0.0, 0.0))
+    means.add_mean(10, 20, (3.0, 0.0, 0.0))
+    assert (means.missing(5, 15), means.mean(5, 15)[0]) == ('', 2.0)
+    means.add_mean(30, 40, (5.0, 0.0, 0.0))
+    assert means.missing(15, 35) == 'no_coupling'
+    assert means.missing(30, 40) == ''
 
 
 def test_without_couplings_nothing_waits() -> None:

@@ -7,6 +7,7 @@ from math import isfinite
 import numpy as np
 import pytest
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
+from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member
 from rovid_core.identify.ekf.innovations import Innovations
 from rovid_core.identify.ekf.linearised_filter import Innovation
 from rovid_core.identify.ekf.score_blocks import f_tail, ScoreBlocks
@@ -156,6 +157,15 @@ def test_what_changed_may_change_back(seed):
     drive = Drive().go(steps)
     assert 'changed' in drive.notes[1300]
     assert MASS * drive.one.parameters[0] == pytest.approx(1.0, abs=0.15)
+
+
+def test_what_loses_the_vehicle_before_there_is_a_verdict_counts_after_a_change_only():
+    bank = FilterBank(lambda force: Member(
+        TRUTH, (0.1, 0.1, 0.1, 0.1), [(0, 0.1, 10.0)], force, 0.01))
+    lost = [LOST for _ in bank.members]
+    assert not any(bank.is_lost_often(lost, time) for time in (1.0, 2.0, 3.0))
+    bank.begin_anew(10.0)
+    assert [bank.is_lost_often(lost, time) for time in (11.0, 12.0, 13.0)] == [False, False, True]
 
 
 @pytest.mark.parametrize('name', ['exact', 'dead-band 3 N', 'unknown force 1 N', 'lag 0.15 s'])

@@ -222,6 +222,12 @@ def test_a_stuck_sensor_is_refused_told_and_taken_up_again(input, method):
     assert worse(stream) < 1.05
 
 
+def test_no_step_leads_over_the_time_that_a_sensor_was_stuck():
+    """However long a gap may be: it seems to have stood still first, and then to jump."""
+    stream = run(replace(vehicle(), max_gap=10.0), spoilt('position', held(80.0, 84.0)))
+    assert stream.rejected == {('position', 'stuck'): 40 - 10, ('position', 'gap'): 1}
+
+
 def test_a_sensor_that_is_still_while_other_thrust_drives_is_told_and_let_in():
     still = spoilt('thrusters', lambda t, v, random: (
         v if t < 40.0 else tuple([0.5 * (v[0] + v[1]) * (t % 2.0 < 1.0)] * 2 + [0.0])),

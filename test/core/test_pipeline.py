@@ -226,6 +226,36 @@ def test_one_wild_fix_costs_one_step():
     assert got.parameters[3] == pytest.approx(expected.parameters[3], abs=0.001)  # noise: 0.006
 
 
+@pytest.mark.parametrize('input', ['position', 'velocity'])
+def test_what_is_too_fast_costs_one_step_without_a_gate_too(input):
+    inputs = {'velocity': InputSettings('/dvl'), 'position': InputSettings()}
+    settings = replace(surge_settings(), gate=0.0, **(inputs if input == 'velocity' else {}))
+    clean = events(settings)
+    k = [i for i, e in enumerate(clean) if e.samples[0].input == input][150]
+    wild = [*clean[:k], clean[k]._replace(samples=(Sample(input, (500.0, 0.0, 0.0)),)),
+            *clean[k + 1:]]
+    stream = Stream(settings)
+    steps = [feed(one, which)[-1].dofs[0].steps
+             for one, which in ((Stream(settings), clean), (stream, wild))]
+    assert stream.rejected == {(input, 'too_fast'): 1}
+    assert steps[1] == steps[0] - 1
+
+
+def test_force_and_velocity_go_through_the_same_filter():
+    """Both rise at the same time, so both are the same share of what they become."""
+    settings = replace(surge_settings(), gate=0.0, position=InputSettings(),
+                       velocity=InputSettings('/dvl'), cutoff=0.3)
+    log = [(time, name, value) for time in range(0, 10_000_000_000, 100_000_000)
+           for on in (time >= 5_000_000_000,)
+           for name, value in (('attitude', (0.0, 0.0, 0.0, 1.0)), ('thrusters', (2.0 * on,)),
+                               ('velocity', (0.5 * (time > 5_000_000_000), 0.0, 0.0)))]
+    dofs = [estimate.dofs[0] for estimate in run(Stream(settings), log)]
+    rising = [dof for dof in dofs if 0.01 < dof.velocity < 0.49]
+    assert len(rising) > 10
+    for dof in rising:
+        assert dof.force / 80.0 == pytest.approx(dof.velocity / 0.5)
+
+
 def test_a_step_that_is_refused_is_none_and_says_so():
     stream = Stream(surge_settings(method='ekf'))
     log = list(simulate(stream.settings, 12.0, 1))

@@ -48,6 +48,9 @@ def test_a_pause_is_no_interval() -> None:
         cadence.add_time(k * SECOND)
     cadence.restart()
     assert not cadence.add_time(500 * SECOND)
+    for k in range(2, 12):
+        cadence.restart()
+        cadence.add_time(k * 500 * SECOND)
     assert cadence.interval == 1.0
 
 

@@ -27,6 +27,7 @@ from rovid_ros.node.health.console import (
     WarningLimiter,
 )
 from rovid_ros.node.health.diagnostics import diagnostics, NodeState
+from rovid_ros.node.health.events import Events
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.health.levels import Arrivals, HealthData, input_level, RecentCounts
 from rovid_ros.node.node import IdentifierNode
@@ -170,6 +171,23 @@ def test_a_silent_input_and_its_dofs_are_stale(messages: list[Raw]) -> None:
     assert float(values['age of the last step [s]']) == run.steady
     assert statuses['state'][1] == WARN
     assert 'position' in statuses['state'][2]
+
+
+def test_what_comes_and_goes_all_the_time_is_told_once(messages: list[Raw]) -> None:
+    run, events = Watched(), Events()
+    run.feed(messages)
+    events.lines(run.health)
+    told = []
+    for k in range(60):  # gone for 3 s, back for 1 s
+        run.later(0.5)
+        for topic in TYPES:
+            if topic != '/position' or k % 8 >= 6:
+                run.arrivals.add(topic, run.now)
+        told += [line.text for line in events.lines(run.health)
+                 if line.text.startswith('position: ')]
+    gone = [line for line in told if 'silent for' in line]
+    assert len(gone) == 3  # in 30 s
+    assert len(told) - len(gone) in (2, 3)
 
 
 def test_what_the_graph_forbids_is_an_error(messages: list[Raw]) -> None:

@@ -10,9 +10,9 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy')
 
+from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
-from rclpy.exceptions import ParameterNotDeclaredException
-from rclpy.parameter import Parameter
+from rclpy.parameter import get_parameter_value, Parameter
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import SettingsError
 from rovid_ros.config.keys import KEYS
@@ -50,12 +50,17 @@ def given(tmp_path: Path) -> dict[str, Any]:
 
 
 @pytest.fixture
-def node(given: dict[str, Any]) -> Iterator[IdentifierNode]:
+def ros() -> Iterator[None]:
     rclpy.init(args=[])
+    yield
+    rclpy.shutdown()
+
+
+@pytest.fixture
+def node(ros: None, given: dict[str, Any]) -> Iterator[IdentifierNode]:
     node = IdentifierNode(given)
     yield node
     node.destroy_node()
-    rclpy.shutdown()
 
 
 def parameters(values: dict[str, Any]) -> list[Parameter]:
@@ -122,8 +127,8 @@ def test_all_or_nothing_with_what_is_not_live(node: IdentifierNode) -> None:
     before, settings = shown(node), node.settings
     result = node.set_parameters_atomically(parameters({'max_gap': 2.0, 'frames': 'ned'}))
     assert result.reason == 'frames: takes a change only while the node is unconfigured'
-    with pytest.raises(ParameterNotDeclaredException):
-        node.set_parameters_atomically(parameters({'max_gap': 2.0, 'max_gaap': 2.0}))
+    result = node.set_parameters_atomically(parameters({'max_gap': 2.0, 'max_gaap': 2.0}))
+    assert result.reason == 'max_gaap: there is no such key; the nearest is max_gap'
     result = node.set_parameters_atomically(
         [Parameter('max_gap', value=2.0), Parameter('max_wait', Parameter.Type.NOT_SET)])
     assert 'max_wait: got nothing' in result.reason
@@ -154,6 +159,25 @@ def test_all_that_the_node_has_loads_again(
     assert settings_from(load(file)) == settings_from(given)
     assert all(result.successful for result in node.set_parameters(parameters(values)))
     assert node.settings == settings_from(given)
+
+
+def test_what_ros2_param_takes_for_text_is_a_number(ros: None) -> None:
+    """It reads YAML 1.1, for which ``1e-5`` has no point and so is text."""
+    assert get_parameter_value('1e-05').type == ParameterType.PARAMETER_STRING
+    node = IdentifierNode(changed({**RAW, 'autostart': False}))
+    for name, text, value in (
+            ('current.change', '1e-05', 1e-5), ('max_gap', '2e0', 2.0),
+            ('identifier.adaptation_gains', '[1e-05, 2, 3.0, 4e1]', [1e-5, 2.0, 3.0, 40.0])):
+        result = node.set_parameters_atomically([Parameter(name, value=text)])
+        assert result.successful, result.reason
+        shown = node.get_parameter(name).value
+        assert (list(shown) if isinstance(value, list) else shown) == value
+    for name, text in (('max_gap', 'long'), ('max_gap', '1, 2'), ('max_gap', '[1e-5]'),
+                       ('max_gap', 'true'), ('identifier.adaptation_gains', '1e-5')):
+        assert not node.set_parameters_atomically([Parameter(name, value=text)]).successful
+    assert node.set_parameters_atomically([Parameter('base_frame', value='1e5')]).successful
+    assert node.get_parameter('base_frame').value == '1e5'
+    node.destroy_node()
 
 
 def test_simulated_time_can_still_be_set(node: IdentifierNode) -> None:

@@ -1,6 +1,7 @@
 """The node object: conversion of its inputs, parameters, and what it does when fed by hand."""
 
 from collections.abc import Iterator
+import math
 import os
 from pathlib import Path
 import random
@@ -14,6 +15,7 @@ rclpy = pytest.importorskip('rclpy')
 
 from rcl_interfaces.msg import ParameterType
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
@@ -32,7 +34,7 @@ from rovid_ros.node.process import read_files
 from rovid_ros.node.recorder import Received, Recorder
 from rovid_ros.node.transport.message_types import definition, import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import best_effort, latched
-from rovid_ros.results.outputs import DIAGNOSTIC_TYPE
+from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, TOPICS
 from std_msgs.msg import Float64MultiArray
 
 from test.support.live_node import (
@@ -84,6 +86,32 @@ def test_a_burst_keeps_the_order_of_time(ros: None, messages: list[Raw]) -> None
     assert run.node.stream.rejected == {}
     settings = settings_from(changed({'max_wait': 0.1}))
     assert repr(run.node.stream.estimate) == repr(replayed(settings, messages)[-1])
+    run.close()
+
+
+def test_what_waits_when_it_is_deactivated_counts(ros: None, messages: list[Raw]) -> None:
+    run = Running()
+    run.peer.advertise(TYPES)
+    run.peer.publish(messages)
+    assert run.node.trigger_deactivate() == TransitionCallbackReturn.SUCCESS
+    assert repr(run.node.stream.estimate) == repr(
+        replayed(settings_from(changed({})), messages)[-1])
+    run.close()
+
+
+def test_an_inactive_node_has_no_velocity(ros: None, messages: list[Raw]) -> None:
+    run = Running()
+    twists = run.peer.listen('/rov/velocity', TOPICS['rov/velocity'])
+    run.peer.advertise(TYPES)
+    for raw in messages:
+        run.peer.send(raw.topic, raw.cdr)
+        run.spin(1)
+        run.peer.spin(0.001)
+        if twists and not math.isnan(twists[-1].twist.linear.x):
+            break
+    assert twists
+    run.node.trigger_deactivate()
+    run.peer.until(lambda: math.isnan(twists[-1].twist.linear.x))
     run.close()
 
 

@@ -65,6 +65,8 @@ def test_a_row_has_the_numbers_of_the_estimate(
     assert [surge.std[name] for name in ('alpha', 'beta', 'gamma', 'delta')] == list(dof.std)
     assert (surge.velocity, surge.v_hat, surge.force) == (dof.velocity, dof.v_hat, dof.force)
     assert (surge.delay, surge.std['delay']) == (dof.delay, dof.delay_std)
+    assert (surge.velocity_delay, surge.v_hat_delay) == (dof.velocity_delay, dof.v_hat_delay)
+    assert surge.velocity_delay > surge.v_hat_delay
     assert 0.9 < surge.fit < 1.0
     for name in PHYSICAL:  # of a well known model the first order is as good as Fieller's
         low, high = dof.intervals[name]
@@ -103,7 +105,8 @@ def test_the_velocities_are_as_late_as_they_say(method: str) -> None:
         assert lags[np.argmin(errors)] == pytest.approx(told, abs=0.02), name
 
 
-def test_what_is_stale_or_frozen_or_at_rest(estimates: list[Estimate]) -> None:
+def test_what_is_stale_or_frozen_or_at_rest(
+        estimates: list[Estimate], read: Callable[[Output], Any]) -> None:
     stream = Stream(SETTINGS)
     log = surge_log(1, LENGTH)
     last = run(stream, log)[-1]
@@ -111,6 +114,9 @@ def test_what_is_stale_or_frozen_or_at_rest(estimates: list[Estimate]) -> None:
     stale = stream.silent_estimate(later)
     assert stale
     assert (last.dofs[0].valid, stale.dofs[0].valid) == (True, False)
+    told = Model.from_message(read(message(SETTINGS, stale)))['surge']
+    assert told.age == pytest.approx((later - last.dofs[0].time) * 1e-9)
+    assert told.stamp == last.dofs[0].time * 1e-9
 
     stream.enable(False)
     frozen = run(stream, moved(log, later, 30.0))

@@ -219,6 +219,13 @@ def test_what_cannot_be_used_is_no_ok(status: str, level: int) -> None:
     assert values_of(told, 0)['status'] == status
 
 
+def test_what_is_stale_is_a_warning_and_for_long_an_error() -> None:
+    levels = [by_topic(Outputs(settings()).messages(
+        estimate('converged', stale_for=age)))['rov/estimate']['status'][0]['level']
+        for age in (0.0, 9.9, 10.1, math.inf)]
+    assert levels == [OK, WARN, ERROR, ERROR]
+
+
 def test_numpy_floats_are_written_as_numbers() -> None:
     numpy = pytest.importorskip('numpy')
     fields = by_topic(Outputs(settings()).messages(

@@ -1,4 +1,4 @@
-"""One parameter: its name, type, default, unit, range and meaning."""
+"""All parameters (``KEYS``): name, type, default, unit, range and meaning of each."""
 
 from __future__ import annotations
 

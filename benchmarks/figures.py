@@ -88,6 +88,8 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'replay': Section('Replay', 'speed.replay', '--runs 1', '--runs 1', 6.0),
         'odometry': Section('A vehicle with everything', 'speed.odometry', '--runs 3',
                             '--runs 1 --seconds 5', 2.0),
+        'dataflash': Section("A log of ArduSub's", 'speed.dataflash', '--runs 3',
+                             '--runs 1 --seconds 20', 1.5),
         'long': Section('A long replay', 'speed.replay', '--long 4 --runs 1', '', 4.0),
         'step': Section('One step', 'speed.step', '', '--runs 1', 0.5),
         'route': Section('The route of a message', 'speed.trace_message', '', '', 0.2),

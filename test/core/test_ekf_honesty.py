@@ -10,7 +10,8 @@ from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member
 from rovid_core.identify.ekf.innovations import Innovations
 from rovid_core.identify.ekf.linearised_filter import Innovation
-from rovid_core.identify.ekf.score_blocks import f_tail, ScoreBlocks
+from rovid_core.identify.ekf.missing_terms import described
+from rovid_core.identify.ekf.score_blocks import f_tail, Missing, ScoreBlocks
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
@@ -77,6 +78,15 @@ def test_what_is_missing_is_named_with_its_size(name, said):
     drives = [driven(name, seed, 300.0) for seed in range(3)]
     assert sum(said in drive.notes[-1] for drive in drives) >= 2
     assert all(drive.judged[-1] != 'converged' for drive in drives)
+
+
+@pytest.mark.parametrize(('name', 'otherwise'), [
+    ('dead_band', 'small commands, which push more'), ('lag', 'quick changes of the thrust')])
+def test_what_no_thruster_has_is_not_named_as_its_fault(name, otherwise):
+    theta = (1.0, -0.5, -0.1, 0.0, 0.0)
+    assert 'of the thrusters of about' in described(Missing(name, -0.5, 0.1), theta, SCALES)
+    said = described(Missing(name, 0.5, 0.1), theta, SCALES)
+    assert said.startswith(f'10 % of the error follows {otherwise}')
 
 
 def test_white_innovations_keep_the_gate_narrow_and_large_ones_widen_it():

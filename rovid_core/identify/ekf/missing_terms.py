@@ -32,11 +32,17 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         drag = 1.0 + kappa / theta[BETA] if theta[BETA] else 0.0
         said = 'reverse drag' + (f': about {drag:.2f} of the forward one' if drag > 0.0 else '')
     elif missing.name == 'dead_band':
-        width = max(-kappa / alpha, 0.0) * DEAD_BAND * scales.force
+        if kappa >= 0.0:  # the other way about it is none
+            return (f'{_percent(missing)} of the error follows small commands, which push more '
+                    'than the model of the thrusters says')
+        width = -kappa / alpha * DEAD_BAND * scales.force
         said = f'a dead band of the thrusters of about {width:.2g}'
     elif missing.name == 'lag':
+        if kappa >= 0.0:
+            return (f'{_percent(missing)} of the error follows quick changes of the thrust, which '
+                    'move it more than the model says')
         # the delay has taken a part of it: what is left is told by the bend of the response
-        share = max(-kappa / alpha, 0.0)
+        share = -kappa / alpha
         lag = LAG * (math.sqrt(share * (2.0 - share)) if share < 1.0 else share)
         said = f'a lag of the thrusters of about {lag:.2f} s'
     elif missing.name == 'current':

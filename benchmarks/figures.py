@@ -105,7 +105,7 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'campaign': Section('Faults in the messages', 'faults.campaign', '--live',
                             '--only nan --live', 9.0, recordings=True),
         'mistakes': Section('Mistakes in a configuration', 'faults.mistakes', '--seeds 2',
-                            '--seeds 1 --duration 30', 4.0, recordings=True),
+                            '--seeds 1 --right 1 --duration 30', 5.0, recordings=True),
         'kills': Section('kill -9 at random moments', 'faults.kills', '--count 15', '--count 2',
                          2.0),
     }),

@@ -4,9 +4,9 @@ Tell whether the first warning names the key that is wrong in a configuration.
 Each example of ``rovid simulate`` is simulated with its truth and read with the configuration of
 its user, and the tank recordings with theirs, once as they are and once with each mistake. A cell
 says in how many logs the first line of warnings names the right key, and the last row, in how many
-a right configuration is accused of a mistake.
+a right configuration is accused of a mistake: of this there are more logs.
 
-Usage: python -m benchmarks.faults.mistakes [RECORDINGS] [--seeds N] [--duration S]
+Usage: python -m benchmarks.faults.mistakes [RECORDINGS] [--seeds N] [--right N] [--duration S]
 """
 
 from __future__ import annotations
@@ -160,14 +160,15 @@ def recorded(path: Path) -> tuple[Settings, list[Event]]:
     return settings, events
 
 
-def logs(data: Path | None, seeds: int,
-         duration: float | None) -> Iterator[tuple[str, Settings, list[Event]]]:
-    """Yield the name of a vehicle, its configuration and a log."""
+def logs(data: Path | None, seeds: int, right: int, duration: float | None
+         ) -> Iterator[tuple[str, Settings, list[Event], tuple[Mistake, ...]]]:
+    """Yield the name of a vehicle, its configuration, a log, and the mistakes to make."""
+    both = (*MISTAKES, RIGHT)
     for name in EXAMPLES:
-        for seed in range(1, seeds + 1):
-            yield (name, *simulated(name, seed, duration))
+        for seed in range(1, max(seeds, right) + 1):
+            yield (name, *simulated(name, seed, duration), both if seed <= seeds else (RIGHT,))
     for name in TANK if data else ():
-        yield ('tank', *recorded(data / f'{name}.mcap'))
+        yield ('tank', *recorded(data / f'{name}.mcap'), both)
 
 
 def main() -> None:
@@ -175,11 +176,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('data', nargs='?', type=Path, metavar='RECORDINGS')
     parser.add_argument('--seeds', type=int, default=2)
+    parser.add_argument('--right', type=int, default=6, metavar='N',
+                        help='logs of each example with a right configuration')
     parser.add_argument('--duration', type=float)
     args = parser.parse_args()
     counts: dict[tuple[str, str], list[int]] = {}
-    for vehicle, settings, events in logs(args.data, args.seeds, args.duration):
-        for mistake in (*MISTAKES, RIGHT):
+    for vehicle, settings, events, mistakes in logs(
+            args.data, args.seeds, args.right, args.duration):
+        for mistake in mistakes:
             if not mistake.applies(settings):
                 continue
             told = warnings(settings, events, mistake)

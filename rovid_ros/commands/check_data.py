@@ -79,8 +79,9 @@ SHARED = 0.5  # share of their time that inputs should have in common
 class SampleStatistics:
     """Times, gaps, speeds and ranges of the samples of one topic of an input, in one pass."""
 
-    def __init__(self, input: str, max_speed: float) -> None:
+    def __init__(self, input: str, max_speed: float, latency: float) -> None:
         self.input = input
+        self._latency = round(latency / NS)  # [ns] that was subtracted from the stamps
         self.count = 0
         self.backward = 0  # samples stamped no later than the one before
         self.not_finite = 0  # samples with a NaN or infinity
@@ -110,7 +111,7 @@ class SampleStatistics:
 
     def add_sample(self, time: int, receive_time: int, value: tuple[float, ...]) -> None:
         """Add a sample with its event time and the receive time of its message [ns]."""
-        lag = (receive_time - time) * NS
+        lag = (receive_time - time - self._latency) * NS
         self._lag_sum += lag
         self.low_lag, self.high_lag = min(self.low_lag, lag), max(self.high_lag, lag)
         if not self.count:
@@ -179,7 +180,9 @@ class Observation:
         self.converter = Converter(settings, self.stream.reject)
         # by input and number of the topic
         self.samples: dict[tuple[str, int], SampleStatistics] = {
-            (name, part): SampleStatistics(name, settings.max_speed)
+            (name, part): SampleStatistics(
+                name, settings.max_speed, (
+                    settings.thrusters if name == 'thrusters' else settings.input(name)).latency)
             for name in settings.used_inputs()
             for part in range(len(topics_of(settings, name)))}
         self.steps = 0  # estimates that the node would have published

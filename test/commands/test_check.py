@@ -318,6 +318,15 @@ def test_the_rewriting_itself_changes_nothing(tmp_path: Path, log: Path) -> None
     assert not findings(outcome, WARNING, ERROR), outcome.text
 
 
+def test_a_latency_that_is_given_is_no_wrong_clock(tmp_path: Path) -> None:
+    slow = {'position.latency': 1.5, 'position.stamp': 'receive', 'max_wait': None}
+    log = tmp_path / 'slow.mcap'
+    simulate_log(settings_from(changed(slow)), log, 20.0, seed=1)
+    outcome = checked(tmp_path, slow, logs=[log])
+    assert not [one for one in findings(outcome, WARNING) if 'older than' in one.text]
+    assert outcome.document['inputs']['position']['lag_s'] == 0.0
+
+
 def test_a_part_of_a_log(tmp_path: Path, log: Path) -> None:
     outcome = checked(tmp_path, logs=[log], start=5.0, duration=5.0)
     assert outcome.document['inputs']['position']['count'] == 50

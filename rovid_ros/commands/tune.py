@@ -8,9 +8,11 @@ from dataclasses import replace
 from functools import partial
 import math
 from pathlib import Path
+import textwrap
 from typing import Any
 
 from rovid_core.identify.estimate import Estimate
+from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_core.trials.tuning.cross_validation import Result
@@ -26,6 +28,7 @@ from rovid_ros.commands.running import (
     read_settings,
     warn,
 )
+from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameter_file import edited, override
 from rovid_ros.files.whole_files import write_json, write_text
 from rovid_ros.logs.player import PipelinePlayer
@@ -37,6 +40,9 @@ DESCRIPTION = (
     'Tries them on blocks of the log that the model was not identified from, and writes a '
     'parameter file with what clearly predicts better and without terms that add nothing; the '
     'rest of the file stays as it is.')
+
+_STAYS = 'stays'
+_MEANING = dict(zip(PARAMETERS, (name.replace('_', ' ') for name in PHYSICAL), strict=True))
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -67,6 +73,8 @@ def run(args: argparse.Namespace) -> None:
     if args.json:
         write_json(args.json, tuned_document(tuned))
     print_written(args.output, args.json)
+    files = ' '.join(f'--params-file {path}' for path in (*source.paths[:-1], args.output))
+    print(f'next      rovid replay {" ".join(map(str, args.logs))} {files}')
 
 
 class TuneError(ValueError):
@@ -124,46 +132,69 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
 
 def tuned_text(tuned: Tuned) -> str:
     """Return what ``rovid tune`` prints."""
-    errors = [['', 'before', 'after', '']]
+    errors = [['mae', 'before', 'after', '']]
     errors += [[dof, *map(number, pair), unit(dof, 'mae')] for dof, pair in tuned.errors.items()]
     return '\n\n'.join([
         table(_keys(tuned)), _notes(tuned), table(errors),
-        'mean |v_sim - v| on blocks of the log that the model was not identified from, by output '
-        'error.'])
+        'mae = mean |v_sim - v| on blocks of the log that the model was not identified from, by\n'
+        'output error; better: by how much it falls there. as good: values that predict as well.'])
 
 
 def _keys(tuned: Tuned) -> list[list[str]]:
     rows = [['', 'before', 'after', 'as good']]
     for stage in tuned.stages:
         for key, change in stage.keys.items():
-            after = number(change.after) if change.after != change.before else 'stays'
+            after = number(change.after) if change.after != change.before else _STAYS
             known = math.isfinite(change.low) and change.low < change.high
-            rows.append([key, number(change.before), after,
+            rows.append([_with_unit(key), number(change.before), after,
                          f'{number(change.low)} .. {number(change.high)}' if known else NONE])
     for names in tuned.lists:
-        after = ' '.join(names.after) if names.after != names.before else 'stay'
+        after = ' '.join(names.after) if names.after != names.before else _STAYS
         rows.append([names.key, ' '.join(names.before) or 'none', after, NONE])
     return rows
 
 
+def _with_unit(key: str) -> str:
+    found = [one.unit for one in KEYS if one.name == key and one.unit]
+    return f'{key} [{found[0]}]' if found else key
+
+
 def _notes(tuned: Tuned) -> str:
-    lines = []
+    """Return what has changed with its gain, and what has not in one line."""
+    better: list[tuple[float, str]] = []
+    fewer: list[str] = []
+    stay: list[str] = []
+    told: list[str] = []
     for stage in tuned.stages:
-        better = '' if stage.gain > stage.spread else ': not clearly better, stay'
-        lines.append(f'{" and ".join(stage.keys)}: gain {_gain(stage.gain, stage.spread)}{better}')
+        if stage.gain > stage.spread:
+            better.append((stage.gain, f'{" and ".join(stage.keys)}: '
+                           f'{_percent(stage.gain, stage.spread)} better'))
+        else:
+            stay += stage.keys
         if stage.note:
-            lines.append(f'  {stage.note}')
+            told.append(stage.note)
     for names in tuned.lists:
-        if names.after != names.before:
-            better = '' if names.gain > names.spread else ': as good with fewer'
-            lines.append(f'{names.key}: gain {_gain(names.gain, names.spread)}{better}')
+        if names.after == names.before:
+            stay.append(names.key)
+        elif names.gain > names.spread:
+            better.append((names.gain, f'{names.key}: '
+                           f'{_percent(names.gain, names.spread)} better'))
+        else:
+            out = ' and '.join(_MEANING.get(name, name) for name in names.before
+                               if name not in names.after)
+            fewer.append(f'{names.key}: as good without the {out} '
+                         f'({_percent(names.gain, names.spread)} better)')
+    lines = [line for _, line in sorted(better, reverse=True)] + fewer
+    if stay:
+        lines.append(f'nothing else is clearly better, so these stay: {", ".join(stay)}')
+    lines += told
     lines += [f'{dof}: left out: {why}; what is shared by all DOFs changes for it too'
               for dof, why in tuned.left_out.items()]
-    return '\n'.join(lines)
+    return '\n'.join(textwrap.fill(line, 99, subsequent_indent='  ') for line in lines)
 
 
-def _gain(gain: float, spread: float) -> str:
-    return f'{100.0 * gain:.1f} ± {100.0 * spread:.1f} % on held-out blocks'
+def _percent(gain: float, spread: float) -> str:
+    return f'{100.0 * gain:.1f} ± {100.0 * spread:.1f} %'
 
 
 def tuned_document(tuned: Tuned) -> dict[str, Any]:

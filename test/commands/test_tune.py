@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+import re
 
 import pytest
 from rovid_ros.commands.main import main
@@ -53,7 +54,11 @@ def test_the_tuned_file_replays_better(
                  str(mine), '-p', 'max_wait:=0.1', '-p', 'thrusters.delay:=0.0',
                  '--output', str(tuned), '--json', f'{folder}/tune.json']) == 0
     said = capsys.readouterr()
-    assert 'thrusters.delay' in said.out
+    assert re.search(r'^thrusters.delay \[s\] .* 0.\d+', said.out, re.M)
+    assert re.search(r'^thrusters.delay and .*: \d+.\d ± \d+.\d % better$', said.out, re.M)
+    assert 'nothing else is clearly better, so these stay: ' in said.out
+    assert (f'next      rovid replay {folder}/log.mcap --params-file {first} '
+            f'--params-file {tuned}') in said.out
     assert f'-p thrusters.delay:=0.0 wins over what {tuned} says: leave it out' in said.err
     assert 'max_wait' not in said.err
     assert mine.read_text() == SURGE

@@ -46,6 +46,9 @@ LONGEST = 0.3
 
 LARGEST_SUBSTEPS = 50
 
+STEADY = 1e-9
+"""Typical forces by which a force that stays the same may seem to differ from its mean."""
+
 LARGEST_SPEED = 1e4
 """Typical velocities beyond which the state means nothing."""
 
@@ -167,20 +170,29 @@ class LinearisedFilter:
         late = 2.0 * moment - before * h * h
         way = impulse - h * before + 0.5 * rate * late
         of_delay = alpha / s * (last - before + rate * way), alpha * way
-        way = moment + rate * h * (0.5 * moment - h * impulse / 12.0)
-        of_alpha = (impulse + rate * way) / s, way
+        of_alpha = _felt(impulse, moment, h, rate, s)
+        if first == last and abs(force - first) < STEADY:
+            of_reverse = of_alpha if force < 0.0 else (0.0, 0.0)
+            share = DEAD_BAND / max(abs(force), DEAD_BAND)
+            of_cut = share * of_alpha[0], share * of_alpha[1]
+        else:
+            reverse, cut = recent.bent(start - delay, end - delay, DEAD_BAND)
+            of_reverse = _felt(reverse[0], reverse[1], h, rate, s)
+            of_cut = _felt(cut[0], cut[1], h, rate, s)
         drag = w * size
         gone = -math.expm1(-h / LAG)
         lag = (force - self._lagged) * gone * LAG / h
         self._lagged += gone * (force - self._lagged)
         phi = [of_alpha[0], drag, w, 1.0, *couplings, -of_delay[0],
-               force if force < 0.0 else 0.0, drag if w < 0.0 else 0.0,
-               max(-DEAD_BAND, min(DEAD_BAND, force)), lag, *watched]
+               of_reverse[0], drag if w < 0.0 else 0.0, of_cut[0], lag, *watched]
         xs, vs, fs = self.sensitivities
         d = len(theta) - 1
         xs = [*xs]
         xs[ALPHA] += of_alpha[1] - b * of_alpha[0]
         xs[d] -= of_delay[1] - b * of_delay[0]
+        # what is told apart by where in a step it acts has to act where alpha's force does
+        xs[d + 1] += of_reverse[1] - b * of_reverse[0]
+        xs[d + 3] += of_cut[1] - b * of_cut[0]
         if self.force_std:
             e = math.exp(-h / FORCE_TIME)
             self.motion = [x + h * (self.motion[1] + h / 6.0 * (k1 + k2 + k3)), v, e * f]
@@ -349,6 +361,13 @@ class LinearisedFilter:
                 rows[i][j] != rows[j][i] for i in range(p) for j in range(i)):
             raise ValueError('not a covariance')
         self.theta_covariance = rows
+
+
+def _felt(impulse: float, moment: float, h: float, rate: float,
+          s: float) -> tuple[float, float]:
+    """Return what a force adds to the velocity over ``s``, and to the path, in a step of ``h``."""
+    way = moment + rate * h * (0.5 * moment - h * impulse / 12.0)
+    return (impulse + rate * way) / s, way
 
 
 class Innovation(NamedTuple):

@@ -94,6 +94,37 @@ class RecentForce:
             start, slope, mean = stop, slopes[i], means[i]
         return impulse, moment, first, mean + 0.5 * slope * length
 
+    def bent(self, start: float, end: float,
+             width: float) -> tuple[tuple[float, float], tuple[float, float]]:
+        """
+        Return impulse and moment of the force in reverse, and of the force cut to +-``width``.
+
+        Of each span by itself: the mean of commands that jump is none of the forces that acted.
+        ``start`` is before ``end`` [s].
+        """
+        times, means, slopes = self._times, self._means, self._slopes
+        newest = len(means) - 1
+        i = min(max(bisect_right(times, start) - 1, 0), newest)
+        reverse, reverse_moment, cut, cut_moment = 0.0, 0.0, 0.0, 0.0
+        while newest >= 0:
+            stop = end if i == newest or times[i + 1] > end else times[i + 1]
+            length, middle = stop - start, 0.5 * (start + stop)
+            force = means[i]
+            if slopes[i]:
+                force += slopes[i] * (middle - 0.5 * (times[i] + times[i + 1]))
+            left = end - middle
+            if force < 0.0:
+                reverse += force * length
+                reverse_moment += force * length * left
+            part = max(-width, min(width, force)) * length
+            cut += part
+            cut_moment += part * left
+            if stop == end:
+                break
+            i += 1
+            start = stop
+        return (reverse, reverse_moment), (cut, cut_moment)
+
     def _beyond(self, start: float, end: float) -> tuple[float, float, float, float]:
         """Return the same where the span leaves what is known."""
         oldest, newest = self._times[0], self._times[-1]

@@ -153,12 +153,16 @@ class FilterUncertainty:
         Of alpha to delta.
     active : tuple of 4 bools
         Which of them there are.
+    added : sequence of p sequences of p floats, optional
+        To the inflated covariance, for what the data do not tell.
 
     """
 
     def __init__(self, of_theta: Sequence[Sequence[float]], inflation: float, unit: Four,
-                 active: tuple[bool, bool, bool, bool]) -> None:
+                 active: tuple[bool, bool, bool, bool],
+                 added: Sequence[Sequence[float]] = ()) -> None:
         self._of_theta = of_theta
+        self._added = added
         self._inflation = inflation
         self._unit = unit
         self._active = active
@@ -170,8 +174,8 @@ class FilterUncertainty:
         """Return that of the lumped parameters, 16 floats by rows."""
         if not self._covariance:
             self._covariance = tuple([
-                float(x) * (u * v * self._inflation)
-                for row, u in zip(self._of_theta, self._unit) for x, v in zip(row, self._unit)])
+                u * v * self._entry(i, j)
+                for i, u in enumerate(self._unit) for j, v in enumerate(self._unit)])
         return self._covariance
 
     @property
@@ -186,14 +190,18 @@ class FilterUncertainty:
     @property
     def delay_std(self) -> float:
         """Return the standard deviation of the delay [s]."""
-        return math.sqrt(self._of_theta[-1][-1] * self._inflation)
+        return math.sqrt(self._entry(-1, -1))
 
     @property
     def couplings_std(self) -> tuple[float, ...]:
         """Return the standard deviations of the couplings."""
         return tuple([
-            self._unit[3] * math.sqrt(float(self._of_theta[k][k]) * self._inflation)
+            self._unit[3] * math.sqrt(self._entry(k, k))
             for k in range(4, len(self._of_theta) - 1)])
+
+    def _entry(self, i: int, j: int) -> float:
+        inflated = float(self._of_theta[i][j]) * self._inflation
+        return inflated + self._added[i][j] if self._added else inflated
 
 
 class ExtendedKalman(Identifier):
@@ -483,7 +491,7 @@ class ExtendedKalman(Identifier):
         if verdict is None:
             self.uncertainty: Uncertainty = FilterUncertainty(
                 best.filter.theta_covariance, best.innovations.inflation, model.unit,
-                model.active)
+                model.active, best.unseen)
         elif verdict is not self._published:  # it stays for the whole of a block
             self.uncertainty = FilterUncertainty(
                 verdict.covariance, 1.0, model.unit, model.active)

@@ -77,6 +77,8 @@ class Member:
         self.verdict: Verdict | None = None
         self.prediction = FreePrediction()
         self._bounds = bounds
+        self._unseen: list[list[float]] = []
+        self._unseen_of = 0  # blocks that it was made of
 
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity, in typical ones."""
@@ -165,6 +167,13 @@ class Member:
         """Return the error of the prediction without corrections, NaN if there is none."""
         return self.prediction.error
 
+    @property
+    def unseen(self) -> list[list[float]]:
+        """Return what terms that nothing tells yet add to the covariance; empty for nothing."""
+        if self.blocks.count != self._unseen_of:
+            self._unseen, self._unseen_of = self.blocks.unseen(), self.blocks.count
+        return self._unseen
+
     def judge(self) -> None:
         """Find what the blocks say; one that believes in unknown forces has a wrong model."""
         self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)
@@ -181,7 +190,7 @@ class Member:
         self.innovations.restore(state['innovations'])
         self.blocks.restore(state['blocks'])
         self.prediction.restore(state['prediction'])
-        self.verdict = None
+        self.verdict, self._unseen, self._unseen_of = None, [], 0
         if state['judged']:
             self.judge()
 

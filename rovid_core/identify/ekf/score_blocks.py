@@ -18,6 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats, Innovation
+from rovid_core.identify.ekf.unseen_terms import (
+    averaged,
+    expected,
+    judged,
+    summed,
+    UnseenTerm,
+)
 from rovid_core.model.dofs import HEADING
 
 Array = NDArray[np.float64]
@@ -42,6 +49,12 @@ PENDING = 64
 
 NAMED_T, NAMED_GAIN = 4.0, 0.01
 """Significance, and share of the squared innovations, from which a regressor is named."""
+
+NAMED_LEFT, TOLD = 1e-6, 1e-8
+"""
+Share of a regressor that the parameters cannot take the place of, from which it is named, and
+from which the data say anything of it; less is what rounding and the steps of the filter make.
+"""
 
 FALSE_ALARM = 1e-6
 """Probability that one test takes an unchanged vehicle for changed."""
@@ -264,6 +277,10 @@ class ScoreBlocks:
         fit.scatter()
         return fit.regression([k % self._q for k in columns])
 
+    def unseen(self) -> list[list[float]]:
+        """Return what terms that nothing tells yet add to the covariance; empty for nothing."""
+        return self._fit(self.count).unseen(self._candidates) if self.count else []
+
     def _fit(self, count: int) -> _Fit:
         """Return what the oldest blocks give."""
         return _Fit(self._active, self._theta, self._variances, self._information[:count],
@@ -351,12 +368,14 @@ class _Fit:
 
     def scatter(self) -> float:
         """Find how much more the scores scatter than the model says, 1 where it is right."""
+        return max(1.0, self._excess() * self.n / max(self.n - len(self.active), 0.5))
+
+    def _excess(self) -> float:
         a = np.array(self.active)
         self.own = self.information[:, a[:, None], a]
         self.u = self.score[:, a] - self.own @ self.theta
         self.v = self.u.T @ self.u
-        freedom = self.n / max(self.n - len(a), 0.5)
-        return max(1.0, float(np.trace(self.c @ self.v)) / len(a) * freedom)
+        return float(np.trace(self.c @ self.v)) / len(a)
 
     def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                 considered: Mapping[int, float]) -> Verdict:
@@ -379,15 +398,78 @@ class _Fit:
                 kappa, share, moved = found
                 missing = Missing(name, kappa, share)
         covariance = covariance + np.outer(moved, moved)
+        if missing is None:
+            terms = self._unseen(candidates, 1.0)
+            if terms:
+                covariance = covariance + averaged(terms, covariance)
         for k, variance in considered.items():
             # after S. F. Schmidt: what it moves the parameters by
             leaning = self.c @ self.total[a, k]
             covariance = covariance + variance * np.outer(leaning, leaning)
+        return Verdict(self._full(covariance), scatter, missing, n, self._all_parameters())
+
+    def unseen(self, candidates: Mapping[str, list[int]]) -> list[list[float]]:
+        """
+        Return what terms that nothing tells yet add to the covariance.
+
+        Each is there or not by itself: a few blocks cannot weigh one against the other.
+        """
+        excess = self._excess()
+        # one block alone tells nothing of the scatter
+        scatter = max(1.0, excess * self.n / (self.n - 1)) if self.n > 1 else math.inf
+        return self._full(summed(self._unseen(candidates, scatter), len(self.active)))
+
+    def _unseen(self, candidates: Mapping[str, list[int]], scatter: float) -> list[UnseenTerm]:
+        """Return what the blocks say of terms that the vehicle may have."""
+        terms = []
+        for name, (std, sign) in expected(self._all_parameters()).items():
+            if name not in candidates:
+                continue
+            w, rest, s, i, left = self._remainder(candidates[name])
+            coefficient = information = 0.0
+            if left > TOLD and self.n > 1:
+                known = float(rest[0, 0])
+                coefficient = float(s.sum()) / known
+                off = s[:, 0] - coefficient * i[:, 0, 0]
+                spread = self.n / (self.n - 1) * float(np.einsum('n,n', off, off))
+                # no better known than the scatter of the blocks says
+                information = known / max(1.0, spread / known) / scatter
+            terms.append(judged(w[:, 0].tolist(), coefficient, information, std, sign))
+        return terms
+
+    def _full(self, covariance: Array) -> list[list[float]]:
+        """Return a covariance with zeros for the parameters that are left out."""
         full = np.zeros((self._p, self._p))
-        full[np.ix_(a, a)] = 0.5 * (covariance + covariance.T)
+        full[np.ix_(self.active, self.active)] = 0.5 * (covariance + covariance.T)
+        return list(full.tolist())
+
+    def _all_parameters(self) -> list[float]:
         theta = np.zeros(self._p)
-        theta[a] = self.theta
-        return Verdict(full.tolist(), scatter, missing, n, theta.tolist())
+        theta[self.active] = self.theta
+        return list(theta.tolist())
+
+    def _remainder(self, columns: Sequence[int]) -> tuple[Array, Array, Array, Array, float]:
+        """
+        Return what is left of regressors that the parameters cannot take the place of.
+
+        Returns
+        -------
+        ndarrays of shape (a, k), (k, k), (n, k) and (n, k, k), and a float
+            What they move the parameters by; their information, in all; score and information
+            of each block; and what is left, as a share.
+
+        """
+        a, k = np.array(self.active)[:, None], np.array(columns)
+        to, own = self.information[:, a, k], self.information[:, k[:, None], k]
+        w = self.c @ to.sum(axis=0)
+        rest = own.sum(axis=0) - to.sum(axis=0).T @ w
+        s = self.score[:, k] - self.theta @ to - self.u @ w
+        mixed = np.einsum('ak,nal->nkl', w, to)
+        i = own - mixed - mixed.transpose(0, 2, 1) + np.einsum(
+            'ak,nab,bl->nkl', w, self.own, w)
+        most = float(np.diag(own.sum(axis=0)).max())
+        left = float(np.diag(rest).min()) / most if most > 0.0 else 0.0
+        return w, rest, s, i, left
 
     def _test(self, columns: Sequence[int],
               count: float) -> tuple[float, float, Array] | None:
@@ -406,17 +488,9 @@ class _Fit:
 
     def regression(self, columns: Sequence[int]) -> Regression | None:
         """Return what regressors would explain, None where it cannot be told."""
-        a, k = np.array(self.active)[:, None], np.array(columns)
-        to, own = self.information[:, a, k], self.information[:, k[:, None], k]
-        w = self.c @ to.sum(axis=0)
-        rest = own.sum(axis=0) - to.sum(axis=0).T @ w
-        if not np.diag(rest).min() > 1e-6 * np.diag(own.sum(axis=0)).max() or (
-                len(k) > 1 and np.linalg.cond(rest) > 1e6):
+        w, rest, s, i, left = self._remainder(columns)
+        if not left > NAMED_LEFT or (len(columns) > 1 and np.linalg.cond(rest) > 1e6):
             return None
-        s = self.score[:, k] - self.theta @ to - self.u @ w
-        mixed = np.einsum('ak,nal->nkl', w, to)
-        i = own - mixed - mixed.transpose(0, 2, 1) + np.einsum(
-            'ak,nab,bl->nkl', w, self.own, w)
         total = s.sum(axis=0)
         kappa = np.linalg.solve(rest, total)
         scatter = s - i @ kappa

@@ -1,0 +1,170 @@
+"""
+What a vehicle may have that the data do not tell, and how far that would move the parameters.
+
+In a thrust of one size a dead band of the thrusters looks like a larger mass. No test names it
+there, and no block contradicts another. So a vehicle is taken to have, at even odds, one of the
+terms of a catalogue, of a size that thrusters and hulls have; the data change the odds and the
+size (J. A. Hoeting et al., Bayesian Model Averaging, Statistical Science 14(4), 1999). A term that
+they tell adds next to nothing to an interval, one that they do not tell what it may be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.identify.ekf.linearised_filter import ALPHA, BETA, GAMMA
+from rovid_core.identify.intervals import Z95
+
+Array = NDArray[np.float64]
+
+REVERSE_THRUST = 0.25
+"""Of alpha: propellers give a tenth to a third less backwards, a T200 at 16 V a fifth."""
+
+REVERSE_DRAG = 0.3
+"""Of the drag at the typical speed: a blunt end against a rounded one."""
+
+LARGEST_Z = 30.0
+"""Standard deviations beyond which a coefficient of the wrong sign is as good as excluded."""
+
+HALVINGS = 40
+"""Of the bracket in which the end of an interval is looked for."""
+
+
+def expected(theta: Sequence[float]) -> dict[str, tuple[float, int]]:
+    """
+    Return the size that each term may have: its standard deviation and sign, 0 for either.
+
+    Parameters
+    ----------
+    theta : sequence of p floats
+        Parameters of the filter of one degree of freedom.
+
+    """
+    alpha, drag = abs(theta[ALPHA]), abs(theta[BETA]) + abs(theta[GAMMA])
+    # a dead band is as wide as the one that is looked for (``DEAD_BAND``): a thrust by the square
+    # of the command is bent as much. A lag is as long (``LAG``): thrusters spin up in 0.1 to 0.2 s
+    return {'reverse_thrust': (REVERSE_THRUST * alpha, 0),
+            'reverse_drag': (REVERSE_DRAG * drag, 0),
+            'dead_band': (alpha, -1), 'lag': (alpha, -1)}
+
+
+@dataclass(frozen=True)
+class UnseenTerm:
+    """
+    A term that the vehicle may have.
+
+    Attributes
+    ----------
+    leaning : list of floats
+        What a coefficient of 1 that is left out moves the parameters by.
+    evidence : float
+        Logarithm of the odds that the data give for it.
+    mean, variance : float
+        Of its coefficient, if it is there.
+
+    """
+
+    leaning: list[float]
+    evidence: float
+    mean: float
+    variance: float
+
+
+def judged(leaning: list[float], coefficient: float, information: float, std: float,
+           sign: int) -> UnseenTerm:
+    """
+    Return what data say of a term.
+
+    Parameters
+    ----------
+    leaning : list of floats
+        What a coefficient of 1 that is left out moves the parameters by.
+    coefficient, information : float
+        What fits the data best, and the inverse of its variance; 0 where they do not tell.
+    std : float
+        Of the coefficient before any data, about 0.
+    sign : int
+        That it has, 0 for either.
+
+    """
+    power = std * std * information
+    variance, mean = std * std / (1.0 + power), coefficient * power / (1.0 + power)
+    evidence = 0.5 * (mean * coefficient * information - math.log1p(power))
+    if sign and variance > 0.0:
+        # the half of a Gaussian
+        sigma = math.sqrt(variance)
+        z = max(sign * mean / sigma, -LARGEST_Z)
+        inside = 0.5 * math.erfc(-z / math.sqrt(2.0))
+        ratio = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi) / inside
+        evidence += math.log(2.0 * inside)
+        mean = sign * sigma * (z + ratio)
+        variance *= max(1.0 - ratio * (z + ratio), 0.0)
+    return UnseenTerm(leaning, evidence, mean, variance)
+
+
+def summed(terms: Sequence[UnseenTerm], size: int) -> Array:
+    """Return what terms that are each there or not, at even odds, add to a covariance."""
+    return _spread(terms, [1.0 / (1.0 + math.exp(-min(term.evidence, 500.0)))
+                           for term in terms], size)
+
+
+def averaged(terms: Sequence[UnseenTerm], covariance: Array) -> Array:
+    """
+    Return what the doubt whether one of some terms is there adds to a covariance.
+
+    It is as much as gives each parameter the 95 % interval that holds 95 % of the average over
+    both kinds of vehicles. The variance of that average would say too much where a term that is
+    large is unlikely.
+
+    Parameters
+    ----------
+    terms : sequence of UnseenTerm
+        At even odds one of them is there, before any data.
+    covariance : ndarray, shape (p, p)
+        Of the parameters of a vehicle that has none.
+
+    """
+    odds = [math.exp(min(term.evidence, 500.0)) / len(terms) for term in terms]
+    total = 1.0 + math.fsum(odds)
+    shares = [one / total for one in odds]
+    found = _spread(terms, shares, len(covariance))
+    factors = np.zeros(len(covariance))
+    for i in range(len(covariance)):
+        own, more = float(covariance[i, i]), float(found[i, i])
+        if more > 1e-12 * own > 0.0:
+            parts = [(1.0 / total, 0.0, math.sqrt(own)), *[
+                (share, abs(term.leaning[i] * term.mean),
+                 math.sqrt(own + term.leaning[i]**2 * term.variance))
+                for share, term in zip(shares, terms)]]
+            wanted = (_half_width(parts) / Z95)**2
+            factors[i] = math.sqrt(max(wanted - own, 0.0) / more)
+    return factors[:, None] * found * factors
+
+
+def _spread(terms: Sequence[UnseenTerm], shares: Sequence[float], size: int) -> Array:
+    found = np.zeros((size, size))
+    for term, share in zip(terms, shares):
+        leaning = np.array(term.leaning)
+        found = found + share * (term.mean**2 + term.variance) * np.outer(leaning, leaning)
+    return found
+
+
+def _half_width(parts: Sequence[tuple[float, float, float]]) -> float:
+    """Return what 95 % lie within, either way of 0, of Gaussians: share, mean, deviation."""
+    low, high = 0.0, max(mean + Z95 * std for _, mean, std in parts)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        beyond = 0.0
+        for share, mean, std in parts:
+            scale = std * math.sqrt(2.0)
+            beyond += 0.5 * share * (math.erfc((middle - mean) / scale)
+                                     + math.erfc((middle + mean) / scale))
+        if beyond > 0.05:
+            low = middle
+        else:
+            high = middle
+    return high

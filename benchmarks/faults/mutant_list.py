@@ -351,10 +351,9 @@ MUTANTS = [
           'if not share < limit:', 'if False:')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_uncertainty.py',
          ('the covariance is doubled',
-          '(u * v * self._inflation)', '(2.0 * u * v * self._inflation)'),
+          'u * v * self._entry(i, j)', '2.0 * u * v * self._entry(i, j)'),
          ('the deviation of the delay is too large',
-          'math.sqrt(self._of_theta[-1][-1] * self._inflation)',
-          '1.5 * math.sqrt(self._of_theta[-1][-1] * self._inflation)'),
+          'math.sqrt(self._entry(-1, -1))', '1.5 * math.sqrt(self._entry(-1, -1))'),
          ('the deviations of the couplings are in other units',
           'self._unit[3] * math.sqrt(', 'math.sqrt(')),
     *_of('rovid_core/identify/ekf/score_blocks.py', 'test/core/test_ekf_honesty.py '
@@ -363,6 +362,10 @@ MUTANTS = [
           'self.c @ (mixed + self.prior)', '2.0 * self.c @ (mixed + self.prior)'),
          ('the covariance of the blocks is halved',
           'self.c @ (mixed + self.prior)', '0.5 * self.c @ (mixed + self.prior)')),
+    *_of('rovid_core/identify/ekf/unseen_terms.py', 'test/core/test_unseen_terms.py',
+         ('a dead band is of no size', "'dead_band': (alpha,", "'dead_band': (0.0,"),
+         ('a term that data exclude is as likely as before',
+          '- math.log1p(power))', '+ 0.0 * power)')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
          'what_loses_the_vehicle_before_there_is_a_verdict_counts_after_a_change_only',
          ('after a change losses do not count',

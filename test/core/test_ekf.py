@@ -101,7 +101,7 @@ def test_the_intervals_hold_with_outliers_dropouts_and_delay():
 def test_the_delay_is_found(delay):
     [found] = identified(replace(MINUTE, delay=delay), 0)
     assert found.delay == pytest.approx(delay, abs=max(4 * found.delay_std, 2e-3))
-    assert found.delay_std < 0.005
+    assert found.delay_std < 0.006  # a lag is in it, which a minute hardly tells from a delay
 
 
 def test_clocks_that_disagree_are_named_with_their_size():

@@ -42,9 +42,11 @@ class Vehicle:
         What else accelerates it: '', ``unknown`` (a force of 1 N rms), ``coupled`` (v r of
         sway and yaw that follow commands of their own), ``zigzag`` (v r that follows this
         command), or ``tether``.
-    reverse_drag, lag, closed_loop, turned
+    reverse_drag, lag, closed_loop, change
         Factor of the drag in reverse, time constant of the thruster [s], whether a controller
         follows a lawn-mower track, and the time [s] and factor of a change of the mass.
+    size : float
+        Of a command that only changes its sign [N]; 0 for one that has all sizes.
 
     """
 
@@ -54,10 +56,7 @@ class Vehicle:
     lag: float = 0.0
     closed_loop: bool = False
     change: tuple[float, float] = (inf, 1.0)
-
-
-def _dead(force: float) -> float:
-    return force if abs(force) > 3.0 else 0.0
+    size: float = 0.0
 
 
 def _offset_dead(force: float) -> float:
@@ -79,6 +78,8 @@ VEHICLES = {
     'zig-zag': Vehicle(disturbance='zigzag'),
     'tether 1 N': Vehicle(disturbance='tether'),
     'closed loop': Vehicle(closed_loop=True),
+    'dead-band, 20 N or -20 N': Vehicle(_offset_dead, size=20.0),
+    'dead-band, 5 N or -5 N': Vehicle(_offset_dead, size=5.0),
     'mass +20 % at 200 s': Vehicle(change=(200.0, 1.2)),
     'the same, unknown force': Vehicle(disturbance='unknown', change=(200.0, 1.2)),
 }
@@ -97,6 +98,8 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
     n = round(duration / STEP)
     time = np.arange(n) * STEP
     command = np.clip(17.0 * _sines(random, time, 0.02, 0.2), -FORCE, FORCE)
+    if vehicle.size:
+        command = vehicle.size * np.sign(command)
     side = 0.25 * _sines(random, time, 0.02, 0.1) * 0.35 * _sines(random, time, 0.02, 0.1)
     white, noise = random.normal(size=n), random.normal(0.0, NOISE, n // FIX + 1)
     logged, path, turning = np.empty(n), np.empty(n + 1), np.array(side)

@@ -1,0 +1,135 @@
+"""What a vehicle may have that the data do not tell: it belongs to the intervals."""
+
+from dataclasses import replace
+import json
+import math
+
+import numpy as np
+import pytest
+from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
+from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.unseen_terms import averaged, expected, judged, summed
+from rovid_core.identify.intervals import intervals
+from rovid_core.identify.status import DofStatus
+from rovid_core.model.samples import Step
+from rovid_core.settings.run import Scales
+
+from test.support.real_vehicles import GUESS, MASS, pieces, VEHICLES
+
+SCALES = replace(Scales.of(GUESS), watched=('vr',))
+UNIT = np.eye(2)
+
+
+def said(name, seed, duration):
+    """Return, per step, whether a vehicle has converged, and whether its interval holds."""
+    one, status, found = ExtendedKalman(SCALES), DofStatus(SCALES, 3.0), []
+    for piece in pieces(VEHICLES[name], seed, duration):
+        if not isinstance(piece, Step):
+            one.restart(piece)
+            continue
+        judged = status.update(one, piece, one.step(piece), True).status
+        low, high = intervals(one.parameters, one.covariance).get('mass', (-math.inf, math.inf))
+        found.append((judged == 'converged', low <= MASS <= high))
+    return found
+
+
+@pytest.mark.parametrize('name', ['dead-band, 20 N or -20 N', 'dead-band, 5 N or -5 N'])
+def test_thrust_of_one_size_cannot_tell_the_mass_from_a_dead_band(name):
+    """The model is right with a mass that is 18 or 150 % too large."""
+    for seed in range(2):
+        found = said(name, seed, 150.0)
+        assert not any(converged and not holds for converged, holds in found)
+
+
+@pytest.mark.parametrize('name', [
+    'dead-band 3 N', 'reverse thrust x 0.8', 'reverse drag x 1.3', 'coupled'])
+def test_the_interval_holds_before_blocks_can_judge_the_model(name):
+    # at 40 and 55 s
+    found = [said(name, seed, 55.0) for seed in range(4)]
+    assert sum(one[400][1] + one[-1][1] for one in found) >= 7
+
+
+def test_a_term_that_data_tell_adds_next_to_nothing():
+    """Its size is a hundred standard deviations, and it is not there."""
+    sharp, blunt = [judged([3.0, 0.0], 0.0, known, 1.0, 0) for known in (1e4, 0.0)]
+    assert averaged([sharp], UNIT)[0, 0] < 0.01
+    assert summed([sharp], 2)[0, 0] < 1e-3 * summed([blunt], 2)[0, 0]
+    assert averaged([sharp], UNIT)[1, 1] == 0.0
+
+
+def test_a_term_that_is_there_is_counted_with_its_size():
+    found = judged([0.5, 0.0], 1.0, 1e4, 1.0, 0)
+    assert found.mean == pytest.approx(1.0, rel=1e-3)
+    assert found.evidence > 1000.0
+    # the half width of what lies about 0.5, whichever way it is off
+    assert math.sqrt(1.0 + averaged([found], UNIT)[0, 0]) * 1.96 == pytest.approx(
+        0.5 + 1.645, abs=0.15)
+
+
+@pytest.mark.parametrize('sign', [0, -1, 1])
+@pytest.mark.parametrize(('coefficient', 'information'), [
+    (0.0, 0.0), (1.2, 3.0), (-0.7, 40.0), (-1.5, 60.0), (1.0, 100.0)])
+def test_what_data_say_of_a_term_is_bayes(coefficient, information, sign):
+    std = 0.8
+    found = judged([1.0], coefficient, information, std, sign)
+    x = np.linspace(-12.0, 12.0, 2_000_001)
+    prior = np.exp(-0.5 * (x / std)**2)
+    if sign:
+        prior[sign * x < 0.0] = 0.0
+    prior /= prior.sum()
+    # the likelihood over the one without the term
+    both = prior * np.exp(information * x * (coefficient - 0.5 * x))
+    mean = (x * both).sum() / both.sum()
+    assert found.evidence == pytest.approx(math.log(both.sum()), abs=3e-3)
+    assert found.mean == pytest.approx(mean, rel=1e-3, abs=1e-4)
+    assert found.variance == pytest.approx(((x - mean)**2 * both).sum() / both.sum(), rel=5e-3)
+
+
+def test_the_interval_is_that_of_the_average_over_vehicles_with_and_without():
+    terms = [judged([2.0, 0.1], 0.4, 5.0, 1.0, 0), judged([-1.0, 3.0], -0.3, 2.0, 0.5, -1)]
+    covariance = np.array([[1.0, 0.3], [0.3, 0.5]])
+    whole = covariance + averaged(terms, covariance)
+    random = np.random.default_rng(0)
+    odds = np.array([1.0, *[0.5 * math.exp(term.evidence) for term in terms]])
+    which = random.choice(3, 400_000, p=odds / odds.sum())
+    for i in range(2):
+        # either way of the estimate, for nobody knows on which side it is
+        mean = np.array([0.0, *[term.leaning[i] * term.mean for term in terms]])[which]
+        variance = np.array([0.0, *[term.leaning[i]**2 * term.variance for term in terms]])[which]
+        off = random.normal(mean, np.sqrt(covariance[i, i] + variance))
+        assert np.mean(abs(off) < 1.96 * math.sqrt(whole[i, i])) == pytest.approx(0.95, abs=2e-3)
+    assert np.linalg.eigvalsh(whole).min() > 0.0
+
+
+def test_the_sizes_are_those_of_thrusters_and_hulls():
+    sizes = expected([2.0, -1.0, -0.5, 0.0, 0.0])
+    assert sizes == {'reverse_thrust': (0.5, 0), 'reverse_drag': (pytest.approx(0.45), 0),
+                     'dead_band': (2.0, -1), 'lag': (2.0, -1)}
+
+
+def test_a_force_that_bends_is_taken_of_each_command():
+    recent = RecentForce()
+    recent.add([(0.3, 2.0), (0.2, -1.0), (0.1, 0.05), (0.4, -0.5)], held=True)
+    for start, end in ((0.05, 0.95), (0.31, 0.45), (-0.5, 0.4), (0.45, 1.3), (1.2, 1.4)):
+        time = np.linspace(start, end, 200_001)
+        force = np.select([time < 0.3, time < 0.5, time < 0.6], [2.0, -1.0, 0.05], -0.5)
+        for got, bent in zip(recent.bent(start, end, 0.2), (
+                np.minimum(force, 0.0), np.clip(force, -0.2, 0.2))):
+            assert got[0] == pytest.approx(np.trapezoid(bent, time), abs=1e-4)
+            assert got[1] == pytest.approx(np.trapezoid(bent * (end - time), time), abs=1e-4)
+    assert RecentForce().bent(0.0, 1.0, 0.2) == ((0.0, 0.0), (0.0, 0.0))
+
+
+def test_what_nothing_tells_yet_goes_on_after_a_restore():
+    steps = pieces(VEHICLES['dead-band 3 N'], 0, 60.0)
+    one, new = ExtendedKalman(SCALES), ExtendedKalman(SCALES)
+    one.restart(steps[0])
+    for step in steps[1:330]:
+        one.step(step)
+    new.restore(json.loads(json.dumps(one.state())))
+    assert (new.covariance, new.uncertainty.delay_std) == (
+        one.covariance, one.uncertainty.delay_std)
+    for step in steps[330:]:
+        one.step(step)
+        new.step(step)
+    assert new.covariance == one.covariance

@@ -528,6 +528,15 @@ MUTANTS = [
          'all_or_nothing_with_what_is_not_live refused_as_the_file_would_be',
          ('all can be set at any time',
           'or own_values([self.get_parameter(name)])[name] != shown.get(name)}', 'and False}')),
+    *_of('rovid_ros/node/parameters.py', 'test/node/test_live_parameters.py '
+         'what_is_set_is_told_and_what_stays_as_it_is_is_not '
+         'what_ros2_param_takes_for_text_is_a_number',
+         ('what stays as it is is told',
+          'if value != before[name]]', 'if True]'),
+         ('nothing that is set is told',
+          '                self.get_logger().info(line)', '                pass'),
+         ('a number without a point is text',
+          '_number(p) if isinstance(p.value, str)', 'p.value if isinstance(p.value, str)')),
     *_of('rovid_ros/node/process.py', 'test/node/test_node.py '
          'parameter_files_on_the_command_line '
          'the_command_line_wins_over_what_a_file_has_for_rclpy',

@@ -177,6 +177,7 @@ class ParameterNode(ManagedNode):
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
         others = [parameter for parameter in parameter_list if parameter.name not in OWN]
+        before = own_values(map(self.get_parameter, values))
         result = super().set_parameters_atomically(others + typed_parameters(values))
         if result.successful and values:
             live = {name: value for name, value in values.items() if name in LIVE}
@@ -185,7 +186,8 @@ class ParameterNode(ManagedNode):
                                 if name not in LIVE})
             self.apply_changes(live)
             for line in self._lines.allowed(
-                    [f'set {name}: {value}' for name, value in values.items()], time.monotonic()):
+                    [f'set {name}: {value}' for name, value in values.items()
+                     if value != before[name]], time.monotonic()):
                 self.get_logger().info(line)
         return result
 

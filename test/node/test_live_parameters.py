@@ -202,6 +202,18 @@ def put(peer: Peer, values: dict[str, Any]) -> str:
     return '' if result.result.successful else result.result.reason
 
 
+def test_what_is_set_is_told_and_what_stays_as_it_is_is_not(peer: Peer, start: Start) -> None:
+    node = start({'velocity.gate': 8.0})
+    assert put(peer, {'velocity.gate': 8.0, 'max_gap': 3.0}) == ''
+    assert put(peer, {'max_gap': 3.0}) == ''
+    assert put(peer, {'max_gap': -1.0}) != ''
+    assert put(peer, {'max_gap': 4.0}) == ''
+    assert node.stop() == 0
+    told = [line.partition(']: ')[2].strip() for line in node.output.splitlines()
+            if ']: set ' in line]
+    assert told == ['set max_gap: 3.0', 'set max_gap: 4.0']
+
+
 def test_the_service_and_the_parameter_are_one(peer: Peer, start: Start, tmp_path: Path) -> None:
     changes = {'checkpoint.path': str(tmp_path / 'checkpoint.json')}
     node = start(changes)

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.planar_filter import Noise, PlanarFilter, Row
+from rovid_core.identify.ekf.planar_filter import PlanarFilter
+from rovid_core.identify.ekf.planar_layout import Noise, Row
 from rovid_core.identify.ekf.recent_force import RecentForce
 from rovid_core.model.samples import PlanarPiece
 

@@ -43,27 +43,33 @@ class Run:
     noise: float = 0.005  # [m] or [m/s]
     duration: float = 100.0  # [s]
     pull: tuple[float, float] = (0.0, 0.0)  # of a tether, in the world [N]
+    weak: tuple[float, float] = (math.inf, 1.0)  # from when [s] thrust is how much of itself
 
 
 @lru_cache(maxsize=4)
 def events(run: Run) -> tuple[Event, ...]:
     """Return what its sensors say."""
     pushes = {**PUSHES, 'yaw': ()} if run.stiff else PUSHES
-    with patch.object(CoupledPlant, 'advance', _pulled(run.pull)):
+    with patch.object(CoupledPlant, 'advance', _advanced(run)):
         return tuple([Event(time, (Sample(name, value),)) for time, name, value in simulate(
             settings(run), run.duration, 0, pushes)])
 
 
-def _pulled(pull: tuple[float, float]) -> Callable[..., list[float]]:
-    advance = CoupledPlant.advance
+def _advanced(run: Run) -> Callable[..., list[float]]:
+    """Return how the plant goes on with the pull of a tether, and thrust that becomes weak."""
+    advance, (since, factor), now = CoupledPlant.advance, run.weak, 0.0
 
-    def pulled(plant: CoupledPlant, attitude: Quaternion, force: Sequence[float],
-               dt: float) -> list[float]:
-        x, y, _ = rotate_back(attitude, (*pull, 0.0))
+    def advanced(plant: CoupledPlant, attitude: Quaternion, force: Sequence[float],
+                 dt: float) -> list[float]:
+        nonlocal now
+        now += dt
+        x, y, _ = rotate_back(attitude, (*run.pull, 0.0))
         surge, sway, *rest = force
+        if now > since:
+            surge, sway = factor * surge, factor * sway
         return advance(plant, attitude, [surge + x, sway + y, *rest], dt)
 
-    return pulled
+    return advanced
 
 
 def with_headings_off(run: Run, degrees: float) -> tuple[Event, ...]:

@@ -13,7 +13,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from rovid_core.identify.ekf.planar_filter import AXES
+from rovid_core.identify.ekf.planar_layout import AXES
 from rovid_core.identify.ekf.score_blocks import f_tail, Regression, ScoreBlocks, Verdict
 
 FALSE_ALARM = 1e-5

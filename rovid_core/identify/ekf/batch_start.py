@@ -11,6 +11,7 @@ from typing import Any, Generic, Protocol, TypeVar
 from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, HUBER, Innovations
 from rovid_core.identify.ekf.measurements import LEAST_INTERVAL
+from rovid_core.identify.ekf.saved_steps import finite_number
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks
 from rovid_core.model.samples import PlanarStep, Step
 
@@ -33,9 +34,6 @@ SETTLED = 0.3
 
 BUDGET = 6_000
 """Measurements that are gone through at once; of more there are fewer passes."""
-
-LARGEST_NUMBER = 1e18
-"""Far more than any force, velocity or time of a step."""
 
 
 STEPS = (Step, PlanarStep)
@@ -225,45 +223,3 @@ def _level(sizes: Sequence[float]) -> float:
     level = max(median(sizes) / 0.6745, 1e-9)
     squares = [min(size / level, CLIP)**2 for size in sizes]
     return level * sqrt(fsum(squares) / len(squares) / CLIPPED)
-
-
-def read_step(values: Any, couplings: int, watched: int) -> Step | float:
-    """
-    Return a step with some number of regressors, or a velocity; raises ValueError.
-
-    Parameters
-    ----------
-    values : list or float
-        What a saved state has of it.
-    couplings, watched : int
-        How many there are.
-
-    """
-    if not isinstance(values, list):
-        return finite_number(values)
-    *plain, pairs, filtered, pieces, also = values
-    numbers = [tuple(map(finite_number, x)) if isinstance(x, (list, tuple)) else
-               finite_number(x) for x in plain]
-    regressors = (tuple([(finite_number(a), finite_number(b)) for a, b in pairs]),
-                  tuple(map(finite_number, filtered)), tuple(map(finite_number, also)))
-    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-4]) or (
-            _sizes(regressors) not in (
-                [0, 0, 0], [0, 0, watched], [couplings, couplings, watched])):
-        raise ValueError('a step does not fit')
-    held = tuple([(finite_number(a), finite_number(b)) for a, b in pieces])
-    step = Step._make([*numbers, *regressors[:2], held, regressors[2]])
-    if not step.dt > 0.0:
-        raise ValueError('a step takes no time')
-    return step
-
-
-def _sizes(values: Sequence[Any]) -> list[int]:
-    return [len(x) if isinstance(x, tuple) else -1 for x in values]
-
-
-def finite_number(value: Any) -> float:
-    """Return a number of a step; raises ValueError unless it is one."""
-    number = float(value)
-    if not abs(number) < LARGEST_NUMBER:
-        raise ValueError(f'{number} in a step')
-    return number

@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from rovid_core.identify.ekf.batch_start import (
     BatchStart,
-    finite_number,
     KNOWN,
     LONGEST,
     LONGEST_UNKNOWN,
@@ -27,52 +26,45 @@ from rovid_core.identify.ekf.batch_start import (
     USED,
 )
 from rovid_core.identify.ekf.clocks import clocks_in_doubt
+from rovid_core.identify.ekf.current_status import (
+    current_with_status,
+    unseen_current,
+    why_not_known,
+)
 from rovid_core.identify.ekf.extended_kalman import (
-    CHANGE,
     CORRELATION,
-    FilterUncertainty,
     FIRST_NOISE,
     FORGET,
     HELD_FIT,
     IDLE,
     LARGEST,
     MANY_BLOCKS,
-    NormalisedModel,
     UNEXPLAINED,
 )
-from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, SAID
+from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, RIGHT, SAID
 from rovid_core.identify.ekf.innovations import SOON
-from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats
+from rovid_core.identify.ekf.linearised_filter import floats
 from rovid_core.identify.ekf.missing_terms import described
-from rovid_core.identify.ekf.planar_filter import Array, Noise, Row
+from rovid_core.identify.ekf.normalised_model import FilterUncertainty
+from rovid_core.identify.ekf.planar_filter import Array
+from rovid_core.identify.ekf.planar_layout import AXES, CURRENT, Noise
 from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, PlanarMember
+from rovid_core.identify.ekf.planar_model import DOFS, PlanarModel
 from rovid_core.identify.ekf.planar_prediction import PlanarPrediction
+from rovid_core.identify.ekf.planar_row import PlanarRow
+from rovid_core.identify.ekf.saved_steps import read_planar_step
 from rovid_core.identify.ekf.turning import Turning
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
-from rovid_core.identify.method import Identifier
-from rovid_core.model.dofs import Four, PARAMETERS
-from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep, Step
+from rovid_core.model.dofs import Four
+from rovid_core.model.samples import PlanarStart, PlanarStep
 from rovid_core.settings.run import CurrentSettings, Scales
-
-DOFS = ('surge', 'sway')
-
-TURNING = {'surge': 'vr', 'sway': 'ur'}
-"""The coupling of each with the velocity of the other one."""
 
 WINDOW = 180.0
 """[s] Longest time that is kept to be gone through again."""
 
 BUDGET = 20_000
 """Steps that are gone through at once."""
-
-LARGEST_CURRENT = 5.0
-"""In standard deviations before anything is known."""
-
-KNOWN_CURRENT, SEEN = 0.02, 1.0 / 3.0
-"""Standard deviation [m/s] of a known current, and share of the prior of one that is seen."""
-
-THRUST_ELSEWHERE = 'thrust on other headings'
 
 
 class PlanarKalman:
@@ -98,56 +90,27 @@ class PlanarKalman:
 
     def __init__(self, scales: Mapping[str, Scales], settings: CurrentSettings) -> None:
         self._settings = settings
-        self._identified = tuple([dof for dof in DOFS if dof in scales])
-        self._scales = [scales[dof] if dof in scales else _drifting(
-            dof, next(iter(scales.values()))) for dof in DOFS]
-        self._models = [NormalisedModel(one) for one in self._scales]
-        self._rows = self._make_rows()
-        self._watched = [f'{dof} {name}' for dof, one in zip(DOFS, self._scales)
-                         for name in (*CANDIDATES, *one.watched)]
-        self._box = [(row.first + i, low, high) for row, model in zip(
-            self._rows, self._models) for i, low, high in model.box]
-        size = self._size = self._rows[1].end + 2
-        c = LARGEST_CURRENT * settings.prior
-        self._box += [(size - 2, -c, c), (size - 1, -c, c)]
-        self._initial = [*self._models[0].initial, *self._models[1].initial, 0.0, 0.0]
+        self._model = PlanarModel(scales, settings.prior)
         self.newest: int | None = None
-        self.rows = {dof: PlanarRow(self, DOFS.index(dof)) for dof in self._identified}
-        self._begin(self._initial)
-
-    def _make_rows(self) -> tuple[Row, Row]:
-        rows, first = [], 0
-        for dof, scales in zip(DOFS, self._scales):
-            names = scales.couplings
-            turning = TURNING[dof]
-            rows.append(Row(
-                first, first + 5 + len(names), scales.velocity,
-                first + 4 + names.index(turning) if turning in names else -1,
-                tuple([(first + 4 + k, k) for k, name in enumerate(names) if name != turning]),
-                len(scales.watched), scales.force))
-            first = rows[-1].end
-        return rows[0], rows[1]
-
-    def _prior(self) -> list[float]:
-        of_rows: list[float] = []
-        for dof, model in zip(DOFS, self._models):
-            of_rows += model.prior if dof in self._identified else (*model.prior[:-1], 0.0)
-        return [*of_rows, *[self._settings.prior**2 if self._free else 0.0] * 2]
+        self.rows = {dof: PlanarRow(self, DOFS.index(dof)) for dof in self._model.identified}
+        self._begin(self._model.initial)
 
     def reset(self) -> None:
         """Go back to the initial values."""
-        self._begin(self._initial)
+        self._begin(self._model.initial)
 
     def _begin(self, theta: Sequence[float]) -> None:
         self._theta = [*list(theta)[:-2], 0.0, 0.0]
+        self._variances = list(self._model.variances)
         self._free = False
         self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
-        self._prediction = PlanarPrediction(self._rows, self._size)
+        self._prediction = PlanarPrediction(self._model.rows, self._model.size)
         self._time = 0.0
         self._moving = False
         self._usable = [False, False]
+        self._noise = math.inf  # before the vehicle changed
         self._idle = 0.0
         self._windows = 0
         self._turning = Turning()
@@ -159,19 +122,21 @@ class PlanarKalman:
 
     def _new(self, force_std: float, theta: Sequence[float]) -> PlanarMember:
         """Return a filter at some parameters that knows the initial ones."""
-        prior, size, free = self._settings.prior, self._size, self._free
+        free, k = self._free, self._model.size - AXES
+        considered = {} if free else dict(enumerate(self._variances[k:], k))
         member = PlanarMember(
-            self._rows, self._theta, self._prior(),
-            {} if free else {size - 2: prior * prior, size - 1: prior * prior}, self._box,
+            self._model.rows, self._theta,
+            self._variances if free else [*self._variances[:k], *[0.0] * AXES], considered,
+            self._model.box,
             Noise(force_std, self._settings.change if free else 0.0),
-            FIRST_NOISE * max(row.velocity for row in self._rows), self._watched)
+            FIRST_NOISE * max(row.velocity for row in self._model.rows), self._model.watched)
         if member.filter.theta.tolist() != list(theta):
             member.filter.theta = np.array(theta, dtype=float)
-            member.filter.motion[4:6] = member.filter.theta[-2:]
+            member.filter.motion[CURRENT] = member.filter.theta[-2:]
         return member
 
     def _new_clock(self) -> PlanarClock:
-        return PlanarClock((self._scales[0].force, self._scales[1].force))
+        return PlanarClock((self._model.scales[0].force, self._model.scales[1].force))
 
     def _new_start(self) -> BatchStart[PlanarMember]:
         return BatchStart(self._new, self._new_clock, self._read, BUDGET)
@@ -215,14 +180,16 @@ class PlanarKalman:
             self._add_step(step, adapt)
         except (ArithmeticError, np.linalg.LinAlgError):
             theta = self._bank.best.filter.theta
-            whole = [*self._models[0].of(self.rows_parameters(0)),
-                     *self._models[1].of(self.rows_parameters(1)), 0.0, 0.0]
-            self._begin(whole if np.isfinite(theta).all() else self._initial)
+            whole = [*self._model.of[0].of(self.rows_parameters(0)),
+                     *self._model.of[1].of(self.rows_parameters(1)), 0.0, 0.0]
+            self._begin(whole if np.isfinite(theta).all() else self._model.initial)
             self.refused = 'diverged'
 
     def _add_step(self, step: PlanarStep, adapt: bool) -> None:
         start, clock = self._start, self._clock
-        beginning = start is not None and not self._windows and start.duration < SOON
+        changed = self._bank.changed_at > 0.0
+        beginning = (start is not None and not self._windows and start.duration < SOON
+                     and not changed)
         self._time += step.dt
         span = clock.add_step(step)
         if start is not None:
@@ -244,10 +211,11 @@ class PlanarKalman:
             return
         if start is not None:
             self._go_on_with_start(start, step, came, adapt)
-        elif adapt and self._bank.is_lost_often(found, self._time):
-            self._note_change()
-        if BLOCK in found:
-            self._end_blocks(found)
+        if adapt and (start is None or changed) and self._bank.is_lost_often(
+                found, self._time):
+            self._note_change(step)
+        elif BLOCK in found:
+            self._end_blocks(found, step)
         for dof, row in self.rows.items():
             row.v_hat = self._velocity(DOFS.index(dof), step)
         self._publish()
@@ -259,15 +227,15 @@ class PlanarKalman:
 
     def _in_range(self, step: PlanarStep) -> bool:
         return all(abs(force) <= LARGEST * scales.force
-                   for scales, forces in zip(self._scales, step.forces)
+                   for scales, forces in zip(self._model.scales, step.forces)
                    for force in forces) and all(
             abs(x) <= LARGEST * scales.velocity
-            for scales, x in zip(self._scales, step.velocity)) and all(
+            for scales, x in zip(self._model.scales, step.velocity)) and all(
             abs(x) <= LARGEST * 1e3 for x in step.value)
 
     def _has_thrust(self, step: PlanarStep) -> bool:
         found = False
-        for k, (scales, (one, other)) in enumerate(zip(self._scales, step.forces)):
+        for k, (scales, (one, other)) in enumerate(zip(self._model.scales, step.forces)):
             force = (one * step.parts[0] + other * step.parts[1]) / step.dt / scales.force
             self.excitations[k] -= math.expm1(-step.dt / FORGET) * (
                 force * force - self.excitations[k])
@@ -306,9 +274,15 @@ class PlanarKalman:
         if start.duration < start.next or turning.has_turned and not self._free:
             return
         self._solve_start(start, early=start.next <= PERIOD)
+        bank = self._bank
+        if bank.best.innovations.noise > RIGHT * self._noise and (
+                self._time < bank.changed_at + LONGEST_UNKNOWN):
+            # it changes on: what was kept is of more than one vehicle
+            self._begin_again(step, bank.changed_at)
+            return
         filter = self._bank.best.filter
         known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in (
-            self._rows[DOFS.index(dof)].first for dof in self._identified))
+            self._model.rows[DOFS.index(dof)].first for dof in self._model.identified))
         start.next = start.duration + (2.0 * PERIOD if known else PERIOD)
         if self._free and start.duration > (LONGEST if known else LONGEST_UNKNOWN):
             self._start = None
@@ -321,11 +295,11 @@ class PlanarKalman:
             member.judge()
         return True
 
-    def _end_blocks(self, found: Sequence[int]) -> None:
+    def _end_blocks(self, found: Sequence[int], step: PlanarStep) -> None:
         """Look at the blocks that are complete."""
         best, ended = self._bank.best, self._bank.ended(found)
         if self._start is None and self._bank.contradicted(ended):
-            self._note_change()
+            self._note_change(step)
             return
         for member in ended:
             member.judge()
@@ -344,30 +318,38 @@ class PlanarKalman:
             for k, (usable, fit) in enumerate(zip(self._usable, self._prediction.fits))]
 
     def _clocks(self, k: int) -> str:
-        best, i = self._bank.best, self._rows[k].end - 1
+        best, i = self._bank.best, self._model.rows[k].end - 1
         return clocks_in_doubt(best.verdict, i, best.filter.theta.item(i))
 
-    def _note_change(self) -> None:
-        for member in self._bank.members:
-            filter = member.filter
-            for row in self._rows:
-                for i in range(row.first, row.end - 1):
-                    if filter.theta_covariance[i, i] > 0.0:
-                        filter.theta_covariance[i, i] += (
-                            CHANGE * max(abs(filter.theta[i]), abs(self._theta[i])))**2
-        self._bank.begin_anew(self._time)
+    def _note_change(self, step: PlanarStep) -> None:
         self._usable = [False, False]
+        self._noise = self._bank.best.innovations.noise
+        self._begin_again(step, self._time)
+
+    def _begin_again(self, step: PlanarStep, changed_at: float) -> None:
+        """Begin with what the parameters may have become; the noise is what it was."""
+        velocity = self._velocity(0, step), self._velocity(1, step)
+        filter = self._bank.best.filter
+        self._theta = [*filter.theta[:-AXES].tolist(), *filter.motion[CURRENT].tolist()]
+        self._variances = self._model.variances_after_change(self._theta)
+        self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
+        for member in self._bank.members:
+            member.innovations.noise = self._noise
+        self._bank.changed_at = changed_at
+        self._start = self._new_start()
+        self._idle = 0.0
+        self.restart(PlanarStart(velocity, step.axes))
 
     def _velocity(self, k: int, step: PlanarStep) -> float:
         """Return the velocity over ground at the end of the step [m/s]."""
-        filter, row = self._bank.best.filter, self._rows[k]
+        filter, row = self._bank.best.filter, self._model.rows[k]
         theta, motion = filter.theta.tolist(), filter.motion.tolist()
         v, other = motion[2 + k], motion[3 - k]
         ahead = self._clock.ahead
         if ahead:
             alpha, beta, gamma, delta = theta[row.first:row.first + 4]
             scale = row.velocity
-            rate = alpha * step.forces[k][1] / self._scales[k].force + (
+            rate = alpha * step.forces[k][1] / self._model.scales[k].force + (
                 beta * abs(v / scale) + gamma) * v / scale + delta
             rate += math.fsum([theta[i] * step.couplings[k][m] for i, m in row.measured])
             if row.turning >= 0:
@@ -388,7 +370,7 @@ class PlanarKalman:
         self._current = self._find_current(covariance)
         for dof, published in self.rows.items():
             k = DOFS.index(dof)
-            row, model = self._rows[k], self._models[k]
+            row, model = self._model.rows[k], self._model.of[k]
             theta = best.filter.theta[row.first:row.end].tolist()
             published.parameters = model.parameters(theta)
             published.delay = theta[-1]
@@ -399,21 +381,11 @@ class PlanarKalman:
             published.excitation = self.excitations[k]
 
     def _find_current(self, of_theta: Array) -> Current:
-        prior = self._settings.prior
+        prior, best = self._settings.prior, self._bank.best
         if not self._free:
-            duration = 0.0 if self._start is None else self._start.duration
-            return Current(0.0, 0.0, (prior * prior, 0.0, prior * prior), math.nan,
-                           'unobservable', self._turning.advice(duration))
-        (x, y), spread = self._bank.best.filter.current(of_theta)
-        covariance = float(spread[0, 0]), float(spread[0, 1]), float(spread[1, 1])
-        std = math.sqrt(max(covariance[0], covariance[2], 0.0))
-        better = self._bank.best.alternative
-        found = Current(float(x), float(y), covariance, better.chi2, 'known')
-        if not std < SEEN * prior:
-            return found._replace(status='unobservable', advice=THRUST_ELSEWHERE)
-        if better.advice:
-            return found._replace(status='inconsistent', advice=better.advice)
-        return found if std < KNOWN_CURRENT else found._replace(status='converging')
+            return unseen_current(prior, self._turning.advice(
+                0.0 if self._start is None else self._start.duration))
+        return current_with_status(best.filter.current(of_theta), prior, best.alternative)
 
     @property
     def current(self) -> Current:
@@ -422,13 +394,13 @@ class PlanarKalman:
 
     def rows_parameters(self, k: int) -> Four:
         """Return the lumped parameters of surge (0) or sway (1)."""
-        row = self._rows[k]
-        return self._models[k].parameters(
+        row = self._model.rows[k]
+        return self._model.of[k].parameters(
             self._bank.best.filter.theta[row.first:row.end].tolist())
 
     def bounds(self, k: int) -> tuple[Four, Four]:
         """Return the lowest and the highest lumped parameters of surge (0) or sway (1)."""
-        return self._models[k].bounds
+        return self._model.of[k].bounds
 
     def note(self, k: int) -> str:
         """Return what the filter has to say of surge (0) or sway (1), '' if nothing."""
@@ -437,7 +409,7 @@ class PlanarKalman:
         if since < SAID:
             said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
         if self._current.advice:
-            said.append(_said_of(self._current))
+            said.append(why_not_known(self._current))
         if self._clocks(k):
             said.append(self._clocks(k))
         verdict = self._bank.best.verdict
@@ -445,10 +417,10 @@ class PlanarKalman:
         if missing is not None:
             dof, name = missing.name.split()
             if dof == DOFS[k]:
-                row = self._rows[k]
+                row = self._model.rows[k]
+                theta = self._bank.best.filter.theta[row.first:row.end].tolist()
                 said.append(described(
-                    replace(missing, name=name),
-                    self._bank.best.filter.theta[row.first:row.end].tolist(), self._scales[k]))
+                    replace(missing, name=name), theta, self._model.scales[k]))
         elif verdict is not None and verdict.scatter > UNEXPLAINED and (
                 verdict.count >= MANY_BLOCKS):
             said.append('the model does not explain all of the motion: the intervals are wider')
@@ -459,7 +431,7 @@ class PlanarKalman:
         if self._usable[k]:
             return ''
         if self._current.status != 'known':
-            return _said_of(self._current)
+            return why_not_known(self._current)
         if self._bank.best.verdict is None:
             return 'there are no independent pieces of data yet to judge the intervals by'
         if self._clocks(k):
@@ -472,7 +444,9 @@ class PlanarKalman:
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {
-            'theta': list(self._theta), 'free': self._free, 'bank': self._bank.state(),
+            'theta': list(self._theta), 'variances': list(self._variances),
+            'noise': None if self._noise == math.inf else self._noise, 'free': self._free,
+            'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'prediction': self._prediction.state(), 'time': self._time,
@@ -492,8 +466,12 @@ class PlanarKalman:
             raise
 
     def _restore(self, state: Mapping[str, Any]) -> None:
-        theta = floats(state['theta'], self._size)
+        theta = floats(state['theta'], self._model.size)
         self._begin(theta)
+        self._theta = theta
+        self._variances = floats(state['variances'], self._model.size)
+        if state['noise'] is not None:
+            self._noise, = floats([state['noise']], 1)
         self._free = bool(state['free'])
         self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
         self._bank.restore(state['bank'])
@@ -513,114 +491,8 @@ class PlanarKalman:
         self._publish()
 
     def _read(self, values: Any) -> PlanarStep | PlanarStart:
-        """Return a step or a start from its numbers; raises ValueError."""
-        if len(values) == len(PlanarStart._fields):
-            (u, v), (a, b, c, d), gap = values
-            return PlanarStart((finite_number(u), finite_number(v)), (
-                finite_number(a), finite_number(b), finite_number(c), finite_number(d)),
-                finite_number(gap))
-        dt, interval, noise, *rest = [finite_number(values[i]) for i in (0, 2, 8)]
-        velocity, parts, value = [
-            (finite_number(a), finite_number(b)) for a, b in (values[1], values[3], values[5])]
-        (p, q), (r, s) = values[4]
-        a, b, c, d = map(finite_number, values[7])
-        one, other = [tuple(map(finite_number, x)) for x in values[9]]
-        held, more = [tuple([(finite_number(x), finite_number(y)) for x, y in pieces])
-                      for pieces in values[10]]
-        sizes = [row.couplings + row.watched if dof in self._identified else 0
-                 for dof, row in zip(DOFS, self._rows)]
-        if not (dt > 0.0 and values[6]) or [len(one), len(other)] != sizes:
-            raise ValueError('a step does not fit')
-        return PlanarStep(
-            dt, velocity, interval, parts, ((finite_number(p), finite_number(q)),
-                                            (finite_number(r), finite_number(s))), value,
-            tuple([PlanarPiece(*floats(piece, 7)) for piece in values[6]]), (a, b, c, d), noise,
-            (one, other), (held, more))
-
-
-class PlanarRow(Identifier):
-    """
-    What the filter of surge and sway says of one of them.
-
-    Parameters
-    ----------
-    filter : PlanarKalman
-        It takes the steps before this is asked.
-    k : int
-        0 for surge, 1 for sway.
-
-    """
-
-    converged_share = 0.1
-    judges_errors = True
-
-    def __init__(self, filter: PlanarKalman, k: int) -> None:
-        self._filter, self._k = filter, k
-        self.parameters = (0.0, 0.0, 0.0, 0.0)
-        self.v_hat = math.nan
-        self.excitation = 0.0
-
-    @property
-    def note(self) -> str:
-        """Return what the filter has to say."""
-        return self._filter.note(self._k)
-
-    @property
-    def doubt(self) -> str:
-        """Return why the model may not be used yet, '' if it may."""
-        return self._filter.doubt(self._k)
-
-    def step(self, step: Step, adapt: bool = True) -> str:
-        """Return what the filter made of the step that it took for both."""
-        return self._filter.refused
-
-    def restart(self, velocity: float) -> None:
-        """Do nothing: the filter takes up both velocities at once."""
-
-    def reset(self) -> None:
-        """Go back to the initial values, with the other one."""
-        self._filter.reset()
-
-    def state(self) -> dict[str, Any]:
-        """Return what is needed to go on; the first of both has all of it."""
-        shared = self is next(iter(self._filter.rows.values()))
-        return {'parameters': list(self.parameters),
-                'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
-                'planar': self._filter.state() if shared else None}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from ``state``; raises ValueError if it does not fit."""
-        parameters = floats(state['parameters'], 4)
-        low, high = self.bounds
-        for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
-            if not bottom <= p <= top:
-                raise ValueError(f'{name} {p} is outside {bottom} to {top}')
-        v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
-        shared = state['planar']
-        if (shared is None) == (self is next(iter(self._filter.rows.values()))):
-            raise ValueError('the state of another filter')
-        if shared is not None:
-            self._filter.restore(shared)
-        self.v_hat = v_hat
-
-    @property
-    def bounds(self) -> tuple[Four, Four]:
-        """Return the lowest and the highest lumped parameters."""
-        return self._filter.bounds(self._k)
-
-
-def _said_of(current: Current) -> str:
-    """Return why a current that is not known is not."""
-    if current.advice:
-        return f'the current is {current.status}: {current.advice}'
-    return f'the current is known to {100.0 * max(current.std):.0f} cm/s'
+        return read_planar_step(values, self._model.regressors)
 
 
 def _start_of(step: PlanarStep) -> PlanarStart:
     return PlanarStart(step.velocity, step.axes)
-
-
-def _drifting(dof: str, other: Scales) -> Scales:
-    """Return the scales of one without thrust, like the other one's."""
-    return replace(other, active=(False, True, True, True), couplings=(TURNING[dof],),
-                   watched=())

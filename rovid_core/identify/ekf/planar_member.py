@@ -11,12 +11,11 @@ from rovid_core.identify.ekf.alternatives import better_than_a_current, NOT_JUDG
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.linearised_filter import Bounds, floats
-from rovid_core.identify.ekf.planar_filter import (
+from rovid_core.identify.ekf.planar_filter import Array, PlanarFilter
+from rovid_core.identify.ekf.planar_layout import (
     ALTERNATIVES,
-    Array,
     AXES,
     Noise,
-    PlanarFilter,
     PlanarInnovation,
     Row,
     SIZE,

@@ -13,7 +13,7 @@ from itertools import islice, product
 import math
 
 import numpy as np
-from rovid_core.identify.ekf.extended_kalman import DELAY_STD
+from rovid_core.identify.ekf.normalised_model import DELAY_STD
 from rovid_core.model.dofs import Four
 from rovid_core.model.plant import lumped, physical
 from rovid_core.model.trajectory import Array, midpoint_steps

@@ -1,0 +1,148 @@
+"""Parameters in typical forces and velocities: what filters begin with and say of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from typing import cast
+
+from rovid_core.identify.ekf.clocks import DELAYS
+from rovid_core.identify.ekf.linearised_filter import ALPHA
+from rovid_core.model.dofs import COUPLING_PRIORS, Four, RESTORING
+from rovid_core.settings.run import Scales
+
+CHANGE = 0.5
+"""What the parameters may have changed by, relative, when the vehicle has changed."""
+
+MAX_COUPLING = 100.0
+"""Largest coupling, in the standard deviations that it has before any data."""
+
+DELAY_STD = 0.05
+"""[s] of the guess that there is none."""
+
+
+class NormalisedModel:
+    """
+    What a filter begins with, and its parameters in SI units.
+
+    alpha to delta become accelerations in typical velocities per second.
+
+    Parameters
+    ----------
+    scales : Scales
+        Of the degree of freedom.
+
+    Attributes
+    ----------
+    initial : list of 5 + m floats
+        Parameters, m couplings and delay [s].
+    prior : tuple of 5 + m floats
+        Their variances before any measurement.
+    box : list
+        Their bounds: index, lowest, highest value.
+    bounds : tuple
+        The lowest and the highest lumped parameters.
+
+    """
+
+    def __init__(self, scales: Scales) -> None:
+        v, f = scales.velocity, scales.force
+        self.unit = (v / f, 1.0 / v, 1.0, v)
+        self.active = scales.active
+        self.couplings = scales.couplings
+        self.initial = self.of(scales.initial)
+        self.bounds = low, high = scales.bounds()
+        self.box = [
+            (ALPHA + k, low[k] / self.unit[k], high[k] / self.unit[k])
+            for k in range(4) if scales.active[k]]
+        coupled = [COUPLING_PRIORS.get(name, 2.0) / v for name in scales.couplings]
+        self.box += [(4 + k, -MAX_COUPLING * s, 0.0 if name in RESTORING else MAX_COUPLING * s)
+                     for k, (name, s) in enumerate(zip(scales.couplings, coupled))]
+        self.box += [(4 + len(coupled), *DELAYS)]
+        # a drag of 2 alpha balances twice the typical force at the typical speed
+        alpha, beta, gamma, delta = map(abs, self.initial[:4])
+        std = (2.0 * alpha, 2.0 * max(alpha, beta), 2.0 * max(alpha, gamma), max(alpha, delta))
+        self.prior = (*[s * s if on else 0.0 for s, on in zip(std, self.active)],
+                      *[s * s for s in coupled], DELAY_STD**2)
+
+    def of(self, parameters: Sequence[float]) -> list[float]:
+        """Return theta of lumped parameters, with no couplings and no delay."""
+        return [*[p / u for p, u in zip(parameters, self.unit)], *[0.0] * len(self.couplings), 0.0]
+
+    def parameters(self, theta: Sequence[float]) -> Four:
+        """Return the lumped parameters."""
+        p, q, r, s = theta[:4]
+        i, j, k, m = self.unit
+        (a, b, c, d), (e, f, g, h) = self.bounds
+        p, q, r, s = p * i, q * j, r * k, s * m
+        if a <= p <= e and b <= q <= f and c <= r <= g and d <= s <= h:
+            return p, q, r, s
+        # unscaling may lead out of the bounds by a last bit
+        return (min(max(p, a), e), min(max(q, b), f), min(max(r, c), g), min(max(s, d), h))
+
+
+class FilterUncertainty:
+    """
+    What a covariance in normalised units says of the lumped parameters.
+
+    It is not to be changed. What is read is computed once: most of an estimate is told by it.
+
+    Parameters
+    ----------
+    of_theta : sequence of p sequences of p floats
+        The covariance.
+    inflation : float
+        By which it is to be multiplied.
+    unit : tuple of 4 floats
+        Of alpha to delta.
+    active : tuple of 4 bools
+        Which of them there are.
+    added : sequence of p sequences of p floats, optional
+        To the inflated covariance, for what the data do not tell.
+
+    """
+
+    def __init__(self, of_theta: Sequence[Sequence[float]], inflation: float, unit: Four,
+                 active: tuple[bool, bool, bool, bool],
+                 added: Sequence[Sequence[float]] = ()) -> None:
+        self._of_theta = of_theta
+        self._added = added
+        self._inflation = inflation
+        self._unit = unit
+        self._active = active
+        self._covariance: tuple[float, ...] = ()
+        self._std: Four | None = None
+
+    @property
+    def covariance(self) -> tuple[float, ...]:
+        """Return that of the lumped parameters, 16 floats by rows."""
+        if not self._covariance:
+            self._covariance = tuple([
+                u * v * self._entry(i, j)
+                for i, u in enumerate(self._unit) for j, v in enumerate(self._unit)])
+        return self._covariance
+
+    @property
+    def std(self) -> Four:
+        """Return the standard deviations, NaN for left-out terms."""
+        if self._std is None:
+            self._std = cast(Four, tuple([
+                math.sqrt(x) if on else math.nan
+                for x, on in zip(self.covariance[::5], self._active)]))
+        return self._std
+
+    @property
+    def delay_std(self) -> float:
+        """Return the standard deviation of the delay [s]."""
+        return math.sqrt(self._entry(-1, -1))
+
+    @property
+    def couplings_std(self) -> tuple[float, ...]:
+        """Return the standard deviations of the couplings."""
+        return tuple([
+            self._unit[3] * math.sqrt(self._entry(k, k))
+            for k in range(4, len(self._of_theta) - 1)])
+
+    def _entry(self, i: int, j: int) -> float:
+        inflated = float(self._of_theta[i][j]) * self._inflation
+        return inflated + self._added[i][j] if self._added else inflated

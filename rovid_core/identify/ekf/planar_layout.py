@@ -1,0 +1,106 @@
+"""Where motion, parameters and regressors of surge and sway stand in their filter."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SIZE = 8
+"""Of the motion: X, Y, u, v, current x and y, unknown acceleration of surge and sway."""
+
+CURRENT = slice(4, 6)
+"""Where the current stands in the motion."""
+
+AXES = 2
+
+ALTERNATIVES = ('pull_x', 'pull_y', 'heading')
+"""
+What a current may be mistaken for, watched behind all other regressors.
+
+A constant pull in the world along x and y [N], and an offset of the headings [rad].
+"""
+
+
+class Row(NamedTuple):
+    """
+    Where the parameters of surge or sway stand, and what its couplings are.
+
+    Attributes
+    ----------
+    first : int
+        Index of alpha; delay stands at ``end - 1``.
+    end : int
+        Index behind its parameters.
+    velocity : float
+        Typical one [m/s]: the parameters are accelerations in it per second.
+    turning : int
+        Index of the coupling with the other one's velocity and the yaw rate, -1 for none.
+    measured : tuple of (int, int)
+        Index of each other coupling, and its number among the regressors.
+    watched : int
+        Regressors that are watched besides ``CANDIDATES``; they stand behind the others.
+    force : float
+        Typical one [N].
+
+    """
+
+    first: int
+    end: int
+    velocity: float
+    turning: int
+    measured: tuple[tuple[int, int], ...]
+    watched: int = 0
+    force: float = 1.0
+
+    @property
+    def couplings(self) -> int:
+        """Return how many couplings it has."""
+        return self.end - self.first - 5
+
+
+class Noise(NamedTuple):
+    """
+    What moves without being modelled.
+
+    Attributes
+    ----------
+    force_std : float
+        Stationary standard deviation of the unknown accelerations, in typical ones.
+    current : float
+        Spectral density of the current's change, per axis [m^2/s^3].
+
+    """
+
+    force_std: float
+    current: float
+
+
+class PlanarInnovation(NamedTuple):
+    """
+    A measurement against what was predicted.
+
+    Attributes
+    ----------
+    error : float
+        By how much it is off.
+    given, total : float
+        The variance of that, for given parameters and altogether.
+    psi : ndarray, shape (p + c,)
+        Its derivatives by the parameters and the watched regressors.
+    gain : ndarray, shape (p,)
+        Covariance of the parameters with it.
+    across : ndarray, shape (8,)
+        Covariance of the motion with it, for given parameters.
+
+    """
+
+    error: float
+    given: float
+    total: float
+    psi: Array
+    gain: Array
+    across: Array

@@ -1,0 +1,86 @@
+"""What the filter of surge and sway says of one of them, as of an identifier of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+import math
+from typing import Any, TYPE_CHECKING
+
+from rovid_core.identify.ekf.linearised_filter import floats
+from rovid_core.identify.method import Identifier
+from rovid_core.model.dofs import Four, PARAMETERS
+from rovid_core.model.samples import Step
+
+if TYPE_CHECKING:
+    from rovid_core.identify.ekf.planar_kalman import PlanarKalman
+
+
+class PlanarRow(Identifier):
+    """
+    What the filter of surge and sway says of one of them.
+
+    Parameters
+    ----------
+    filter : PlanarKalman
+        It takes the steps before this is asked.
+    k : int
+        0 for surge, 1 for sway.
+
+    """
+
+    converged_share = 0.1
+    judges_errors = True
+
+    def __init__(self, filter: PlanarKalman, k: int) -> None:
+        self._filter, self._k = filter, k
+        self.parameters = (0.0, 0.0, 0.0, 0.0)
+        self.v_hat = math.nan
+        self.excitation = 0.0
+
+    @property
+    def note(self) -> str:
+        """Return what the filter has to say."""
+        return self._filter.note(self._k)
+
+    @property
+    def doubt(self) -> str:
+        """Return why the model may not be used yet, '' if it may."""
+        return self._filter.doubt(self._k)
+
+    def step(self, step: Step, adapt: bool = True) -> str:
+        """Return what the filter made of the step that it took for both."""
+        return self._filter.refused
+
+    def restart(self, velocity: float) -> None:
+        """Do nothing: the filter takes up both velocities at once."""
+
+    def reset(self) -> None:
+        """Go back to the initial values, with the other one."""
+        self._filter.reset()
+
+    def state(self) -> dict[str, Any]:
+        """Return what is needed to go on; the first of both has all of it."""
+        shared = self is next(iter(self._filter.rows.values()))
+        return {'parameters': list(self.parameters),
+                'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
+                'planar': self._filter.state() if shared else None}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        parameters = floats(state['parameters'], 4)
+        low, high = self.bounds
+        for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
+            if not bottom <= p <= top:
+                raise ValueError(f'{name} {p} is outside {bottom} to {top}')
+        v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
+        shared = state['planar']
+        if (shared is None) == (self is next(iter(self._filter.rows.values()))):
+            raise ValueError('the state of another filter')
+        if shared is not None:
+            self._filter.restore(shared)
+        self.v_hat = v_hat
+
+    @property
+    def bounds(self) -> tuple[Four, Four]:
+        """Return the lowest and the highest lumped parameters."""
+        return self._filter.bounds(self._k)

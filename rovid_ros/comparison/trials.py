@@ -33,6 +33,8 @@ REFERENCE = 'output_error'  # the method that is preferred among methods that pr
 AS_GOOD = 1.02  # errors within this factor are the same
 # A term has to lower the error by this share to be kept: without it the model is simpler.
 WORTH = 0.01
+# Of the strongest push of any log; a log that pushes a DOF by less judges no model of it.
+HARDLY = 1.0 / 3.0
 # Standard deviations from 0 above which an identified delay of the thrust is noted.
 DELAY_SIGNIFICANCE = 3.0
 
@@ -119,9 +121,18 @@ class TrialPlayer(PipelinePlayer):
                 0.0 if math.isnan(identifier.delay) else identifier.delay)
         return found
 
-    def excites(self, dof: str) -> bool:
-        """Tell whether something pushed a DOF: what predicts it otherwise says nothing."""
-        return self.stream.judgement(dof).status != 'unexcited'
+    def push(self, dof: str) -> float:
+        """
+        Return the size of what pushed a DOF [N or N m], 0 where nothing did.
+
+        It is sqrt(mean F^4 / mean F^2): time without thrust does not count.
+        """
+        if self.stream.judgement(dof).status == 'unexcited':
+            return 0.0
+        pieces = self.scores.records(dof)
+        squares, fourths = (math.fsum(float(np.sum(one.dt * one.force ** power)) for one in pieces)
+                            for power in (2, 4))
+        return math.sqrt(fourths / squares) if squares > 0.0 else 0.0
 
     def _keep_current(self, estimate: Estimate) -> None:
         current = estimate.current
@@ -176,7 +187,7 @@ class Model:
     # by the name of the log, with all DOFs of the same method simulated together; empty without
     # couplings
     joint: Mapping[str, Score] = field(default_factory=dict)
-    # names of logs in which nothing pushes the DOF: averages leave them out
+    # names of logs that hardly push the DOF: averages leave them out
     idle: frozenset[str] = frozenset()
 
     @property
@@ -224,12 +235,14 @@ def compare(trials: Sequence[Trial], settings: Settings, for_each: ForEach) -> l
     there is only one).
     """
     pairs = [(trial, dof) for trial in trials if trial.trains for dof in settings.dofs]
-    chosen = for_each('terms', lambda pair: _best_terms(*pair, settings, trials), pairs)
+    idle = {dof: _idle(dof, trials) for dof in settings.dofs}
+    chosen = for_each('terms', lambda pair: _best_terms(
+        *pair, settings, trials, idle[pair[1]]), pairs)
     jobs = [job for (trial, dof), best in zip(pairs, chosen)
             for job in _jobs(trial, dof, settings, best)]
     models: list[Model] = []
     for job, model in zip(jobs, for_each(
-            'compare', lambda job: _model(job, settings, trials), jobs)):
+            'compare', lambda job: _model(job, settings, trials, idle[job.dof]), jobs)):
         models.append(model)
         if job.configured and job.best:
             models.append(replace(model, selected=True))
@@ -283,15 +296,22 @@ def _jobs(trial: Trial, dof: str, settings: Settings, best: DofSettings) -> Iter
             yield _Job(trial, dof, method, best, False, True)
 
 
-def _best_terms(trial: Trial, dof: str, settings: Settings,
-                trials: Sequence[Trial]) -> DofSettings:
+def _idle(dof: str, trials: Sequence[Trial]) -> frozenset[str]:
+    """Return the names of the logs that hardly push a DOF: what predicts these says little."""
+    pushes = {trial.name: trial.player.push(dof) for trial in trials}
+    least = HARDLY * max(pushes.values(), default=0.0)
+    return frozenset([name for name, push in pushes.items() if push <= least])
+
+
+def _best_terms(trial: Trial, dof: str, settings: Settings, trials: Sequence[Trial],
+                idle: frozenset[str]) -> DofSettings:
     """Choose with the models of a quick method; every method then fits the chosen terms."""
     configured = settings.dof[dof]
     # least squares is quicker, but leaves couplings out
     method = OFFLINE[REFERENCE if configured.couplings else 'least_squares']
     records = trial.scores.records(dof)
     judges = [t for t in trials if t is not trial and t.scores.records(dof)
-              and t.player.excites(dof)] or [trial]
+              and t.name not in idle] or [trial]
 
     def error(candidate: DofSettings) -> float:
         fit = method(records, Scales.of(candidate), settings)
@@ -309,7 +329,8 @@ def _best_terms(trial: Trial, dof: str, settings: Settings,
     return best
 
 
-def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
+def _model(job: _Job, settings: Settings, trials: Sequence[Trial],
+           idle: frozenset[str]) -> Model:
     trial, dof = job.trial, job.dof
     if job.method in OFFLINE:
         fit = OFFLINE[job.method](trial.scores.records(dof), Scales.of(job.dof_settings), settings)
@@ -317,8 +338,7 @@ def _model(job: _Job, settings: Settings, trials: Sequence[Trial]) -> Model:
         fit = trial.player.fits(dof)[job.method]
     sound = all(map(math.isfinite, fit.parameters))
     model = Model(job.method, trial.name, dof, job.dof_settings.terms, not job.configured, fit, {},
-                  settings.dof[dof].couplings if fit.couplings else (),
-                  idle=frozenset([t.name for t in trials if not t.player.excites(dof)]))
+                  settings.dof[dof].couplings if fit.couplings else (), idle=idle)
     return replace(model, scores={
         t.name: t.scores.score(dof, model.all_parameters, fit.delay) if sound else Score()
         for t in trials})

@@ -104,6 +104,19 @@ def test_averages_leave_out_logs_that_do_not_push() -> None:
     assert model(idle=frozenset(logs)).error(logs) == pytest.approx(9.03 / 3)
 
 
+def test_a_log_that_hardly_pushes_judges_no_model(
+        folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    config, weak = str(folder / 'rov.yaml'), folder / 'weak.mcap'
+    assert main(['simulate', '--params-file', config, '--duration', '60', '--output', str(weak),
+                 '--profile', f'surge=15@0.06{STILL}']) == 0
+    for validate, said in ((weak, 't1.mcap, on which it was trained,'),
+                           (folder / 't2.mcap', 't2.mcap to')):
+        capsys.readouterr()
+        assert main(['compare', str(folder / 't1.mcap'), '--validate', str(validate),
+                     '--params-file', config, '--duration', '60']) == 0
+        assert f'predicts the velocity of {said}' in capsys.readouterr().out
+
+
 def test_the_report_and_export_take_it(folder: Path) -> None:
     page = (folder / 'out.html').read_text()
     assert 'Surge' in page

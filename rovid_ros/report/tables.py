@@ -97,24 +97,26 @@ def matrix(dof: str, values: Data, logs: Sequence[Data]) -> Html:
     best = [min((row[j] for row in maes if math.isfinite(row[j])), default=math.nan)
             for j in range(len(names))]
     groups: dict[tuple[str, ...], list[Sequence[str]]] = {}
+    together = ''
     for model, row in zip(models, maes):
         cells: list[str] = [_model(model)]
         for j, name in enumerate(names):
             classes = [f'heat{level(row[j], known)}'] if math.isfinite(row[j]) else []
             classes += ['own'] if name == model.get('trained_on') else []
             classes += ['best'] if same(row[j], best[j]) else []
-            fits = f'fit {percent(score(model, name, "fit"))}'
+            fits = [small(f'fit {percent(score(model, name, "fit"))}')]
             joint = score(model, name, 'fit_joint')
             if math.isfinite(joint):
-                fits += f', all DOFs simulated {percent(joint)}'
-            cells.append(tag('td', quantity(row[j], unit), small(fits),
+                fits.append(small(f'all together {percent(joint)}'))  # as a replay calls it
+                together = '; all together: with all DOFs simulated'
+            cells.append(tag('td', quantity(row[j], unit), *fits,
                              class_=' '.join(classes) or None))
         if len(names) > 1:
             mae, mean_fit = mean_score(model)
             cells.append(join(quantity(mae, unit), small(f'fit {percent(mean_fit)}')))
         groups.setdefault(tuple(model.get('terms') or ()), []).append(cells)
     caption = join(tag('b', capital(dof)), ' ', small(
-        f'mean |v_sim − v| [{unit}] and fit of each model (rows) on each log (columns)'))
+        f'mean |v_sim − v| [{unit}] and fit of each model (rows) on each log (columns){together}'))
     head = ['model', *(join(log['name'], small(_role(log))) for log in logs),
             *(['mean'] if len(names) > 1 else [])]
     return table(caption, head, list(groups.values()), class_='matrix')

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 import csv
 import json
 from pathlib import Path
+import re
 from typing import Any
 
 from mcap.reader import make_reader
@@ -175,7 +176,8 @@ def test_the_report_shows_them(folder: Path) -> None:
     page = (folder / 'compared.html').read_text()
     for _, (name, _) in KAPPAS.items():
         assert f'coupling <i>κ<sub>{name}</sub></i>' in page
-    assert 'all DOFs simulated' in page
+    assert 'all together: with all DOFs simulated' in page
+    assert re.search(r'<small>fit [^<]*</small><small>all together [^<]*</small>', page)
 
 
 def test_export_has_them(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,15 +21,15 @@ UNIT = np.eye(2)
 
 
 def said(name, seed, duration):
-    """Return, per step, whether a vehicle has converged, and whether its interval holds."""
+    """Return, per step, whether it has converged, whether its interval holds, and the reasons."""
     one, status, found = ExtendedKalman(SCALES), DofStatus(SCALES, 3.0), []
     for piece in pieces(VEHICLES[name], seed, duration):
         if not isinstance(piece, Step):
             one.restart(piece)
             continue
-        judged = status.update(one, piece, one.step(piece), True).status
+        judged = status.update(one, piece, one.step(piece), True)
         low, high = intervals(one.parameters, one.covariance).get('mass', (-math.inf, math.inf))
-        found.append((judged == 'converged', low <= MASS <= high))
+        found.append((judged.status == 'converged', low <= MASS <= high, judged.reasons))
     return found
 
 
@@ -38,7 +38,14 @@ def test_thrust_of_one_size_cannot_tell_the_mass_from_a_dead_band(name):
     """The model is right with a mass that is 18 or 150 % too large."""
     for seed in range(2):
         found = said(name, seed, 150.0)
-        assert not any(converged and not holds for converged, holds in found)
+        assert not any(converged and not holds for converged, holds, _ in found)
+        assert 'push at several sizes' in ' '.join(found[-1][2])
+
+
+def test_what_matters_little_is_not_asked_for():
+    *_, (converged, _, reasons) = said('exact', 0, 150.0)
+    assert converged
+    assert not any('cannot be told' in reason for reason in reasons)
 
 
 @pytest.mark.parametrize('name', [

@@ -36,7 +36,7 @@ from rovid_core.identify.ekf.filter_bank import (
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.missing_terms import described
+from rovid_core.identify.ekf.missing_terms import described, UNTOLD
 from rovid_core.identify.ekf.normalised_model import CHANGE, FilterUncertainty, NormalisedModel
 from rovid_core.identify.ekf.saved_steps import read_step
 from rovid_core.identify.ekf.score_blocks import Verdict
@@ -230,6 +230,10 @@ class ExtendedKalman(Identifier):
         elif verdict is not None and verdict.scatter > UNEXPLAINED and (
                 verdict.count >= MANY_BLOCKS):
             said.append('the model does not explain all of the motion: the intervals are wider')
+        elif verdict is not None and verdict.untold and (
+                verdict.covariance[ALPHA][ALPHA] > (
+                    self.converged_share * self._bank.best.filter.theta[ALPHA])**2):
+            said.append(UNTOLD[verdict.untold])
         return '; '.join(said)
 
     @property

@@ -59,5 +59,14 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
     return f'{_percent(missing)} of the error follows {said}, which the model does not have'
 
 
+UNTOLD = {
+    'reverse_thrust': 'weaker thrust in reverse cannot be told from the mass yet: push both ways',
+    'reverse_drag': 'other drag in reverse cannot be told from the mass yet: move both ways',
+    'dead_band': 'a dead band of the thrusters cannot be told from the mass yet: push at several '
+                 'sizes',
+    'lag': 'a lag of the thrusters cannot be told from the mass yet: change the thrust more often'}
+"""What to do about a term that a log does not tell, by its name."""
+
+
 def _percent(missing: Missing) -> str:
     return f'{100.0 * missing.share:.0f} %'

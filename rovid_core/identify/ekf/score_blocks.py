@@ -17,10 +17,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats, Innovation
+from rovid_core.identify.ekf.linearised_filter import ALPHA, CANDIDATES, floats, Innovation
 from rovid_core.identify.ekf.unseen_terms import (
     averaged,
     expected,
+    foremost,
     judged,
     summed,
     UnseenTerm,
@@ -128,6 +129,8 @@ class Verdict:
         Of the blocks.
     theta : list of p floats
         The parameters that fit all of them best, also beyond their bounds.
+    untold : str
+        The term that the vehicle may have and that makes most of alpha's variance, '' if none.
 
     """
 
@@ -136,6 +139,7 @@ class Verdict:
     missing: Missing | None
     count: int
     theta: list[float]
+    untold: str
 
 
 class ScoreBlocks:
@@ -398,15 +402,20 @@ class _Fit:
                 kappa, share, moved = found
                 missing = Missing(name, kappa, share)
         covariance = covariance + np.outer(moved, moved)
+        untold = ''
         if missing is None:
             terms = self._unseen(candidates, 1.0)
             if terms:
-                covariance = covariance + averaged(terms, covariance)
+                added = averaged(list(terms.values()), covariance)
+                if added[ALPHA, ALPHA] > covariance[ALPHA, ALPHA]:
+                    untold = foremost(terms, ALPHA)
+                covariance = covariance + added
         for k, variance in considered.items():
             # after S. F. Schmidt: what it moves the parameters by
             leaning = self.c @ self.total[a, k]
             covariance = covariance + variance * np.outer(leaning, leaning)
-        return Verdict(self._full(covariance), scatter, missing, n, self._all_parameters())
+        return Verdict(self._full(covariance), scatter, missing, n, self._all_parameters(),
+                       untold)
 
     def unseen(self, candidates: Mapping[str, list[int]]) -> list[list[float]]:
         """
@@ -417,11 +426,13 @@ class _Fit:
         excess = self._excess()
         # one block alone tells nothing of the scatter
         scatter = max(1.0, excess * self.n / (self.n - 1)) if self.n > 1 else math.inf
-        return self._full(summed(self._unseen(candidates, scatter), len(self.active)))
+        terms = list(self._unseen(candidates, scatter).values())
+        return self._full(summed(terms, len(self.active)))
 
-    def _unseen(self, candidates: Mapping[str, list[int]], scatter: float) -> list[UnseenTerm]:
-        """Return what the blocks say of terms that the vehicle may have."""
-        terms = []
+    def _unseen(self, candidates: Mapping[str, list[int]],
+                scatter: float) -> dict[str, UnseenTerm]:
+        """Return what the blocks say of terms that the vehicle may have, by name."""
+        terms: dict[str, UnseenTerm] = {}
         for name, (std, sign) in expected(self._all_parameters()).items():
             if name not in candidates:
                 continue
@@ -434,7 +445,7 @@ class _Fit:
                 spread = self.n / (self.n - 1) * float(np.einsum('n,n', off, off))
                 # no better known than the scatter of the blocks says
                 information = known / max(1.0, spread / known) / scatter
-            terms.append(judged(w[:, 0].tolist(), coefficient, information, std, sign))
+            terms[name] = judged(w[:, 0].tolist(), coefficient, information, std, sign)
         return terms
 
     def _full(self, covariance: Array) -> list[list[float]]:

@@ -10,7 +10,7 @@ they tell adds next to nothing to an interval, one that they do not tell what it
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
@@ -143,6 +143,15 @@ def averaged(terms: Sequence[UnseenTerm], covariance: Array) -> Array:
             wanted = (_half_width(parts) / Z95)**2
             factors[i] = math.sqrt(max(wanted - own, 0.0) / more)
     return factors[:, None] * found * factors
+
+
+def foremost(terms: Mapping[str, UnseenTerm], i: int) -> str:
+    """Return the name of the term that adds most to the variance of parameter ``i``."""
+    def size(term: UnseenTerm) -> float:
+        square = term.leaning[i]**2 * (term.mean**2 + term.variance)
+        return term.evidence + math.log(square) if square > 0.0 else -math.inf
+
+    return max(terms, key=lambda name: size(terms[name]))
 
 
 def _spread(terms: Sequence[UnseenTerm], shares: Sequence[float], size: int) -> Array:

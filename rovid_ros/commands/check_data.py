@@ -254,8 +254,10 @@ def _check_times(settings: Settings, subject: str, one: SampleStatistics,
     if one.input == 'thrusters':
         limit, key = settings.thrusters.timeout, 'thrusters.timeout'
     if one.input not in ('reference', 'sign') and 0.0 < limit < one.longest_gap:
-        findings.warning(subject, f'the longest gap, {one.longest_gap:.3g} s, is above {key} '
-                         f'{limit:g} s', f'raise {key} if such gaps are usual')
+        follows = ', which follows the rate' if key == 'max_gap' and not settings.max_gap else ''
+        findings.warning(
+            subject, f'the longest gap, {one.longest_gap:.3g} s, is above {key} {limit:.3g} s'
+            f'{follows}', f'{"set" if follows else "raise"} {key} if such gaps are usual')
     if one.backward:
         findings.warning(subject, f'{one.backward:,} stamps are not after the one before',
                          'such samples are refused; see what stamps them')

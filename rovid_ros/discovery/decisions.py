@@ -293,9 +293,9 @@ def _without_idle(made: Thrusters, signal: Signal, used: Sequence[int],
 
     def of(values: Sequence[Any]) -> tuple[Any, ...]:
         return tuple([values[k] for k in active])
-    guesses.append('thrusters: left out is number '
-                   + ', '.join(str(used[k] + 1) for k in range(len(used)) if k not in active)
-                   + ', for it moves nothing that is measured in this log')
+    idle = ', '.join(str(used[k] + 1) for k in range(len(used)) if k not in active)
+    guesses.append(f'thrusters: left out, for they move nothing that is measured in this log: '
+                   f'{idle} of {len(used)}')
     path = signal.path if made.chain.names else _path(signal, of(used))
     return replace(
         made, signal=part(made.signal, active, path, made.signal.shape),

@@ -292,7 +292,7 @@ def backwards(message: Message) -> Message:
     (as_magnitudes, WARNING, 'thrusters', 'thrusters.sign'),
     (as_pulses, WARNING, 'thrusters', 'such as 1500'),
     (without_vertical, WARNING, 'thrusters', 'thruster 3 (vertical) is always at 0'),
-    (with_a_hole, WARNING, 'position', 'is above max_gap 1 s'),
+    (with_a_hole, WARNING, 'position', 'is above max_gap 1 s, which follows the rate; set max'),
     (with_nan, WARNING, 'depth', 'are no numbers'),
     (with_nan, WARNING, 'depth', 'refused as non_finite; not a number, or infinite'),
     (downwards, WARNING, 'depth', 'depth.scale has to be negative'),

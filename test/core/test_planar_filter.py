@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from rovid_core.identify.ekf.linearised_filter import CANDIDATES, DEAD_BAND
 from rovid_core.identify.ekf.planar_filter import PlanarFilter
 from rovid_core.identify.ekf.planar_layout import Noise, Row
 from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.score_blocks import ScoreBlocks
 from rovid_core.model.samples import PlanarPiece
 
 ROWS = (Row(0, 6, 0.5, 4, ()), Row(6, 13, 0.4, 10, ((11, 0),)))
@@ -79,3 +81,48 @@ def test_a_current_that_nobody_saw_may_have_changed():
     filter = PlanarFilter(ROWS, THETA, [0.0] * 15, Noise(0.0, 1e-5))
     filter.set_motion((0.0, 0.0), (1.0, 0.0, 0.0, 1.0), 0.01, 100.0)
     assert filter.current()[1] == pytest.approx(1e-3 * np.eye(2))
+
+
+@pytest.mark.parametrize('k', [0, 1])
+@pytest.mark.parametrize(('column', 'bent'), [
+    (0, lambda force: np.minimum(force, 0.0)),
+    (2, lambda force: np.clip(force, -DEAD_BAND, DEAD_BAND))])
+def test_what_bends_with_the_thrust_is_taken_of_each_command(k, column, bent):
+    """Weaker reverse thrust and a dead band, where commands jump within a measurement."""
+    commands = np.array([0.9, -0.7, 0.1, -0.1, 0.6, -1.0, 0.15, 0.8, -0.3, -0.9, 0.5, 0.05])
+
+    def moved(size):
+        filter = PlanarFilter(ROWS, THETA, [0.0] * 15, Noise(0.0, 0.0))
+        filter.set_motion((0.3, -0.1), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
+        filter.set_position((2.0, 3.0), 0.0)
+        recent = RecentForce(), RecentForce()
+        for i, one in enumerate(recent):
+            alpha = THETA[ROWS[i].first]
+            forces = commands + (size / alpha * bent(commands) if i == k else 0.0)
+            one.add([(0.07, force) for force in forces], held=True)
+        for i in range(3):
+            filter.move(recent, 0.1 + 0.2 * i, 0.3 + 0.2 * i,
+                        [PlanarPiece(1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)], ((), (0.3,)), 0.0)
+        return filter
+
+    slope = (moved(1e-4).motion - moved(-1e-4).motion) / 2e-4
+    found = moved(0.0).sensitivities[:, len(THETA) + len(CANDIDATES) * k + column]
+    assert found[:4] == pytest.approx(slope[:4], rel=0.02, abs=2e-3 * abs(slope).max())
+
+
+def test_each_dof_has_its_own_doubt():
+    """Sway's dead band looks like its mass, surge's thrust has many sizes."""
+    theta = [0.5, -1.0, -0.2, 0.0, 0.5, -1.0, -0.2, 0.0]
+    watched = ['surge dead_band', 'sway dead_band']
+    blocks = ScoreBlocks(theta, [1.0] * 8, watched, rows=(('surge ', 0), ('sway ', 4)))
+    random = np.random.default_rng(0)
+    for _ in range(16000):
+        psi = np.zeros(10)
+        k = random.integers(2)
+        psi[4 * k:4 * k + 4] = random.normal(size=4)
+        psi[8 + k] = random.normal() if k == 0 else 0.2 * psi[4]
+        blocks.add_row(random.normal(), 1.0, psi, theta, 0.025)
+    verdict = blocks.verdict()
+    assert verdict is not None
+    assert verdict.untold == ('sway dead_band',)
+    assert 10.0 * verdict.covariance[0][0] < verdict.covariance[4][4]

@@ -233,7 +233,7 @@ class ExtendedKalman(Identifier):
         elif verdict is not None and verdict.untold and (
                 verdict.covariance[ALPHA][ALPHA] > (
                     self.converged_share * self._bank.best.filter.theta[ALPHA])**2):
-            said.append(UNTOLD[verdict.untold])
+            said += [UNTOLD[name] for name in verdict.untold]
         return '; '.join(said)
 
     @property

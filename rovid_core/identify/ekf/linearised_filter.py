@@ -170,15 +170,15 @@ class LinearisedFilter:
         late = 2.0 * moment - before * h * h
         way = impulse - h * before + 0.5 * rate * late
         of_delay = alpha / s * (last - before + rate * way), alpha * way
-        of_alpha = _felt(impulse, moment, h, rate, s)
+        of_alpha = felt(impulse, moment, h, rate, s)
         if first == last and abs(force - first) < STEADY:
             of_reverse = of_alpha if force < 0.0 else (0.0, 0.0)
             share = DEAD_BAND / max(abs(force), DEAD_BAND)
             of_cut = share * of_alpha[0], share * of_alpha[1]
         else:
             reverse, cut = recent.bent(start - delay, end - delay, DEAD_BAND)
-            of_reverse = _felt(reverse[0], reverse[1], h, rate, s)
-            of_cut = _felt(cut[0], cut[1], h, rate, s)
+            of_reverse = felt(reverse[0], reverse[1], h, rate, s)
+            of_cut = felt(cut[0], cut[1], h, rate, s)
         drag = w * size
         gone = -math.expm1(-h / LAG)
         lag = (force - self._lagged) * gone * LAG / h
@@ -363,7 +363,7 @@ class LinearisedFilter:
         self.theta_covariance = rows
 
 
-def _felt(impulse: float, moment: float, h: float, rate: float,
+def felt(impulse: float, moment: float, h: float, rate: float,
           s: float) -> tuple[float, float]:
     """Return what a force adds to the velocity over ``s``, and to the path, in a step of ``h``."""
     way = moment + rate * h * (0.5 * moment - h * impulse / 12.0)

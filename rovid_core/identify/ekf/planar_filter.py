@@ -25,6 +25,7 @@ from rovid_core.identify.ekf.linearised_filter import (
     Bounds,
     CANDIDATES,
     DEAD_BAND,
+    felt,
     floats,
     FORCE_TIME,
     LAG,
@@ -54,6 +55,9 @@ class Push(NamedTuple):
     before: float  # at the end of the last step
     last: float
     lag: float
+    # impulse and moment of the force in reverse, and of that up to ``DEAD_BAND``
+    reverse: tuple[float, float]
+    cut: tuple[float, float]
 
 
 class Law(NamedTuple):
@@ -202,7 +206,8 @@ class PlanarFilter:
         gone = -math.expm1(-h / LAG)
         lag = (force - self._lagged[k]) * gone * LAG / h
         self._lagged[k] += gone * (force - self._lagged[k])
-        return Push(impulse, moment, first if before is None else before, last, lag)
+        reverse, cut = recent.bent(start - delay, end - delay, DEAD_BAND)
+        return Push(impulse, moment, first if before is None else before, last, lag, reverse, cut)
 
     def _law(self, k: int, push: Push, h: float, rate: float,
              couplings: Sequence[float]) -> Law:
@@ -303,8 +308,8 @@ class PlanarFilter:
             phi[k, -3] = per_newton * piece[2 * k]
             phi[k, -2] = per_newton * piece[2 * k + 1]
         self.sensitivities = transition @ self.sensitivities + forcing @ phi
-        for k, (row, way) in enumerate(zip(self._rows, ways)):
-            for i, change in zip((row.first, row.end - 1), way):
+        for k, way in enumerate(ways):
+            for i, change in way:
                 self.sensitivities[0, i] += piece[2 * k] * change
                 self.sensitivities[1, i] += piece[2 * k + 1] * change
         moved = transition @ self.covariance @ transition.T
@@ -312,21 +317,22 @@ class PlanarFilter:
 
     def _regressors(self, phi: Array, k: int, h: float,
                     given: tuple[Push, float, float, float], middle: tuple[float, float],
-                    rate: float, couplings: Sequence[float]) -> tuple[float, float]:
+                    rate: float, couplings: Sequence[float]) -> list[tuple[int, float]]:
         """
         Fill in the derivatives of a row's acceleration by parameters and watched regressors.
 
-        Return by how much more the path goes along with alpha and with the delay, for it counts
-        where in the step the force acts; see ``LinearisedFilter``.
+        Return by how much more the path goes along with some of them, by their number, for it
+        counts where in the step the force acts; see ``LinearisedFilter``.
         """
         row = self._rows[k]
-        (impulse, moment, before, last, lag), decay, s, b = given
+        (impulse, moment, before, last, lag, reverse, cut), decay, s, b = given
         scale, alpha = row.velocity, self.theta.item(row.first)
         late = 2.0 * moment - before * h * h
         way = impulse - h * before + 0.5 * decay * late
         slope, delayed = alpha / s * (last - before + decay * way), alpha * way
-        way = moment + decay * h * (0.5 * moment - h * impulse / 12.0)
-        push, force, w = (impulse + decay * way) / s, impulse / h, middle[k] / scale
+        (push, way), (backwards, back_way), (small, small_way) = [
+            felt(*one, h, decay, s) for one in ((impulse, moment), reverse, cut)]
+        w = middle[k] / scale
         drag = w * abs(w)
         values = [push, drag, w, 1.0, *[0.0] * row.couplings, -slope]
         if row.turning >= 0:
@@ -336,10 +342,11 @@ class PlanarFilter:
         phi[row.first:row.end] = [scale * value for value in values]
         watched = self._p + k * (len(CANDIDATES) + self._rows[0].watched)
         phi[watched:watched + len(CANDIDATES) + row.watched] = [scale * value for value in (
-            force if force < 0.0 else 0.0, drag if w < 0.0 else 0.0,
-            max(-DEAD_BAND, min(DEAD_BAND, force)), lag,
-            *couplings[row.couplings:])]
-        return scale * (way - b * push), -scale * (delayed - b * slope)
+            backwards, drag if w < 0.0 else 0.0, small, lag, *couplings[row.couplings:])]
+        return [(row.first, scale * (way - b * push)),
+                (row.end - 1, -scale * (delayed - b * slope)),
+                (watched, scale * (back_way - b * backwards)),
+                (watched + 2, scale * (small_way - b * small))]
 
     def innovation(self, looks: Array, value: float, variance: float) -> PlanarInnovation:
         """

@@ -43,13 +43,13 @@ from rovid_core.identify.ekf.extended_kalman import (
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, RIGHT, SAID
 from rovid_core.identify.ekf.innovations import SOON
-from rovid_core.identify.ekf.linearised_filter import floats
-from rovid_core.identify.ekf.missing_terms import described
+from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
+from rovid_core.identify.ekf.missing_terms import described, UNTOLD
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty
 from rovid_core.identify.ekf.planar_filter import Array
-from rovid_core.identify.ekf.planar_layout import AXES, CURRENT, Noise
+from rovid_core.identify.ekf.planar_layout import AXES, CURRENT, DOFS, Noise
 from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, PlanarMember
-from rovid_core.identify.ekf.planar_model import DOFS, PlanarModel
+from rovid_core.identify.ekf.planar_model import PlanarModel
 from rovid_core.identify.ekf.planar_prediction import PlanarPrediction
 from rovid_core.identify.ekf.planar_row import PlanarRow
 from rovid_core.identify.ekf.saved_steps import read_planar_step
@@ -129,7 +129,8 @@ class PlanarKalman:
             self._variances if free else [*self._variances[:k], *[0.0] * AXES], considered,
             self._model.box,
             Noise(force_std, self._settings.change if free else 0.0),
-            FIRST_NOISE * max(row.velocity for row in self._model.rows), self._model.watched)
+            FIRST_NOISE * max(row.velocity for row in self._model.rows), self._model.watched,
+            self._model.identified)
         if member.filter.theta.tolist() != list(theta):
             member.filter.theta = np.array(theta, dtype=float)
             member.filter.motion[CURRENT] = member.filter.theta[-2:]
@@ -424,6 +425,11 @@ class PlanarKalman:
         elif verdict is not None and verdict.scatter > UNEXPLAINED and (
                 verdict.count >= MANY_BLOCKS):
             said.append('the model does not explain all of the motion: the intervals are wider')
+        if verdict is not None:
+            i = self._model.rows[k].first + ALPHA
+            limit = (PlanarRow.converged_share * self._bank.best.filter.theta.item(i))**2
+            said += [UNTOLD[name] for dof, name in map(str.split, verdict.untold)
+                     if dof == DOFS[k] and verdict.covariance[i][i] > limit]
         return '; '.join(said)
 
     def doubt(self, k: int) -> str:

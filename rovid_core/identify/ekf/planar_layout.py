@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+DOFS = ('surge', 'sway')
+
 SIZE = 8
 """Of the motion: X, Y, u, v, current x and y, unknown acceleration of surge and sway."""
 

@@ -15,6 +15,7 @@ from rovid_core.identify.ekf.planar_filter import Array, PlanarFilter
 from rovid_core.identify.ekf.planar_layout import (
     ALTERNATIVES,
     AXES,
+    DOFS,
     Noise,
     PlanarInnovation,
     Row,
@@ -145,7 +146,9 @@ class PlanarMember:
     noise : float
         Of a measurement [m or m/s].
     watched : sequence of str
-        Names of all regressors that are watched.
+        Names of all regressors that are watched, each behind that of its DOF.
+    identified : sequence of str
+        Names of the DOFs that have thrust.
 
     Attributes
     ----------
@@ -158,10 +161,13 @@ class PlanarMember:
 
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
                  variances: Sequence[float], considered: Mapping[int, float], bounds: Bounds,
-                 moves: Noise, noise: float, watched: Sequence[str]) -> None:
+                 moves: Noise, noise: float, watched: Sequence[str],
+                 identified: Sequence[str]) -> None:
         self.filter = PlanarFilter(rows, theta, variances, moves)
         self.innovations = Innovations(noise, AXES)
-        self.blocks = ScoreBlocks(theta, variances, watched, considered, len(ALTERNATIVES))
+        self.blocks = ScoreBlocks(
+            theta, variances, watched, considered, len(ALTERNATIVES),
+            [(f'{dof} ', row.first) for dof, row in zip(DOFS, rows) if dof in identified])
         self.verdict: Verdict | None = None
         self.alternative = NOT_JUDGED
         self._current_is_free = not considered

@@ -7,10 +7,8 @@ from dataclasses import replace
 
 from rovid_core.identify.ekf.linearised_filter import CANDIDATES
 from rovid_core.identify.ekf.normalised_model import CHANGE, NormalisedModel
-from rovid_core.identify.ekf.planar_layout import AXES, Row
+from rovid_core.identify.ekf.planar_layout import AXES, DOFS, Row
 from rovid_core.settings.run import Scales
-
-DOFS = ('surge', 'sway')
 
 TURNING = {'surge': 'vr', 'sway': 'ur'}
 """The coupling of each with the velocity of the other one."""

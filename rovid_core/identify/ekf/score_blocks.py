@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.linearised_filter import ALPHA, CANDIDATES, floats, Innovation
+from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats, Innovation
 from rovid_core.identify.ekf.unseen_terms import (
     averaged,
     expected,
@@ -129,8 +129,8 @@ class Verdict:
         Of the blocks.
     theta : list of p floats
         The parameters that fit all of them best, also beyond their bounds.
-    untold : str
-        The term that the vehicle may have and that makes most of alpha's variance, '' if none.
+    untold : tuple of str
+        The term of each DOF that it may have and that makes most of its alpha's variance.
 
     """
 
@@ -139,7 +139,7 @@ class Verdict:
     missing: Missing | None
     count: int
     theta: list[float]
-    untold: str
+    untold: tuple[str, ...]
 
 
 class ScoreBlocks:
@@ -156,13 +156,17 @@ class ScoreBlocks:
         Index and variance of parameters that are not found, but not known either.
     further : int
         Regressors behind the watched ones that a verdict does not look at.
+    rows : sequence of (str, int)
+        What the names of a DOF's watched regressors begin with, and where its parameters do.
 
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float],
                  watched: Sequence[str] = CANDIDATES,
-                 considered: Mapping[int, float] | None = None, further: int = 0) -> None:
+                 considered: Mapping[int, float] | None = None, further: int = 0,
+                 rows: Sequence[tuple[str, int]] = (('', 0),)) -> None:
         p = len(theta)
+        self._rows = rows
         self._considered = considered or {}
         self._q = p + len(watched) + further
         self._candidates = {name: [p + k] for k, name in enumerate(watched)}
@@ -265,7 +269,7 @@ class ScoreBlocks:
         if self.count < LEAST_COUNT:
             return None
         return self._fit(self.count).verdict(
-            self._counts, wrong_model, self._candidates, self._considered)
+            self._counts, wrong_model, self._candidates, self._considered, self._rows)
 
     def regression(self, columns: Sequence[int]) -> Regression | None:
         """
@@ -283,7 +287,8 @@ class ScoreBlocks:
 
     def unseen(self) -> list[list[float]]:
         """Return what terms that nothing tells yet add to the covariance; empty for nothing."""
-        return self._fit(self.count).unseen(self._candidates) if self.count else []
+        return self._fit(self.count).unseen(
+            self._candidates, self._rows) if self.count else []
 
     def _fit(self, count: int) -> _Fit:
         """Return what the oldest blocks give."""
@@ -382,7 +387,7 @@ class _Fit:
         return float(np.trace(self.c @ self.v)) / len(a)
 
     def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
-                considered: Mapping[int, float]) -> Verdict:
+                considered: Mapping[int, float], rows: Sequence[tuple[str, int]]) -> Verdict:
         n, a, scatter = self.n, self.active, self.scatter()
         known, seen = scatter * self.total[np.ix_(a, a)], n / max(n - len(a), 0.5) * self.v
         # how far what is seen lies from what the model says, and how far chance alone puts it;
@@ -402,22 +407,26 @@ class _Fit:
                 kappa, share, moved = found
                 missing = Missing(name, kappa, share)
         covariance = covariance + np.outer(moved, moved)
-        untold = ''
-        if missing is None:
-            terms = self._unseen(candidates, 1.0)
+        more, untold = np.zeros_like(covariance), []
+        for begin, first in rows:
+            if missing is not None and missing.name.startswith(begin):
+                continue
+            terms = self._unseen(candidates, 1.0, begin, first)
             if terms:
-                added = averaged(list(terms.values()), covariance)
-                if added[ALPHA, ALPHA] > covariance[ALPHA, ALPHA]:
-                    untold = foremost(terms, ALPHA)
-                covariance = covariance + added
+                added, alpha = averaged(list(terms.values()), covariance), a.index(first)
+                if added[alpha, alpha] > covariance[alpha, alpha]:
+                    untold.append(foremost(terms, alpha))
+                more = more + added
+        covariance = covariance + more
         for k, variance in considered.items():
             # after S. F. Schmidt: what it moves the parameters by
             leaning = self.c @ self.total[a, k]
             covariance = covariance + variance * np.outer(leaning, leaning)
         return Verdict(self._full(covariance), scatter, missing, n, self._all_parameters(),
-                       untold)
+                       tuple(untold))
 
-    def unseen(self, candidates: Mapping[str, list[int]]) -> list[list[float]]:
+    def unseen(self, candidates: Mapping[str, list[int]],
+               rows: Sequence[tuple[str, int]]) -> list[list[float]]:
         """
         Return what terms that nothing tells yet add to the covariance.
 
@@ -426,14 +435,16 @@ class _Fit:
         excess = self._excess()
         # one block alone tells nothing of the scatter
         scatter = max(1.0, excess * self.n / (self.n - 1)) if self.n > 1 else math.inf
-        terms = list(self._unseen(candidates, scatter).values())
+        terms = [term for begin, first in rows
+                 for term in self._unseen(candidates, scatter, begin, first).values()]
         return self._full(summed(terms, len(self.active)))
 
-    def _unseen(self, candidates: Mapping[str, list[int]],
-                scatter: float) -> dict[str, UnseenTerm]:
-        """Return what the blocks say of terms that the vehicle may have, by name."""
+    def _unseen(self, candidates: Mapping[str, list[int]], scatter: float, begin: str,
+                first: int) -> dict[str, UnseenTerm]:
+        """Return what the blocks say of terms that a DOF may have, by name."""
         terms: dict[str, UnseenTerm] = {}
-        for name, (std, sign) in expected(self._all_parameters()).items():
+        for term, (std, sign) in expected(self._all_parameters()[first:]).items():
+            name = begin + term
             if name not in candidates:
                 continue
             w, rest, s, i, left = self._remainder(candidates[name])

@@ -45,7 +45,7 @@ from rovid_ros.logs.player import CONTROL, PipelinePlayer, Player
 from rovid_ros.logs.writer import OutputLog, unfinished
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.types import Decoder, WireType
-from rovid_ros.results.current import current_text
+from rovid_ros.results.current import current_text, still_water
 from rovid_ros.results.documents import current_document, dofs_document, Result
 from rovid_ros.results.outputs import LATCHED, Output, Outputs
 from rovid_ros.results.text import NONE, number, percent, quantity, table
@@ -414,11 +414,8 @@ def _current_line(result: Result) -> str:
     """Return what is known of the current of the water, or that it is taken to be still."""
     if result.current:
         return _filled(current_text(result.current))
-    settings = result.settings
-    if settings.sees_current and not settings.estimates_current:
-        return (f'current of the water: {settings.identifier.method} takes the water to be still; '
-                'ekf estimates it')
-    return ''
+    said = still_water(result.settings)
+    return f'current of the water: {said}' if said else ''
 
 
 def _names(logs: Sequence[Path]) -> str:

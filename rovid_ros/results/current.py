@@ -7,6 +7,7 @@ import math
 from typing import Any
 
 from rovid_core.identify.estimate import Current, TURN
+from rovid_core.settings.run import Settings
 from rovid_ros.results.text import number
 
 UNSEEN = Current(math.nan, math.nan, (math.nan, math.nan, math.nan), status='unobservable',
@@ -23,6 +24,13 @@ def told(current: Current | None, frames: str) -> Current:
         return current
     xx, xy, yy = current.covariance
     return current._replace(x=current.y, y=current.x, covariance=(yy, xy, xx))
+
+
+def still_water(settings: Settings) -> str:
+    """Return that the method takes water to be still that may move, '' where it does not."""
+    if settings.sees_current and not settings.estimates_current:
+        return f'{settings.identifier.method} takes the water to be still; ekf estimates it'
+    return ''
 
 
 def current_values(current: Current) -> dict[str, float | str]:

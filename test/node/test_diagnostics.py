@@ -106,7 +106,7 @@ def test_the_form_is_that_of_diagnostic_updater(messages: list[Raw]) -> None:
     run.feed(messages)
     statuses = run.statuses()
     assert list(statuses) == ['state', 'position', 'depth', 'attitude', 'thrusters', 'rejected',
-                              'surge', 'heave', 'yaw']
+                              'surge', 'heave', 'yaw', 'current']
     assert {hardware for hardware, _, _, _ in statuses.values()} == {NAME}
     assert {level for _, level, _, _ in statuses.values()} == {OK}
     position = statuses['position'][3]
@@ -119,6 +119,14 @@ def test_the_form_is_that_of_diagnostic_updater(messages: list[Raw]) -> None:
     state = statuses['state'][3]
     assert (state['state'], state['adaptation'], state['method']) == ('active', 'adapting', 'aid')
     assert state['level'] == 'OK'
+
+
+def test_a_method_without_a_current_says_that_it_takes_the_water_to_be_still() -> None:
+    assert Watched().statuses()['current'][1:3] == (
+        OK, 'off: aid takes the water to be still; ekf estimates it')
+    assert 'current' not in Watched({'current.prior': 0.0}).statuses()
+    assert Watched({'identifier.method': 'ekf'}).statuses()['current'][2] == (
+        'unobservable: turn by 45 degrees or more')
 
 
 def test_the_hardware_id_is_the_operators() -> None:

@@ -28,7 +28,7 @@ from rovid_ros.node.health.levels import (
     LevelAndMessage,
     rejected_level,
 )
-from rovid_ros.results.current import current_message, current_values, told
+from rovid_ros.results.current import current_message, current_values, still_water, told
 from rovid_ros.results.outputs import (
     CURRENT_LEVELS,
     DIAGNOSTIC_TYPE,
@@ -66,6 +66,8 @@ def diagnostics(data: HealthData, node: NodeState) -> Output:
     parts += [(dof, dof_level(data, dof), _dof(data, dof)) for dof in settings.dofs]
     if settings.estimates_current:
         parts.append(_current(data))
+    elif still_water(settings):
+        parts.append(('current', (OK, f'off: {still_water(settings)}'), {'status': 'off'}))
     if node.state != ACTIVE:
         parts = [(name, (STALE, f'the node is {node.state}'), values)
                  for name, _, values in parts]

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 import os
 from pathlib import Path
+import signal
 import socket
 
 from hypothesis import HealthCheck, settings
@@ -16,6 +17,10 @@ settings.register_profile('suite', max_examples=50, deadline=None,
                           suppress_health_check=[HealthCheck.too_slow],
                           derandomize=bool(os.environ.get('CI')))
 settings.load_profile('suite')
+
+# A shell that runs the suite in the background has it ignore Ctrl-C, and all its children with it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 

@@ -150,7 +150,7 @@ def test_names_and_qos(quiet: NodeProcess, peer: Peer) -> None:
     names = [status.name for status in diagnostics[-1].status]
     assert names == [f'/rov1/identifier_node: {name}' for name in (
         'state', 'position', 'depth', 'attitude', 'thrusters', 'rejected', 'surge', 'heave',
-        'yaw')]
+        'yaw', 'current')]
     topics = dict(peer.node.get_topic_names_and_types())
     assert {'/rov1/rov/params', '/rov1/rov/estimate', '/rov1/speed', '/rov1/position',
             '/depth'} <= topics.keys()

@@ -427,7 +427,7 @@ class PlanarKalman:
             said.append('the model does not explain all of the motion: the intervals are wider')
         if verdict is not None:
             i = self._model.rows[k].first + ALPHA
-            limit = (PlanarRow.converged_share * self._bank.best.filter.theta.item(i))**2
+            limit = (self.rows[DOFS[k]].converged_share * self._bank.best.filter.theta.item(i))**2
             said += [UNTOLD[name] for dof, name in map(str.split, verdict.untold)
                      if dof == DOFS[k] and verdict.covariance[i][i] > limit]
         return '; '.join(said)

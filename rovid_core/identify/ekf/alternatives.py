@@ -62,7 +62,7 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
 
     """
     best = Alternative(0.0)
-    for columns in (PULL, HEADING):
+    for columns, described in ((PULL, _pull), (HEADING, _offset)):
         found = blocks.regression(columns)
         if found is None:
             continue
@@ -71,7 +71,7 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
         share = found.power / (found.power + blocks.measurements)
         least = verdict.missing.share if verdict.missing is not None else 0.0
         if share > least and _is_significant(found, verdict.count):
-            advice = _offset(found) if columns is HEADING else _pull(found)
+            advice = described(found)
         if (advice != '', chi2) > (best.advice != '', best.chi2):
             best = Alternative(chi2, advice)
     return best

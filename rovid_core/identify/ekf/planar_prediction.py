@@ -58,7 +58,7 @@ class PlanarPrediction:
         except DivergenceError:
             self.interrupt()
             return
-        if span.looks is not POSITION:
+        if span.looks[0] is not POSITION[0]:
             self._add([float(looks @ model.motion) for looks in span.looks], span.value,
                       self._noise**2)
             return

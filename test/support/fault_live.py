@@ -28,7 +28,7 @@ WAIT = 5.0
 CHUNK = SECOND
 """[ns] of the log that is published at once, before the node has to have taken it."""
 
-QUIET = 2.0
+QUIET = 10.0
 """[s] without a step after which no more is waited for."""
 
 PACE = 0.05

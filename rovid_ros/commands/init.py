@@ -103,7 +103,23 @@ def discover(logs: list[Path], start: float = 0.0, duration: float | None = None
         raise CommandError(f'{", ".join(map(str, logs))}: {error}') from None
     if parameters is not None:
         made.unknown += remarks(signals, found)
+    for line in _others_vehicles(log, made):
+        warn(prog, line)
     return made
+
+
+def _others_vehicles(log: Log, made: Discovery) -> list[str]:
+    """Return a line for each file that lacks a topic of the configuration."""
+    uses: dict[str, list[str]] = {}
+    for name, one in made.inputs.items():
+        uses.setdefault(one.signal.topic, []).append(_SHORT.get(name, name))
+    lacking: dict[str, list[str]] = {}
+    for topic, names in uses.items():
+        for file in log.files_without(topic):
+            lacking.setdefault(file, []).append(f'{topic} ({", ".join(names)})')
+    return [f'{file}: has no {" and no ".join(topics)}, unlike the other logs: is it of the same '
+            'vehicle? rovid init takes the logs of one vehicle at a time'
+            for file, topics in lacking.items()]
 
 
 def _take_the_first(name: str, found: list[Candidate]) -> Candidate:

@@ -131,6 +131,11 @@ class Log:
         """Return the fraction, 0 to 1, of what was asked for that has been read."""
         return self._position
 
+    def files_without(self, topic: str) -> list[str]:
+        """Return the names of the files that do not know a topic or hold nothing of it."""
+        return [container.name for container in self._containers
+                if not any(channel.topic == topic for channel in container.channels.values())]
+
     def require(self, topics: Mapping[str, str]) -> None:
         """
         Refuse a log that lacks a topic, or has it with another type; '' is any type.

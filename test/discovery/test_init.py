@@ -251,6 +251,16 @@ def test_what_no_command_drives_apart_is_left_out(
     assert settings_from(load(yaml)).dofs == ('surge', 'sway', 'heave')
 
 
+def test_a_log_of_another_vehicle_is_named(
+        logs: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    one, other = logs['odometry_wrench'], logs['bluerov2_ardusub']
+    assert main(['init', str(one), str(other), '--output', str(tmp_path / 'rov.yaml')]) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if 'same vehicle' in line]
+    assert len(told) == 1
+    assert told[0].startswith('rovid init: ')
+    assert (str(one) in told[0]) != (str(other) in told[0])
+
+
 def test_another_choice_is_taken(data: Path) -> None:
     with Log([data / 'blueboat' / 'bb235.mcap']) as log:
         signals = read_signals(log, 0.0, None)

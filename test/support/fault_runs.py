@@ -206,7 +206,7 @@ class _Watched(PipelinePlayer):
             numbers = [*dof.parameters]
             if dof.covariance:
                 numbers += [*dof.std, *dof.covariance]
-            if index in estimate.stepped:
+            if index in estimate.stepped and not dof.stale_for:  # those are NaN on purpose
                 numbers += [dof.velocity, dof.v_hat, dof.force, dof.excitation]
             outcome.not_finite += not all(map(isfinite, numbers))
         texts = tuple([f'{dof.dof} {text}' for dof in estimate.dofs

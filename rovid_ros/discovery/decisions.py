@@ -29,7 +29,8 @@ _TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
 _USUAL: dict[str, dict[str, tuple[str, ...]]] = {
     'surge': {'vr': ('sway', 'yaw')}, 'sway': {'ur': ('surge', 'yaw')},
     'yaw': {'v': ('sway',), 'uv': ('surge', 'sway')}}
-_GAINED = 0.03  # share of a DOF's changes that a coupling has to explain
+_GAINED = 0.03  # share of the changes that a coupling, or a latency, has to explain
+_LATENCIES = tuple(0.25 * k for k in range(13))  # [s] of fixes that are tried
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
 Choose = Callable[[str, list[Candidate]], Candidate]
@@ -132,6 +133,16 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
         raise DiscoveryError(
             'have no time in common: ' + ', '.join(one.signal.topic for one in inputs.values()))
     thrusters = _thrusters(inputs['thrusters'], frames, moved, motors, guesses)
+    late = _latency(inputs, frames, thrusters)
+    if late:
+        fixes = inputs['position']
+        inputs['position'] = replace(
+            fixes, keys={**fixes.keys, 'latency': late},
+            signal=replace(fixes.signal, times=fixes.signal.times - late))
+        moved, heading = _moved(inputs, frames, [])
+        thrusters = _thrusters(inputs['thrusters'], frames, moved, motors, [])
+        guesses.append(f'position.latency {late:g} s: what {fixes.signal.topic} shows comes so '
+                       'much later after its command than what the other inputs show')
     made = Discovery(frames, inputs, others, thrusters, guesses=guesses)
     original = moved
     if heading and thrusters.how != 'data' and {'surge', 'sway'} <= moved.velocities.keys():
@@ -162,6 +173,26 @@ def _wanted(found: Mapping[str, Sequence[Candidate]]) -> list[str]:
     if 'position' not in found and 'velocity' in found:
         wanted.append('velocity')
     return [*wanted, 'thrusters']
+
+
+def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters) -> float:
+    """
+    Return how much later fixes are stamped than taken [s], where the motion says so, otherwise 0.
+
+    A delay of the thrust would be seen by all inputs; the others have to know it.
+    """
+    if 'position' not in inputs or not {'attitude', 'depth'} & inputs.keys():
+        return 0.0
+    fixes = inputs['position'].signal
+
+    def explained(late: float) -> float:
+        moved, _ = _moved({**inputs, 'position': replace(inputs['position'], signal=replace(
+            fixes, times=fixes.times - late))}, frames, [])
+        return sum(push.explained for dof, (push, _) in _answers(thrusters, moved).items()
+                   if dof in ('surge', 'sway'))
+
+    best = max(_LATENCIES, key=explained)
+    return best if explained(best) > explained(0.0) + _GAINED else 0.0
 
 
 def _frames(signals: Sequence[Signal], inputs: Mapping[str, Candidate]) -> tuple[str, str]:

@@ -239,6 +239,16 @@ def test_the_rough_model_counts_with_couplings(tmp_path: Path) -> None:
         assert 0.5 < known.mass / truth[dof].mass < 1.6, dof
 
 
+@pytest.mark.parametrize('example, seconds, late', [('lbl_rov', 300, 1.5), ('bluerov2', 60, None)])
+def test_fixes_that_are_stamped_late_show(
+        example: str, seconds: int, late: float | None, tmp_path: Path) -> None:
+    log = tmp_path / 'dive.mcap'
+    assert main(['simulate', '--example', example, '--duration', str(seconds), '--seed', '5',
+                 '--output', str(log)]) == 0
+    made = discover([log])
+    assert made.inputs['position'].keys.get('latency') == late
+
+
 # --- asking, and what cannot be done ------------------------------------------------------
 
 

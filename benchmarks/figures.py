@@ -68,6 +68,8 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
                             3.0),
         'recordings': Section('Real recordings, each alone', 'accuracy.recordings', '',
                               '--only pool', 5.0, recordings=True),
+        'first_hour': Section('From a log that nobody has configured', 'accuracy.first_hour', '',
+                              '--seeds 1 --only lbl', 6.0, recordings=True),
         'between': Section('Whether recordings of one vehicle agree', 'accuracy.between', '', '',
                            0.3, recordings=True),
         'unchanged': Section('Vehicles that do not change', 'accuracy.unchanged', '--hours 5',

@@ -3,9 +3,12 @@ Tell what somebody gets from a log that nobody has configured.
 
 ``rovid init``, ``check`` and ``replay`` go over each log as it is, with the parameter file that
 ``init`` wrote, in processes of their own. Beside it stands the file that the user of the vehicle
-wrote: the same topics, what is different, and the fit of the model on its own log with either.
-Of the simulated examples the table says the true mass, too. A row whose commands or topics are
-wrong makes the exit code 1.
+wrote: the topics that are others, what else is written otherwise, and the fit of the model on its
+own log with either. Whatever the keys are, velocity and force of a DOF have to come out alike:
+the table has their correlations, and the size of the force over that of the user's file, by which
+the mass differs where all else is right. Both the other way is another choice of axes, one alone
+a wrong sign. Of the simulated examples the table says the true mass, too. A log whose commands
+fail or whose topics or signs are wrong makes the exit code 1.
 
 Usage: python -m benchmarks.accuracy.first_hour [FOLDER] [--seeds N] [--only NAME]
 """
@@ -22,6 +25,7 @@ import sys
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+import numpy as np
 from rovid_core.settings.run import Settings
 from rovid_ros.commands.examples import example_truth, EXAMPLES
 from rovid_ros.config.parameter_file import load
@@ -29,6 +33,7 @@ from rovid_ros.config.parameters import settings_from
 
 from benchmarks.accuracy.recordings import RECORDINGS
 from benchmarks.markdown import table
+from test.support.tank import measured
 from test.support.trials import CONFIG
 
 TANK = ('surge_sway_heave.mcap', 'all_axes.mcap', 'short_all_axes.mcap')
@@ -77,10 +82,39 @@ def recorded(tank: Path) -> Iterator[Dive]:
                            folder / configuration, {})
 
 
-def topics(settings: Settings) -> dict[str, str]:
-    """Return the topic of each input that is used."""
-    return {name: settings.thrusters.topics[0] if name == 'thrusters'
-            else settings.input(name).topic for name in settings.used_inputs()}
+class Likeness(NamedTuple):
+    """How velocity and force of a DOF agree with those by the user's file."""
+
+    velocity: float  # correlation
+    force: float
+    size: float  # of the force
+
+    @property
+    def signs_agree(self) -> bool:
+        """Tell whether the vehicle goes where it is pushed by one file as by the other."""
+        return self.velocity * self.force > 0.0
+
+
+def likeness(log: Path, made: Settings, user: Settings) -> dict[str, Likeness]:
+    """Return how the DOFs that both files have agree."""
+    ours, theirs = [measured(log.parent, log.name, settings) for settings in (made, user)]
+    found = {}
+    for dof in set(made.dofs) & set(user.dofs):
+        times, velocities, forces = map(np.array, ours.series(dof))
+        others = [np.array(values) for values in theirs.series(dof)]
+        at = others[0][(others[0] >= times[0]) & (others[0] <= times[-1])]
+        v, w, f, g = [np.interp(at, where, values) for where, values in (
+            (times, velocities), (others[0], others[1]), (times, forces), (others[0], others[2]))]
+        found[dof] = Likeness(float(np.corrcoef(v, w)[0, 1]), float(np.corrcoef(f, g)[0, 1]),
+                              float(np.std(f) / np.std(g)))
+    return found
+
+
+def topic(settings: Settings, name: str) -> str:
+    """Return the topic of an input, '' if it is not used."""
+    if name not in settings.used_inputs():
+        return ''
+    return settings.thrusters.topics[0] if name == 'thrusters' else settings.input(name).topic
 
 
 def differences(made: Settings, user: Settings) -> str:
@@ -88,8 +122,10 @@ def differences(made: Settings, user: Settings) -> str:
     pairs: list[tuple[str, Any, Any]] = [
         ('dofs', ' '.join(made.dofs), ' '.join(user.dofs)),
         ('yaw_offset', made.yaw_offset, user.yaw_offset)]
-    for name in user.used_inputs():
-        if name == 'thrusters' or name not in made.used_inputs():
+    for name in sorted({*made.used_inputs(), *user.used_inputs()} - {
+            'reference', 'thrusters'}):
+        if not (topic(made, name) and topic(user, name)):
+            pairs.append((name, topic(made, name), topic(user, name)))
             continue
         pairs += [(f'{name}.frames', made.frames_of(name), user.frames_of(name)),
                   (f'{name}.latency', made.input(name).latency, user.input(name).latency)]
@@ -116,29 +152,31 @@ def row(dive: Dive, folder: Path) -> tuple[bool, list[list[str]]]:
     yaml = folder / f'{dive.name}.yaml'
     codes = [rovid('init', dive.log, '--output', yaml)]
     if codes[0]:
-        return False, [[dive.name, f'init: exit code {codes[0]}', *[''] * 7]]
+        return False, [[dive.name, f'init: exit code {codes[0]}', *[''] * 10]]
     codes.append(rovid('check', yaml, dive.log))
     code, found = replay(dive.log, yaml, folder / f'{dive.name}.json')
     codes.append(code)
     made, user = settings_from(load(yaml)), settings_from(load(dive.user))
     _, theirs = replay(dive.log, dive.user, folder / f'{dive.name}.user.json')
-    used, wanted = topics(made), topics(user)
-    wrong = [name for name in wanted if name in used and used[name] != wanted[name]]
-    runs = 'run' if not any(codes) else f'exit codes {codes}'
+    wrong = [name for name in user.used_inputs()
+             if topic(made, name) not in ('', topic(user, name))]
+    alike = likeness(dive.log, made, user)
+    right = not any(codes) and not wrong and all(one.signs_agree for one in alike.values())
+    head = [dive.name, f'exit codes {codes}' if any(codes) else 'run', ', '.join(wrong) or 'right']
+    otherwise = differences(made, user)
     lines = []
     for dof, one in found.items():
         low, high = one['intervals']['mass'] or (None, None)
         mass = f'{one["mass"]:.3g}' if one['mass'] is not None else ''
         if low is not None and high is not None:
             mass += f' [{low:.3g}, {high:.3g}]'
-        true = f'{dive.masses[dof]:.3g}' if dof in dive.masses else ''
-        lines.append([dive.name, runs, ', '.join(wrong) or 'right', dof,
-                      f'{percent(found, dof)} ({percent(theirs, dof)})', mass, true,
-                      one['status'], differences(made, user)])
-        dive, runs = dive._replace(name=''), ''
-    for line in lines[1:]:
-        line[2] = line[-1] = ''
-    return not any(codes) and not wrong, lines
+        lines.append([
+            *head, dof,
+            *([f'{value:.2f}' for value in alike[dof]] if dof in alike else [''] * 3),
+            f'{percent(found, dof)} ({percent(theirs, dof)})', mass,
+            f'{dive.masses[dof]:.3g}' if dof in dive.masses else '', one['status'], otherwise])
+        head, otherwise = [''] * 3, ''
+    return right, lines
 
 
 def main() -> None:
@@ -156,10 +194,11 @@ def main() -> None:
         with ThreadPoolExecutor(2) as pool:
             done = list(pool.map(lambda dive: row(dive, folder), dives))
     right = sum(good for good, _ in done)
-    print(f'{right} of {len(done)} logs: all three commands run, on the right topics. In brackets '
-          "what the user's own file gives or says.\n")
-    print(table(('log', 'commands', 'topics', 'DOF', 'own fit [%]', 'mass [interval]', 'true mass',
-                 'status', 'written otherwise'), [line for _, lines in done for line in lines]))
+    print(f'{right} of {len(done)} logs: all three commands run, on the right topics, with the '
+          "right signs. In brackets what the user's own file gives or says.\n")
+    print(table(('log', 'commands', 'topics', 'DOF', 'velocity', 'force', 'its size',
+                 'own fit [%]', 'mass [interval]', 'true mass', 'status', 'written otherwise'),
+                [line for _, lines in done for line in lines]))
     if right < len(done):
         raise SystemExit(1)
 

@@ -13,16 +13,17 @@ from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, HUBER, Innovation
 from rovid_core.identify.ekf.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.saved_steps import finite_number
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.samples import PlanarStep, Step
 
 PERIOD = 20.0
 """[s] of motion after which all of it is gone through again."""
 
-LONGEST, LONGEST_UNKNOWN = 2.9 * PERIOD, 5.9 * PERIOD
-"""[s] after which the filter goes on by itself, if it knows alpha and if it does not."""
+LONGEST = 5.9 * PERIOD
+"""[s] after which the filter goes on by itself."""
 
 KNOWN = 0.2
-"""Relative std of alpha that is knowing it."""
+"""Relative std of alpha that is knowing it: what is kept is gone through half as often."""
 
 USED, OUTLIER, UNLEARNED = range(3)
 """What a step is: a measurement, one that does not count, one that tells the motion alone."""
@@ -43,7 +44,6 @@ STEPS = (Step, PlanarStep)
 class AnyFilter(Protocol):
     """What the start needs of a filter."""
 
-    force_std: float
     theta: Any
     theta_covariance: Any
 
@@ -53,6 +53,7 @@ class Learner(Protocol):
 
     innovations: Innovations
     blocks: ScoreBlocks
+    unmodelled: Unmodelled
 
     @property
     def filter(self) -> AnyFilter:
@@ -93,7 +94,7 @@ class BatchStart(Generic[M]):
     Parameters
     ----------
     new : callable
-        Makes a member at some parameters, for a size of the unknown acceleration.
+        Makes a member at some parameters, for what moves the vehicle besides its model.
     new_clock : callable
         Makes what turns steps into measurements.
     read : callable
@@ -103,7 +104,7 @@ class BatchStart(Generic[M]):
 
     """
 
-    def __init__(self, new: Callable[[float, Sequence[float]], M],
+    def __init__(self, new: Callable[[Unmodelled, Sequence[float]], M],
                  new_clock: Callable[[], Clock], read: Callable[[Any], Any],
                  budget: int = BUDGET) -> None:
         self._new, self._new_clock, self._read = new, new_clock, read
@@ -165,9 +166,9 @@ class BatchStart(Generic[M]):
         return best
 
     def _iterate(self, member: M, theta: Sequence[float], passes: int) -> tuple[M, float]:
-        noise, force_std = member.innovations.noise, member.filter.force_std
+        noise = member.innovations.noise
         for _ in range(passes):
-            found = self._new(force_std, theta)
+            found = self._new(member.unmodelled, theta)
             found.innovations.noise = noise
             sizes = self._pass(found)
             level = _level(sizes)

@@ -18,7 +18,6 @@ from rovid_core.identify.ekf.batch_start import (
     BatchStart,
     KNOWN,
     LONGEST,
-    LONGEST_UNKNOWN,
     PERIOD,
     UNLEARNED,
     USED,
@@ -40,6 +39,7 @@ from rovid_core.identify.ekf.missing_terms import described, UNTOLD
 from rovid_core.identify.ekf.normalised_model import CHANGE, FilterUncertainty, NormalisedModel
 from rovid_core.identify.ekf.saved_steps import read_step
 from rovid_core.identify.ekf.score_blocks import Verdict
+from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier
@@ -73,8 +73,8 @@ class ExtendedKalman(Identifier):
     """
     The extended Kalman filter on one DOF.
 
-    Filters that believe in unknown accelerations of different sizes run side by side; the
-    noise of the measurements is learned from the innovations of each. Its status does not
+    Filters that take something else each to move the vehicle besides the model run side by side;
+    the noise of the measurements is learned from the innovations of each. Its status does not
     become ``converged`` before the intervals from blocks are narrow, the innovations white
     enough and the model predicts the last minute without corrections.
 
@@ -102,7 +102,7 @@ class ExtendedKalman(Identifier):
 
     def _begin(self, theta: Sequence[float]) -> None:
         self._theta, self._prior = list(theta), list(self._model.prior)
-        self._bank = FilterBank(lambda force_std: self._new(force_std, theta))
+        self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, theta))
         self._clock = self._new_clock()
         self._start: BatchStart[Member] | None = self._new_start()
         self._time = 0.0
@@ -114,9 +114,9 @@ class ExtendedKalman(Identifier):
         self._published: Verdict | None = None  # what ``uncertainty`` was made of
         self._publish()
 
-    def _new(self, force_std: float, theta: Sequence[float]) -> Member:
+    def _new(self, unmodelled: Unmodelled, theta: Sequence[float]) -> Member:
         """Return a filter at some parameters that knows those to begin with."""
-        member = Member(self._theta, self._prior, self._model.box, force_std, FIRST_NOISE,
+        member = Member(self._theta, self._prior, self._model.box, unmodelled, FIRST_NOISE,
                         self._scales.watched)
         member.filter.theta = list(theta)
         return member
@@ -196,7 +196,7 @@ class ExtendedKalman(Identifier):
         if adapt and (start is None or changed) and self._bank.is_lost_often(
                 found, self._time):
             self._note_change(step)
-        elif self._start is None and BLOCK in found:
+        elif BLOCK in found:
             self._end_blocks(found, step)
         self.v_hat = self._velocity(step)
         if adapt:
@@ -292,13 +292,13 @@ class ExtendedKalman(Identifier):
         bank = self._bank
         bank.go_through_again(start, self._theta, start.next <= PERIOD)
         if bank.best.innovations.noise > RIGHT * self._noise and (
-                self._time < bank.changed_at + LONGEST_UNKNOWN):
+                self._time < bank.changed_at + LONGEST):
             # it changes on: what was kept is of more than one vehicle
             self._begin_again(step, bank.changed_at)
             return
         filter = self._bank.best.filter
         known = filter.theta_covariance[ALPHA][ALPHA] < (KNOWN * filter.theta[ALPHA])**2
-        if start.duration > (LONGEST if known else LONGEST_UNKNOWN):
+        if start.duration > LONGEST:
             self._start = None
         else:
             start.next = start.duration + (2.0 * PERIOD if known else PERIOD)
@@ -307,7 +307,7 @@ class ExtendedKalman(Identifier):
         """Look at the blocks that are complete."""
         bank = self._bank
         ended = bank.ended(found)
-        if bank.contradicted(ended):
+        if self._start is None and bank.contradicted(ended):
             self._note_change(step)
             return
         for member in ended:
@@ -330,7 +330,7 @@ class ExtendedKalman(Identifier):
         self._prior = [
             *[(CHANGE * max(abs(p), abs(q)))**2 if v else 0.0
               for p, q, v in zip(self._theta, self._model.initial, prior)], delay]
-        self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
+        self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         for member in self._bank.members:
             member.innovations.noise = self._noise
         self._bank.changed_at = changed_at

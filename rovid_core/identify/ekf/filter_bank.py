@@ -1,4 +1,4 @@
-"""Filters side by side that believe in unknown accelerations of different sizes."""
+"""Filters side by side that take something else each to move the vehicle besides its model."""
 
 from __future__ import annotations
 
@@ -16,22 +16,14 @@ from rovid_core.identify.ekf.linearised_filter import (
     CANDIDATES,
     floats,
     LinearisedFilter,
+    POSITION,
 )
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.score_blocks import SCATTERED, ScoreBlocks, Verdict
-
-FORCES = (0.0, 0.05)
-"""
-Standard deviations of the unknown acceleration, in typical accelerations.
-
-Larger ones explain everything and leave the model only what is fast.
-"""
+from rovid_core.identify.ekf.unmodelled import Unmodelled, UNMODELLED
 
 MARGIN = 10.0
-"""By which -2 log of the likelihood has to be lower before an unknown acceleration counts."""
-
-WORSE = 1.5
-"""Error of a prediction without corrections, over that of the first member, that is too large."""
+"""By which -2 log of the likelihood has to be lower before the model is taken to be wrong."""
 
 SAID = 60.0
 """[s] after a change in which it is said."""
@@ -53,8 +45,8 @@ class Member:
         Of the parameters at the beginning.
     bounds : Bounds
         Of the parameters.
-    force_std : float
-        Of the unknown acceleration.
+    unmodelled : Unmodelled
+        What moves the vehicle besides its model.
     noise : float
         Of a measurement.
     watched : sequence of str
@@ -70,8 +62,9 @@ class Member:
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float], bounds: Bounds,
-                 force_std: float, noise: float, watched: Sequence[str] = ()) -> None:
-        self.filter = LinearisedFilter(theta, variances, force_std, len(watched))
+                 unmodelled: Unmodelled, noise: float, watched: Sequence[str] = ()) -> None:
+        self.unmodelled = unmodelled
+        self.filter = LinearisedFilter(theta, variances, unmodelled.force_std, len(watched))
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(theta, variances, (*CANDIDATES, *watched))
         self.verdict: Verdict | None = None
@@ -95,9 +88,12 @@ class Member:
         if span.end > span.start:
             filter.move(clock.recent, span.start, span.end, span.couplings,
                         span.watched)
-        if span.turn or span.slip:
-            # the noise of the fix between two intervals does not cancel when they are turned
-            filter.widen_motion((span.turn * self.innovations.noise)**2 + span.slip**2)
+        # the noise of the fix between two intervals does not cancel when they are turned
+        relative = span.turn * span.turn
+        if span.i == POSITION and span.value is not None:
+            relative += self.unmodelled.slip * self.unmodelled.slip
+        if relative or span.slip:
+            filter.widen_motion(relative * self.innovations.noise**2 + span.slip**2)
 
     def update(self, i: int, value: float, dt: float, adapt: bool, beginning: bool) -> int:
         """Take a measurement; return 0 or what comes of it."""
@@ -163,11 +159,6 @@ class Member:
         self.filter.keep_inside(self._bounds)
 
     @property
-    def free_error(self) -> float:
-        """Return the error of the prediction without corrections, NaN if there is none."""
-        return self.prediction.error
-
-    @property
     def unseen(self) -> list[list[float]]:
         """Return what terms that nothing tells yet add to the covariance; empty for nothing."""
         if self.blocks.count != self._unseen_of:
@@ -175,8 +166,8 @@ class Member:
         return self._unseen
 
     def judge(self) -> None:
-        """Find what the blocks say; one that believes in unknown forces has a wrong model."""
-        self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)
+        """Find what the blocks say."""
+        self.verdict = self.blocks.verdict(self.unmodelled.is_there)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
@@ -200,10 +191,6 @@ class Judged(Learner, Protocol):
 
     verdict: Verdict | None
 
-    @property
-    def free_error(self) -> float:
-        """Return the error of the prediction without corrections, NaN if there is none."""
-
     def judge(self) -> None:
         """Find what the blocks say."""
 
@@ -219,12 +206,12 @@ M = TypeVar('M', bound=Judged)
 
 class FilterBank(Generic[M]):
     """
-    Members with unknown accelerations of different sizes.
+    Members that each take something else of ``UNMODELLED`` to be there.
 
     Parameters
     ----------
     new : callable
-        Makes a member from the size.
+        Makes a member from that.
 
     Attributes
     ----------
@@ -235,8 +222,8 @@ class FilterBank(Generic[M]):
 
     """
 
-    def __init__(self, new: Callable[[float], M]) -> None:
-        self.members = [new(force) for force in FORCES]
+    def __init__(self, new: Callable[[Unmodelled], M]) -> None:
+        self.members = [new(unmodelled) for unmodelled in UNMODELLED]
         self.number = 0
         self.changed_at = -SAID
         self._losses: list[float] = []
@@ -247,22 +234,13 @@ class FilterBank(Generic[M]):
         return self.members[self.number]
 
     def choose(self) -> None:
-        """
-        Choose the best member.
-
-        One with an unknown acceleration only where it is needed, and predicts as well without
-        corrections: an acceleration that takes the place of the model leaves it what is fast.
-        """
-        best, limit = self.number, WORSE * self.members[0].free_error
-        least = first = self.members[0].innovations.likelihood
-        now = self.members[best].innovations.likelihood
-        # who is chosen needs to be beaten clearly, by a filter without unknown forces less so
-        for k, member in enumerate(self.members):
-            value = member.innovations.likelihood
-            if value < now - MARGIN and value <= least and not member.free_error > limit:
-                self.number, least = k, value
-        if self.number and (self.best.free_error > limit or (
-                first < self.best.innovations.likelihood + 0.5 * MARGIN)):
+        """Choose the likeliest member, one that takes the model to be wrong only if it has to."""
+        values = [member.innovations.likelihood for member in self.members]
+        likeliest = values.index(min(values))
+        # who is chosen needs to be beaten clearly, by a model that is right less so
+        if values[likeliest] < values[self.number] - MARGIN:
+            self.number = likeliest
+        if values[0] < values[self.number] + 0.5 * MARGIN:
             self.number = 0
 
     def go_through_again(self, start: BatchStart[M], first_guess: Sequence[float],
@@ -293,6 +271,8 @@ class FilterBank(Generic[M]):
                         member, [member.filter.theta, *([first.filter.theta] if early else [])],
                         passes)
             members[self.number] = first
+            for member in members:
+                member.judge()
             self.choose()
             return True
         return False

@@ -28,13 +28,11 @@ class FreePrediction:
     ----------
     fit : float
         1 - rms(error) / std(measured) of the velocity over the last blocks.
-    error : float
-        rms(error), in typical velocities; NaN before the first comparison.
 
     """
 
     def __init__(self) -> None:
-        self.fit, self.error = -math.inf, math.nan
+        self.fit = -math.inf
         self._theta: list[float] = []
         self._time = -1.0  # [s] of the last comparison
         self._motion = [0.0, 0.0]
@@ -102,7 +100,6 @@ class FreePrediction:
         n, error, total, square = (math.fsum(column) for column in zip(*self._blocks))
         variance = square - total * total / n if n else 0.0
         self.fit = 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf
-        self.error = math.sqrt(error / n) if n else math.nan
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

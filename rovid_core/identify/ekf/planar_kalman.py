@@ -20,7 +20,6 @@ from rovid_core.identify.ekf.batch_start import (
     BatchStart,
     KNOWN,
     LONGEST,
-    LONGEST_UNKNOWN,
     PERIOD,
     UNLEARNED,
     USED,
@@ -47,13 +46,14 @@ from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.missing_terms import described, UNTOLD
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty
 from rovid_core.identify.ekf.planar_filter import Array
-from rovid_core.identify.ekf.planar_layout import AXES, CURRENT, DOFS, Noise
+from rovid_core.identify.ekf.planar_layout import AXES, CURRENT, DOFS
 from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, PlanarMember
 from rovid_core.identify.ekf.planar_model import PlanarModel
 from rovid_core.identify.ekf.planar_prediction import PlanarPrediction
 from rovid_core.identify.ekf.planar_row import PlanarRow
 from rovid_core.identify.ekf.saved_steps import read_planar_step
 from rovid_core.identify.ekf.turning import Turning
+from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.dofs import Four
@@ -103,7 +103,7 @@ class PlanarKalman:
         self._theta = [*list(theta)[:-2], 0.0, 0.0]
         self._variances = list(self._model.variances)
         self._free = False
-        self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
+        self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
         self._prediction = PlanarPrediction(self._model.rows, self._model.size)
@@ -120,7 +120,7 @@ class PlanarKalman:
             row.v_hat = math.nan
         self._publish()
 
-    def _new(self, force_std: float, theta: Sequence[float]) -> PlanarMember:
+    def _new(self, unmodelled: Unmodelled, theta: Sequence[float]) -> PlanarMember:
         """Return a filter at some parameters that knows the initial ones."""
         free, k = self._free, self._model.size - AXES
         considered = {} if free else dict(enumerate(self._variances[k:], k))
@@ -128,7 +128,7 @@ class PlanarKalman:
             self._model.rows, self._theta,
             self._variances if free else [*self._variances[:k], *[0.0] * AXES], considered,
             self._model.box,
-            Noise(force_std, self._settings.change if free else 0.0),
+            unmodelled, self._settings.change if free else 0.0,
             FIRST_NOISE * max(row.velocity for row in self._model.rows), self._model.watched,
             self._model.identified)
         if member.filter.theta.tolist() != list(theta):
@@ -259,7 +259,7 @@ class PlanarKalman:
         turning = self._turning
         if not self._free and turning.has_turned and not turning.lacks(start.duration):
             self._free = True
-            self._free = self._solve_start(start, early=True)
+            self._free = self._bank.go_through_again(start, self._theta, True)
             if not self._free:
                 turning.wait(start.duration)
             # once more when there is more of it
@@ -274,10 +274,10 @@ class PlanarKalman:
             return
         if start.duration < start.next or turning.has_turned and not self._free:
             return
-        self._solve_start(start, early=start.next <= PERIOD)
         bank = self._bank
+        bank.go_through_again(start, self._theta, start.next <= PERIOD)
         if bank.best.innovations.noise > RIGHT * self._noise and (
-                self._time < bank.changed_at + LONGEST_UNKNOWN):
+                self._time < bank.changed_at + LONGEST):
             # it changes on: what was kept is of more than one vehicle
             self._begin_again(step, bank.changed_at)
             return
@@ -285,16 +285,8 @@ class PlanarKalman:
         known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in (
             self._model.rows[DOFS.index(dof)].first for dof in self._model.identified))
         start.next = start.duration + (2.0 * PERIOD if known else PERIOD)
-        if self._free and start.duration > (LONGEST if known else LONGEST_UNKNOWN):
+        if self._free and start.duration > LONGEST:
             self._start = None
-
-    def _solve_start(self, start: BatchStart[PlanarMember], early: bool) -> bool:
-        """Replace the filters by those that went through all data so far; tell if it went well."""
-        if not self._bank.go_through_again(start, self._theta, early):
-            return False
-        for member in self._bank.members:
-            member.judge()
-        return True
 
     def _end_blocks(self, found: Sequence[int], step: PlanarStep) -> None:
         """Look at the blocks that are complete."""
@@ -333,7 +325,7 @@ class PlanarKalman:
         filter = self._bank.best.filter
         self._theta = [*filter.theta[:-AXES].tolist(), *filter.motion[CURRENT].tolist()]
         self._variances = self._model.variances_after_change(self._theta)
-        self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
+        self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         for member in self._bank.members:
             member.innovations.noise = self._noise
         self._bank.changed_at = changed_at
@@ -479,7 +471,7 @@ class PlanarKalman:
         if state['noise'] is not None:
             self._noise, = floats([state['noise']], 1)
         self._free = bool(state['free'])
-        self._bank = FilterBank(lambda force_std: self._new(force_std, self._theta))
+        self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._bank.restore(state['bank'])
         self._clock.restore(state['clock'])
         if state['start'] is None:

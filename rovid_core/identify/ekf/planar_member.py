@@ -23,6 +23,7 @@ from rovid_core.identify.ekf.planar_layout import (
 )
 from rovid_core.identify.ekf.recent_force import RecentForce
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks, Verdict
+from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
 
 
@@ -141,8 +142,10 @@ class PlanarMember:
         Index and variance of parameters that are not found, but not known either.
     bounds : Bounds
         Of the parameters.
-    moves : Noise
-        What moves without being modelled.
+    unmodelled : Unmodelled
+        What moves the vehicle besides its model.
+    current_change : float
+        Spectral density of the current's change, per axis [m^2/s^3].
     noise : float
         Of a measurement [m or m/s].
     watched : sequence of str
@@ -161,9 +164,11 @@ class PlanarMember:
 
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
                  variances: Sequence[float], considered: Mapping[int, float], bounds: Bounds,
-                 moves: Noise, noise: float, watched: Sequence[str],
+                 unmodelled: Unmodelled, current_change: float, noise: float, watched: Sequence[str],
                  identified: Sequence[str]) -> None:
-        self.filter = PlanarFilter(rows, theta, variances, moves)
+        self.unmodelled = unmodelled
+        self.filter = PlanarFilter(
+            rows, theta, variances, Noise(unmodelled.force_std, current_change))
         self.innovations = Innovations(noise, AXES)
         self.blocks = ScoreBlocks(
             theta, variances, watched, considered, len(ALTERNATIVES),
@@ -187,6 +192,8 @@ class PlanarMember:
         if span.end > span.start:
             self.filter.move(clock.recent, span.start, span.end, span.pieces,
                              span.couplings, span.heading_noise)
+        if self.unmodelled.slip and span.looks[0] is POSITION[0]:
+            self.filter.widen_motion((self.unmodelled.slip * self.innovations.noise)**2, 0.0)
         if span.begins:
             self.filter.set_position(span.value, self.innovations.noise**2)
 
@@ -269,14 +276,9 @@ class PlanarMember:
         self.filter.set_theta(solution)
         self.filter.keep_inside(self._bounds)
 
-    @property
-    def free_error(self) -> float:
-        """Return NaN: the prediction without corrections is that of the best member alone."""
-        return math.nan
-
     def judge(self) -> None:
-        """Find what the blocks say; one that believes in unknown forces has a wrong model."""
-        self.verdict = self.blocks.verdict(self.filter.force_std > 0.0)
+        """Find what the blocks say."""
+        self.verdict = self.blocks.verdict(self.unmodelled.is_there)
         self.alternative = NOT_JUDGED if self.verdict is None or not self._current_is_free else (
             better_than_a_current(self.blocks, self.verdict))
 

@@ -29,7 +29,6 @@ from rovid_core.identify.ekf.filter_bank import (
     LOST,
     Member,
     OUTLIER,
-    RIGHT,
     SAID,
 )
 from rovid_core.identify.ekf.innovations import SOON
@@ -102,12 +101,11 @@ class ExtendedKalman(Identifier):
 
     def _begin(self, theta: Sequence[float]) -> None:
         self._theta, self._prior = list(theta), list(self._model.prior)
-        self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, theta))
+        self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[Member] | None = self._new_start()
         self._time = 0.0
         self._moving = self._usable = False
-        self._noise = math.inf  # before the vehicle changed
         self._idle = 0.0  # [s] without anything to learn, during the start
         self.v_hat = math.nan
         self.excitation = 0.0
@@ -193,8 +191,7 @@ class ExtendedKalman(Identifier):
             return
         if start is not None:
             self._go_on_with_start(start, step, came, adapt)
-        if adapt and (start is None or changed) and self._bank.is_lost_often(
-                found, self._time):
+        if adapt and self._bank.is_lost_often(found, self._time):
             self._note_change(step)
         elif BLOCK in found:
             self._end_blocks(found, step)
@@ -291,9 +288,7 @@ class ExtendedKalman(Identifier):
             return
         bank = self._bank
         bank.go_through_again(start, self._theta, start.next <= PERIOD)
-        if bank.best.innovations.noise > RIGHT * self._noise and (
-                self._time < bank.changed_at + LONGEST):
-            # it changes on: what was kept is of more than one vehicle
+        if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
             return
         filter = self._bank.best.filter
@@ -307,7 +302,7 @@ class ExtendedKalman(Identifier):
         """Look at the blocks that are complete."""
         bank = self._bank
         ended = bank.ended(found)
-        if self._start is None and bank.contradicted(ended):
+        if bank.contradicted(ended):
             self._note_change(step)
             return
         for member in ended:
@@ -317,7 +312,6 @@ class ExtendedKalman(Identifier):
 
     def _note_change(self, step: Step) -> None:
         self._usable = False
-        self._noise = self._bank.best.innovations.noise
         self._begin_again(step, self._time)
 
     def _begin_again(self, step: Step, changed_at: float) -> None:
@@ -330,10 +324,7 @@ class ExtendedKalman(Identifier):
         self._prior = [
             *[(CHANGE * max(abs(p), abs(q)))**2 if v else 0.0
               for p, q, v in zip(self._theta, self._model.initial, prior)], delay]
-        self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
-        for member in self._bank.members:
-            member.innovations.noise = self._noise
-        self._bank.changed_at = changed_at
+        self._bank.begin_anew(changed_at)
         self._start = self._new_start()
         self._idle = 0.0
         self.restart(velocity)
@@ -371,7 +362,6 @@ class ExtendedKalman(Identifier):
         return {
             'parameters': list(self.parameters), 'theta': list(self._theta),
             'prior': list(self._prior),
-            'noise': None if self._noise == math.inf else self._noise,
             'bank': self._bank.state(), 'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'time': self._time, 'moving': self._moving, 'usable': self._usable,
@@ -398,8 +388,6 @@ class ExtendedKalman(Identifier):
     def _restore(self, state: Mapping[str, Any]) -> None:
         self._begin(floats(state['theta'], len(self._theta)))
         self._prior = floats(state['prior'], len(self._prior))
-        if state['noise'] is not None:
-            self._noise, = floats([state['noise']], 1)
         self._bank.restore(state['bank'])
         self._clock.restore(state['clock'])
         if state['start'] is None:

@@ -8,7 +8,7 @@ import math
 from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
-from rovid_core.identify.ekf.batch_start import BatchStart, Learner, PASSES
+from rovid_core.identify.ekf.batch_start import BatchStart, Learner, LONGEST, PASSES
 from rovid_core.identify.ekf.free_prediction import FreePrediction
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.linearised_filter import (
@@ -20,7 +20,7 @@ from rovid_core.identify.ekf.linearised_filter import (
 )
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.score_blocks import SCATTERED, ScoreBlocks, Verdict
-from rovid_core.identify.ekf.unmodelled import Unmodelled, UNMODELLED
+from rovid_core.identify.ekf.unmodelled import UNMODELLED, Unmodelled
 
 MARGIN = 10.0
 """By which -2 log of the likelihood has to be lower before the model is taken to be wrong."""
@@ -223,10 +223,12 @@ class FilterBank(Generic[M]):
     """
 
     def __init__(self, new: Callable[[Unmodelled], M]) -> None:
+        self._new = new
         self.members = [new(unmodelled) for unmodelled in UNMODELLED]
         self.number = 0
         self.changed_at = -SAID
         self._losses: list[float] = []
+        self._noises = [math.inf for _ in UNMODELLED]  # least before a change
 
     @property
     def best(self) -> M:
@@ -307,19 +309,26 @@ class FilterBank(Generic[M]):
         return True in [member.blocks.has_changed(math.inf if member is self.best else SCATTERED)
                         for member in ended]
 
-    def begin_anew(self, time: float) -> None:
-        """Forget what was found of a vehicle that has changed."""
-        for member in self.members:
-            filter = member.filter
-            member.blocks.clear([float(x) for x in filter.theta], [
-                float(row[k]) for k, row in enumerate(filter.theta_covariance)])
-            member.verdict = None
-        self.changed_at, self._losses = time, []
+    def begin_anew(self, changed_at: float) -> None:
+        """Begin with new members at the noise of before the vehicle changed."""
+        # while it goes on to change the noise is only larger
+        self._noises = [min(before, member.innovations.noise)
+                        for before, member in zip(self._noises, self.members)]
+        self.members = [self._new(unmodelled) for unmodelled in UNMODELLED]
+        for member, noise in zip(self.members, self._noises):
+            member.innovations.noise = noise
+        self.number, self.changed_at, self._losses = 0, changed_at, []
+
+    def changes_on(self, time: float) -> bool:
+        """Tell whether what came since the vehicle changed is of more than one vehicle."""
+        return self.best.innovations.noise > RIGHT * self._noises[self.number] and (
+            time < self.changed_at + LONGEST)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'members': [member.state() for member in self.members], 'best': self.number,
-                'changed_at': self.changed_at, 'losses': list(self._losses)}
+                'changed_at': self.changed_at, 'losses': list(self._losses),
+                'noises': None if math.inf in self._noises else list(self._noises)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -330,4 +339,6 @@ class FilterBank(Generic[M]):
             member.restore(one)
         self.changed_at, *self._losses = floats(
             [state['changed_at'], *state['losses']], 1 + len(state['losses']))
+        if state['noises'] is not None:
+            self._noises = floats(state['noises'], len(self.members))
         self.number = best

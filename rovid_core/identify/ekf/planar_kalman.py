@@ -40,7 +40,7 @@ from rovid_core.identify.ekf.extended_kalman import (
     MANY_BLOCKS,
     UNEXPLAINED,
 )
-from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, RIGHT, SAID
+from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, SAID
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.missing_terms import described, UNTOLD
@@ -110,7 +110,6 @@ class PlanarKalman:
         self._time = 0.0
         self._moving = False
         self._usable = [False, False]
-        self._noise = math.inf  # before the vehicle changed
         self._idle = 0.0
         self._windows = 0
         self._turning = Turning()
@@ -212,8 +211,7 @@ class PlanarKalman:
             return
         if start is not None:
             self._go_on_with_start(start, step, came, adapt)
-        if adapt and (start is None or changed) and self._bank.is_lost_often(
-                found, self._time):
+        if adapt and (self._free or changed) and self._bank.is_lost_often(found, self._time):
             self._note_change(step)
         elif BLOCK in found:
             self._end_blocks(found, step)
@@ -276,9 +274,7 @@ class PlanarKalman:
             return
         bank = self._bank
         bank.go_through_again(start, self._theta, start.next <= PERIOD)
-        if bank.best.innovations.noise > RIGHT * self._noise and (
-                self._time < bank.changed_at + LONGEST):
-            # it changes on: what was kept is of more than one vehicle
+        if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
             return
         filter = self._bank.best.filter
@@ -291,7 +287,7 @@ class PlanarKalman:
     def _end_blocks(self, found: Sequence[int], step: PlanarStep) -> None:
         """Look at the blocks that are complete."""
         best, ended = self._bank.best, self._bank.ended(found)
-        if self._start is None and self._bank.contradicted(ended):
+        if self._free and self._bank.contradicted(ended):
             self._note_change(step)
             return
         for member in ended:
@@ -316,7 +312,6 @@ class PlanarKalman:
 
     def _note_change(self, step: PlanarStep) -> None:
         self._usable = [False, False]
-        self._noise = self._bank.best.innovations.noise
         self._begin_again(step, self._time)
 
     def _begin_again(self, step: PlanarStep, changed_at: float) -> None:
@@ -325,10 +320,7 @@ class PlanarKalman:
         filter = self._bank.best.filter
         self._theta = [*filter.theta[:-AXES].tolist(), *filter.motion[CURRENT].tolist()]
         self._variances = self._model.variances_after_change(self._theta)
-        self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
-        for member in self._bank.members:
-            member.innovations.noise = self._noise
-        self._bank.changed_at = changed_at
+        self._bank.begin_anew(changed_at)
         self._start = self._new_start()
         self._idle = 0.0
         self.restart(PlanarStart(velocity, step.axes))
@@ -443,8 +435,7 @@ class PlanarKalman:
         """Return all that is needed to go on from here."""
         return {
             'theta': list(self._theta), 'variances': list(self._variances),
-            'noise': None if self._noise == math.inf else self._noise, 'free': self._free,
-            'bank': self._bank.state(),
+            'free': self._free, 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'prediction': self._prediction.state(), 'time': self._time,
@@ -468,8 +459,6 @@ class PlanarKalman:
         self._begin(theta)
         self._theta = theta
         self._variances = floats(state['variances'], self._model.size)
-        if state['noise'] is not None:
-            self._noise, = floats([state['noise']], 1)
         self._free = bool(state['free'])
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._bank.restore(state['bank'])

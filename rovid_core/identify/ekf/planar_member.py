@@ -164,8 +164,8 @@ class PlanarMember:
 
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
                  variances: Sequence[float], considered: Mapping[int, float], bounds: Bounds,
-                 unmodelled: Unmodelled, current_change: float, noise: float, watched: Sequence[str],
-                 identified: Sequence[str]) -> None:
+                 unmodelled: Unmodelled, current_change: float, noise: float,
+                 watched: Sequence[str], identified: Sequence[str]) -> None:
         self.unmodelled = unmodelled
         self.filter = PlanarFilter(
             rows, theta, variances, Noise(unmodelled.force_std, current_change))

@@ -34,7 +34,12 @@ from rovid_core.identify.ekf.filter_bank import (
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.missing_terms import described, UNTOLD
+from rovid_core.identify.ekf.missing_terms import (
+    COUPLING_MISSING,
+    described,
+    is_coupling,
+    UNTOLD,
+)
 from rovid_core.identify.ekf.normalised_model import CHANGE, FilterUncertainty, NormalisedModel
 from rovid_core.identify.ekf.saved_steps import read_step
 from rovid_core.identify.ekf.score_blocks import Verdict
@@ -246,6 +251,8 @@ class ExtendedKalman(Identifier):
             return 'there are no independent pieces of data yet to judge the intervals by'
         if self._clocks:
             return 'the delay is out of range'
+        if is_coupling(self._bank.best.verdict.missing):
+            return COUPLING_MISSING
         correlation = self._bank.best.innovations.correlation
         if not correlation < CORRELATION[0]:
             return 'the errors of the prediction hang together: the model lacks something'
@@ -254,9 +261,9 @@ class ExtendedKalman(Identifier):
 
     def _judge(self) -> None:
         """Find whether the model may be used."""
-        k = 1 if self._usable else 0
+        k, verdict = (1 if self._usable else 0), self._bank.best.verdict
         self._usable = (
-            self._bank.best.verdict is not None and not self._clocks
+            verdict is not None and not self._clocks and not is_coupling(verdict.missing)
             and self._bank.best.innovations.correlation < CORRELATION[k]
             and self._bank.best.prediction.fit > HELD_FIT[k])
 

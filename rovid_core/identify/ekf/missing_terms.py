@@ -5,10 +5,30 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from rovid_core.identify.ekf.linearised_filter import ALPHA, BETA, DEAD_BAND, GAMMA, LAG
+from rovid_core.identify.ekf.linearised_filter import (
+    ALPHA,
+    BETA,
+    CANDIDATES,
+    DEAD_BAND,
+    GAMMA,
+    LAG,
+)
 from rovid_core.identify.ekf.score_blocks import Missing
 from rovid_core.model.dofs import RESTORING
 from rovid_core.settings.run import Scales
+
+COUPLING_MISSING = 'a coupling is missing'
+"""Why a model may not be used that ``is_coupling`` says something of."""
+
+
+def is_coupling(missing: Missing | None) -> bool:
+    """
+    Tell whether a coupling of the DOF is missing.
+
+    Until it is added nothing can be said of what else the model lacks: what is found first hides
+    the rest.
+    """
+    return missing is not None and missing.name not in (*CANDIDATES, 'current')
 
 
 def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:

@@ -43,7 +43,12 @@ from rovid_core.identify.ekf.extended_kalman import (
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, SAID
 from rovid_core.identify.ekf.innovations import SOON
 from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
-from rovid_core.identify.ekf.missing_terms import described, UNTOLD
+from rovid_core.identify.ekf.missing_terms import (
+    COUPLING_MISSING,
+    described,
+    is_coupling,
+    UNTOLD,
+)
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty
 from rovid_core.identify.ekf.planar_filter import Array
 from rovid_core.identify.ekf.planar_layout import AXES, CURRENT, DOFS
@@ -52,6 +57,7 @@ from rovid_core.identify.ekf.planar_model import PlanarModel
 from rovid_core.identify.ekf.planar_prediction import PlanarPrediction
 from rovid_core.identify.ekf.planar_row import PlanarRow
 from rovid_core.identify.ekf.saved_steps import read_planar_step
+from rovid_core.identify.ekf.score_blocks import Missing
 from rovid_core.identify.ekf.turning import Turning
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.estimate import Current
@@ -302,7 +308,7 @@ class PlanarKalman:
         self._current = self._find_current(self._covariance())
         self._usable = [
             best.verdict is not None and self._current.status == 'known'
-            and not self._clocks(k)
+            and not self._clocks(k) and not is_coupling(self._missing(k))
             and best.innovations.correlation < CORRELATION[usable] and fit > HELD_FIT[usable]
             for k, (usable, fit) in enumerate(zip(self._usable, self._prediction.fits))]
 
@@ -397,15 +403,11 @@ class PlanarKalman:
             said.append(why_not_known(self._current))
         if self._clocks(k):
             said.append(self._clocks(k))
-        verdict = self._bank.best.verdict
-        missing = verdict.missing if verdict is not None else None
+        verdict, missing = self._bank.best.verdict, self._missing(k)
         if missing is not None:
-            dof, name = missing.name.split()
-            if dof == DOFS[k]:
-                row = self._model.rows[k]
-                theta = self._bank.best.filter.theta[row.first:row.end].tolist()
-                said.append(described(
-                    replace(missing, name=name), theta, self._model.scales[k]))
+            row = self._model.rows[k]
+            theta = self._bank.best.filter.theta[row.first:row.end].tolist()
+            said.append(described(missing, theta, self._model.scales[k]))
         elif verdict is not None and verdict.scatter > UNEXPLAINED and (
                 verdict.count >= MANY_BLOCKS):
             said.append('the model does not explain all of the motion: the intervals are wider')
@@ -415,6 +417,14 @@ class PlanarKalman:
             said += [UNTOLD[name] for dof, name in map(str.split, verdict.untold)
                      if dof == DOFS[k] and verdict.covariance[i][i] > limit]
         return '; '.join(said)
+
+    def _missing(self, k: int) -> Missing | None:
+        """Return what the model of surge (0) or sway (1) lacks."""
+        verdict = self._bank.best.verdict
+        if verdict is None or verdict.missing is None:
+            return None
+        dof, name = verdict.missing.name.split()
+        return replace(verdict.missing, name=name) if dof == DOFS[k] else None
 
     def doubt(self, k: int) -> str:
         """Return why the model of surge (0) or sway (1) may not be used yet, '' if it may."""
@@ -426,6 +436,8 @@ class PlanarKalman:
             return 'there are no independent pieces of data yet to judge the intervals by'
         if self._clocks(k):
             return 'the delay is out of range'
+        if is_coupling(self._missing(k)):
+            return COUPLING_MISSING
         if not self._bank.best.innovations.correlation < CORRELATION[0]:
             return 'the errors of the prediction hang together: the model lacks something'
         return (f'without corrections it predicts {100.0 * self._prediction.fits[k]:.0f} % of '

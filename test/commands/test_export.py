@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 import re
 import resource
+import sys
 from typing import Any
 from xml.etree import ElementTree
 
@@ -99,7 +100,8 @@ def test_yaml_gives_any_number_back(
     path.write_text(export([found], 'yaml', Path('x.json')).text)
     again = load(path)
     for name, value in found.physical.items():
-        assert again[f'sway.initial.{name}'] == (value if abs(value) > 1e-307 else 0.0)
+        assert again[f'sway.initial.{name}'] == (
+            value if abs(value) >= sys.float_info.min else 0.0)
         assert isinstance(again[f'sway.initial.{name}'], float)
 
 

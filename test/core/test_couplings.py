@@ -243,30 +243,30 @@ def test_without_couplings_no_wrong_mass_is_said_to_have_converged() -> None:
 def test_a_saved_state_goes_on_with_the_same_bits() -> None:
     settings = guessed(couplings=True)
     taken = list(events(settings, 50.0))
-    for at in (len(taken) // 2, 9 * len(taken) // 10):  # in the start, and after it
-        whole, first, second = Stream(settings), Stream(settings), Stream(settings)
-        for event in taken[:at]:
-            whole.receive(event)
-            first.receive(event)
-        second.restore(json.loads(json.dumps(first.state())))
-        assert first.estimate is not None
-        before = {d.dof: d.couplings for d in first.estimate.dofs}
-        assert before == {
-            d: second.identifier(d).couplings for d in settings.dofs} and all(before['surge'])
-        # both begin anew from the same measurement, and the saved one on another computer
-        identifiers = [[stream.identifier(d) for d in settings.dofs] for stream in (first, second)]
-        scorer = Steps()
-        helper = Stream(settings, scorer=scorer)
-        for event in taken[at:]:
-            helper.receive(event)
-        for dof, one, other in zip(settings.dofs, *identifiers):
-            one.restart(0.1)
-            other.restart(0.1)
-            for step in scorer.steps[dof]:
-                assert one.step(step) == other.step(step)
-            assert json.dumps(one.state()) == json.dumps(other.state())
-            assert one.couplings == other.couplings != before[dof]
-            assert one.uncertainty.couplings_std == other.uncertainty.couplings_std
+    at = len(taken) // 2
+    whole, first, second = Stream(settings), Stream(settings), Stream(settings)
+    for event in taken[:at]:
+        whole.receive(event)
+        first.receive(event)
+    second.restore(json.loads(json.dumps(first.state())))
+    assert first.estimate is not None
+    before = {d.dof: d.couplings for d in first.estimate.dofs}
+    assert before == {
+        d: second.identifier(d).couplings for d in settings.dofs} and all(before['surge'])
+    # both begin anew from the same measurement, and the saved one on another computer
+    identifiers = [[stream.identifier(d) for d in settings.dofs] for stream in (first, second)]
+    scorer = Steps()
+    helper = Stream(settings, scorer=scorer)
+    for event in taken[at:]:
+        helper.receive(event)
+    for dof, one, other in zip(settings.dofs, *identifiers):
+        one.restart(0.1)
+        other.restart(0.1)
+        for step in scorer.steps[dof]:
+            assert one.step(step) == other.step(step)
+        assert json.dumps(one.state()) == json.dumps(other.state())
+        assert one.couplings == other.couplings != before[dof]
+        assert one.uncertainty.couplings_std == other.uncertainty.couplings_std
 
 
 def test_a_state_of_other_couplings_is_refused() -> None:

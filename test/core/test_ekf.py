@@ -56,9 +56,9 @@ def test_the_errors_after_5_minutes_are_those_of_the_cramer_rao_bound(clean):
 
 
 def test_the_errors_after_a_minute_are_those_of_the_cramer_rao_bound():
-    # of 30 at the bound one rms in a thousand is above 1.41
-    errors = np.array([identified(MINUTE, seed)[0].parameters for seed in range(30)]) - TRUE
-    assert max(np.sqrt(np.mean(errors**2, axis=0)) / bound(60.0, True)) < 1.41
+    # of 20 at the bound one rms in a thousand is above 1.51
+    errors = np.array([identified(MINUTE, seed)[0].parameters for seed in range(20)]) - TRUE
+    assert max(np.sqrt(np.mean(errors**2, axis=0)) / bound(60.0, True)) < 1.51
 
 
 def test_the_intervals_hold_the_truth(clean):

@@ -102,8 +102,8 @@ def online_fits(logs: Path, method: str) -> dict[str, float]:
 
 def yaw_fit(logs: Path, couplings: tuple[str, ...]) -> float:
     """Return the fit of yaw on short_all_axes.mcap, trained on all_axes.mcap."""
-    settings = with_couplings(
-        settings_from(load(CONFIG / 'bluerov2_tank.yaml')), 'yaw', couplings)
+    settings = replace(with_couplings(
+        settings_from(load(CONFIG / 'bluerov2_tank.yaml')), 'yaw', couplings), dofs=('yaw',))
     trained = replayed(logs, 'all_axes.mcap', settings)[1]
     yaw, = (d for d in trained.dofs if d.dof == 'yaw')
     judge = measured(logs, 'short_all_axes.mcap', settings)

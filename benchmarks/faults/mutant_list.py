@@ -115,7 +115,8 @@ MUTANTS = [
           'return self._left < 0', 'return False'),
          ('Ctrl-C is taken for damage',
           'raise KeyboardInterrupt from None', 'raise')),
-    *_of('rovid_ros/logs/paths.py', 'test/robustness/test_hostile_files.py a_pipe_is_no_log '
+    *_of('rovid_ros/logs/paths.py', 'test/robustness/test_hostile_files.py '
+         'a_pipe_or_a_device_is_no_log '
          'a_bag_with_a_pipe_or_an_impossible_name_reads_the_others '
          'a_bag_whose_list_is_a_pipe_has_no_list',
          ('a pipe is a log',
@@ -349,7 +350,7 @@ MUTANTS = [
           'if not (reason or identifier.judges_errors):', 'if False:'),
          ('the acceleration need not be known',
           'if not share < limit:', 'if False:')),
-    *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_uncertainty.py',
+    *_of('rovid_core/identify/ekf/normalised_model.py', 'test/core/test_ekf_uncertainty.py',
          ('the covariance is doubled',
           'u * v * self._entry(i, j)', '2.0 * u * v * self._entry(i, j)'),
          ('the deviation of the delay is too large',

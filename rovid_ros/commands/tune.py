@@ -12,7 +12,6 @@ import textwrap
 from typing import Any
 
 from rovid_core.identify.estimate import Estimate
-from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_core.trials.tuning.cross_validation import Result
@@ -38,11 +37,9 @@ from rovid_ros.results.text import NONE, number, table, unit
 
 DESCRIPTION = (
     'Tries them on blocks of the log that the model was not identified from, and writes a '
-    'parameter file with what clearly predicts better and without terms that add nothing; the '
-    'rest of the file stays as it is.')
+    'parameter file with what clearly predicts better; the rest of the file stays as it is.')
 
 _STAYS = 'stays'
-_MEANING = dict(zip(PARAMETERS, (name.replace('_', ' ') for name in PHYSICAL), strict=True))
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -162,7 +159,6 @@ def _with_unit(key: str) -> str:
 def _notes(tuned: Tuned) -> str:
     """Return what has changed with its gain, and what has not in one line."""
     better: list[tuple[float, str]] = []
-    fewer: list[str] = []
     stay: list[str] = []
     told: list[str] = []
     for stage in tuned.stages:
@@ -176,15 +172,10 @@ def _notes(tuned: Tuned) -> str:
     for names in tuned.lists:
         if names.after == names.before:
             stay.append(names.key)
-        elif names.gain > names.spread:
+        else:
             better.append((names.gain, f'{names.key}: '
                            f'{_percent(names.gain, names.spread)} better'))
-        else:
-            out = ' and '.join(_MEANING.get(name, name) for name in names.before
-                               if name not in names.after)
-            fewer.append(f'{names.key}: as good without the {out} '
-                         f'({_percent(names.gain, names.spread)} better)')
-    lines = [line for _, line in sorted(better, reverse=True)] + fewer
+    lines = [line for _, line in sorted(better, reverse=True)]
     if stay:
         lines.append(f'nothing else is clearly better, so these stay: {", ".join(stay)}')
     lines += told

@@ -91,7 +91,7 @@ def test_a_model_that_lacks_a_coupling_is_not_converged_before_it_is_added():
         drive.go(pieces(VEHICLES['zig-zag'], 0, 300.0))
         assert drive.judged[-1] == status
         assert ('add couplings: [vr]' in drive.notes[-1]) is not bool(couplings)
-        assert ('a coupling is missing' in drive.one.doubt) is not bool(couplings)
+        assert ('without that coupling' in drive.one.doubt) is not bool(couplings)
 
 
 @pytest.mark.parametrize(('name', 'otherwise'), [

@@ -17,7 +17,7 @@ from rovid_core.identify.ekf.score_blocks import Missing
 from rovid_core.model.dofs import RESTORING
 from rovid_core.settings.run import Scales
 
-COUPLING_MISSING = 'a coupling is missing'
+COUPLING_MISSING = 'without that coupling nothing else can be judged'
 """Why a model may not be used that ``is_coupling`` says something of."""
 
 

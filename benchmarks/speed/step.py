@@ -78,7 +78,7 @@ def piped(settings: Settings) -> Work:
         began = process_time()
         for step in steps:
             time += 100_000_000
-            dof.add_step(time, step, True)  # type: ignore[arg-type]
+            dof.add_step(time, step, True, 0.0)  # type: ignore[arg-type]
         return (process_time() - began) / len(steps)
     return work
 

@@ -28,7 +28,7 @@ def is_coupling(missing: Missing | None) -> bool:
     Until it is added nothing can be said of what else the model lacks: what is found first hides
     the rest.
     """
-    return missing is not None and missing.name not in (*CANDIDATES, 'current')
+    return missing is not None and missing.name != 'current' and missing.name not in CANDIDATES
 
 
 def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:

@@ -10,7 +10,6 @@ import pytest
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member
 from rovid_core.identify.ekf.innovations import Innovations
-from rovid_core.identify.ekf.linearised_filter import Innovation
 from rovid_core.identify.ekf.missing_terms import described
 from rovid_core.identify.ekf.score_blocks import f_tail, Missing, ScoreBlocks
 from rovid_core.identify.intervals import intervals
@@ -265,7 +264,7 @@ def scored(scatter, count, seed=0):
         for _ in range(100):
             psi = [1.0, 0.0, 0.0, 0.0, float(random.normal()), *random.normal(size=4)]
             error = float(common + random.normal())
-            blocks.add(Innovation(0, error, 1.0, 1.0, psi, []), 0.0, (1.0, 0, 0, 0, 0), 0.101)
+            blocks.add(error + psi[0], 1.0, psi, 0.101)
     return blocks
 
 
@@ -298,8 +297,7 @@ def test_newer_blocks_that_contradict_are_a_change_of_what_scattered_little():
     blocks = scored(0.0, 12)
     assert not blocks.has_changed(2.0)
     for _ in range(100):
-        found = Innovation(0, 2.0, 1.0, 1.0, [1.0, 0, 0, 0, 0.1, 0, 0, 0, 0], [])
-        blocks.add(found, 0.0, (1.0, 0, 0, 0, 0), 0.101)
+        blocks.add(3.0, 1.0, [1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0], 0.101)
     assert blocks.has_changed(2.0)
     assert not blocks.has_changed(0.5)
 

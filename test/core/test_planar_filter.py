@@ -121,7 +121,7 @@ def test_each_dof_has_its_own_doubt():
         k = random.integers(2)
         psi[4 * k:4 * k + 4] = random.normal(size=4)
         psi[8 + k] = random.normal() if k == 0 else 0.2 * psi[4]
-        blocks.add_row(random.normal(), 1.0, psi, theta, 0.025)
+        blocks.add(random.normal() + psi[:8] @ theta, 1.0, psi.tolist(), 0.025)
     verdict = blocks.verdict()
     assert verdict is not None
     assert verdict.untold == ('sway dead_band',)

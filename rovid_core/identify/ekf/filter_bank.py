@@ -70,6 +70,7 @@ class Member:
         self.verdict: Verdict | None = None
         self.prediction = FreePrediction()
         self._bounds = bounds
+        self._slip = unmodelled.slip
         self._unseen: list[list[float]] = []
         self._unseen_of = 0  # blocks that it was made of
 
@@ -89,16 +90,16 @@ class Member:
             filter.move(clock.recent, span.start, span.end, span.couplings,
                         span.watched)
         # the noise of the fix between two intervals does not cancel when they are turned
-        relative = span.turn * span.turn
+        relative, noise = span.turn * span.turn, self.innovations.noise
         if span.i == POSITION and span.value is not None:
-            relative += self.unmodelled.slip * self.unmodelled.slip
+            relative += self._slip * self._slip
         if relative or span.slip:
-            filter.widen_motion(relative * self.innovations.noise**2 + span.slip**2)
+            filter.widen_motion(relative * noise * noise + span.slip * span.slip)
 
     def update(self, i: int, value: float, dt: float, adapt: bool, beginning: bool) -> int:
         """Take a measurement; return 0 or what comes of it."""
         filter, innovations = self.filter, self.innovations
-        found = filter.innovation(i, value, innovations.noise**2)
+        found = filter.innovation(i, value, innovations.noise * innovations.noise)
         normalised = found.error / math.sqrt(found.total)
         outlier = innovations.is_outlier(normalised)
         if adapt:
@@ -111,10 +112,9 @@ class Member:
             return LOST
         size = abs(normalised) / HUBER
         added = found.total * (size - 1.0) if size > 1.0 else 0.0
-        theta = filter.theta
         filter.update(found, added, adapt)
         filter.keep_inside(self._bounds)
-        if not (adapt and self.blocks.add(found, added, theta, dt)):
+        if not (adapt and self.blocks.add(found.told, found.given + added, found.psi, dt)):
             return 0
         self.prediction.end_block(filter)
         return BLOCK
@@ -139,7 +139,7 @@ class Member:
         filter, innovations = self.filter, self.innovations
         if span.value is None:
             return []
-        found = filter.innovation(span.i, span.value, innovations.noise**2)
+        found = filter.innovation(span.i, span.value, innovations.noise * innovations.noise)
         normalised = found.error / math.sqrt(found.given)
         if innovations.is_outlier(normalised) and innovations.is_lost(False):
             filter.widen_motion(found.error**2, found.error**2)
@@ -148,7 +148,7 @@ class Member:
         innovations.add(normalised, found.given)
         added = found.given * (size / HUBER - 1.0) if size > HUBER else 0.0
         filter.update_motion(found, added)
-        if used and self.blocks.add(found, added, filter.theta, span.dt):
+        if used and self.blocks.add(found.told, found.given + added, found.psi, span.dt):
             self.prediction.end_block(filter)
         return [size]
 

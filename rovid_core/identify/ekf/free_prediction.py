@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 import math
-from typing import Any
+from typing import Any, Final
 
 from rovid_core.identify.ekf.linearised_filter import floats, LinearisedFilter
 from rovid_core.identify.ekf.measurements import Measurement
 from rovid_core.identify.ekf.recent_force import RecentForce
 
-SPAN = 1.0
+SPAN: Final = 1.0
 """[s] over which velocities are taken from the path."""
 
-LEAST_STEP = 0.15
+LEAST_STEP: Final = 0.15
 """[s] The model does not need smaller ones."""
 
-KEPT = 6
+KEPT: Final = 6
 """Blocks that the fit is taken over."""
 
 
@@ -35,7 +35,7 @@ class FreePrediction:
         self.fit = -math.inf
         self._theta: list[float] = []
         self._time = -1.0  # [s] of the last comparison
-        self._motion = [0.0, 0.0]
+        self._motion = (0.0, 0.0)
         self._mark: list[float] = []  # time, path of the model, measured path
         self._sums = [0.0] * 4
         self._blocks: list[list[float]] = []
@@ -54,15 +54,17 @@ class FreePrediction:
         if h < LEAST_STEP:
             return
         start, self._time = self._time, span.end
-        alpha, beta, gamma, delta, delay = (*self._theta[:4], self._theta[-1])
+        theta = self._theta
+        alpha, beta, gamma, push = theta[0], theta[1], theta[2], theta[3]
         x, v = self._motion
         pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
         h /= pieces
-        push = delta + math.fsum([
-            kappa * x for kappa, x in zip(self._theta[4:], span.couplings)])
-        start -= delay
+        if span.couplings:
+            for kappa, regressor in zip(theta[4:], span.couplings):
+                push += kappa * regressor
+        start -= theta[-1]
         for k in range(pieces):
-            impulse, *_ = recent.over(start + k * h, start + (k + 1) * h)
+            impulse, _, _, _ = recent.over(start + k * h, start + (k + 1) * h)
             u = alpha * impulse / h + push
             w = v + 0.5 * h * (u + (beta * abs(v) + gamma) * v)
             x += h * w
@@ -70,7 +72,7 @@ class FreePrediction:
         if not abs(v) < 1e6:
             self.interrupt()
             return
-        self._motion = [x, v]
+        self._motion = (x, v)
         if span.value is None:
             return
         if span.i:
@@ -84,16 +86,18 @@ class FreePrediction:
             self._mark = [span.end, x, span.value]
 
     def _add(self, model: float, measured: float) -> None:
-        n, error, total, square = self._sums
-        self._sums = [n + 1.0, error + (model - measured)**2, total + measured,
-                      square + measured * measured]
+        sums, error = self._sums, model - measured
+        sums[0] += 1.0
+        sums[1] += error * error
+        sums[2] += measured
+        sums[3] += measured * measured
 
     def end_block(self, filter: LinearisedFilter) -> None:
         """Take the fit of the block and begin the next one at the state of a filter."""
         self._blocks = [*self._blocks, self._sums][-KEPT:]
         self._sums = [0.0] * 4
         self._compare()
-        self._theta, self._motion = list(filter.theta), list(filter.motion[:2])
+        self._theta, self._motion = filter.theta, filter.motion[:2]
         self._mark, self._time = [], -1.0
 
     def _compare(self) -> None:
@@ -103,13 +107,14 @@ class FreePrediction:
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return {'theta': self._theta, 'motion': self._motion, 'mark': self._mark, 'at': self._time,
-                'sums': self._sums, 'blocks': self._blocks}
+        return {'theta': self._theta, 'motion': list(self._motion), 'mark': self._mark,
+                'at': self._time, 'sums': list(self._sums), 'blocks': self._blocks}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         self._theta = floats(state['theta'], len(state['theta']))
-        self._motion, self._sums = floats(state['motion'], 2), floats(state['sums'], 4)
+        x, v = floats(state['motion'], 2)
+        self._motion, self._sums = (x, v), floats(state['sums'], 4)
         self._mark = floats(state['mark'], len(state['mark']))
         self._time, = floats([state['at']], 1)
         self._blocks = [floats(row, 4) for row in state['blocks']]

@@ -4,37 +4,41 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import math
+from typing import Final
 
-CLIP = 2.0
-CLIPPED = 0.92064
+CLIP: Final = 2.0
+CLIPPED: Final = 0.92064
 """Mean of min(r, 2)^2 for a standard normal r."""
 
-FEW, MANY = 20, 2000
+FEW: Final = 20
+MANY: Final = 2000
 """Measurements over which the noise level is averaged, in the beginning and in the end."""
 
-HUBER = 3.0
+HUBER: Final = 3.0
 """Innovations above that count less [standard deviations]."""
 
-OUTLIER = 5.0
+OUTLIER: Final = 5.0
 """Those above that do not count [standard deviations, times the local level]."""
 
-LOCAL, LARGEST_LEVEL = 20, 25.0
+LOCAL: Final = 20
+LARGEST_LEVEL: Final = 25.0
 """Measurements over which the local level is averaged, and the square that counts at most."""
 
-LOST = 4
+LOST: Final = 4
 """Outliers in a row after which path and velocity are widened."""
 
-SOON, SOON_LOST = 1.0, 2
+SOON: Final = 1.0
+SOON_LOST: Final = 2
 """
 How many do in the first second [s].
 
 The path may begin with one, and the velocity is so uncertain that it would soon explain it.
 """
 
-WINDOW = 300
+WINDOW: Final = 300
 """Measurements over which the correlation is averaged."""
 
-MEMORY = 3000
+MEMORY: Final = 3000
 """Measurements over which the likelihood is summed up."""
 
 
@@ -84,8 +88,10 @@ class Innovations:
     def is_outlier(self, normalised: float) -> bool:
         """Tell whether an innovation in standard deviations is that of an outlier."""
         square = normalised * normalised
-        outlier = square > OUTLIER * OUTLIER * max(1.0, self._level)
-        self._level += (min(square, LARGEST_LEVEL) - self._level) / LOCAL
+        level = self._level
+        outlier = square > OUTLIER * OUTLIER * (level if level > 1.0 else 1.0)
+        self._level = level + (
+            (square if square < LARGEST_LEVEL else LARGEST_LEVEL) - level) / LOCAL
         self._missed = self._missed + 1 if outlier else 0
         return outlier
 
@@ -103,13 +109,13 @@ class Innovations:
     def learn_noise(self, normalised: float) -> None:
         """Learn the noise level from an innovation in standard deviations."""
         square = normalised * normalised
-        share = 1.0 / min(self.count + FEW, MANY)
+        share = 1.0 / (self.count + FEW if self.count < MANY - FEW else MANY)
         self.noise *= math.sqrt(1.0 + share * (
             (square if square < CLIP * CLIP else CLIP * CLIP) / CLIPPED - 1.0))
 
     def add(self, normalised: float, variance: float, axis: int = 0) -> None:
         """Add an innovation of an axis in standard deviations, and the variance it had."""
-        r = max(-HUBER, min(HUBER, normalised))
+        r = HUBER if normalised > HUBER else -HUBER if normalised < -HUBER else normalised
         square = r * r
         self.likelihood += math.log(variance) + square - self.likelihood / MEMORY
         self.count += 1

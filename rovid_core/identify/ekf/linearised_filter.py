@@ -17,42 +17,46 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import math
-from operator import add, mul
-from typing import Any, NamedTuple
+from typing import Any, Final
 
 from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.sensitivities import Parameter, Regressor
 
-ALPHA, BETA, GAMMA, DELTA = range(4)
+ALPHA: Final = 0
+BETA: Final = 1
+GAMMA: Final = 2
+DELTA: Final = 3
 """Where the parameters stand; the last one is the delay, before it come those of couplings."""
 
-POSITION, VELOCITY = range(2)
+POSITION: Final = 0
+VELOCITY: Final = 1
 """What can be measured."""
 
 CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', 'lag')
 """Regressors that are watched: what a vehicle often has and the model has not."""
 
-DEAD_BAND = 0.2
+DEAD_BAND: Final = 0.2
 """Thrust up to which a dead-band is looked for, in typical forces."""
 
-LAG = 0.15
+LAG: Final = 0.15
 """[s] of the thruster lag that is looked for."""
 
-FORCE_TIME = 3.0
+FORCE_TIME: Final = 3.0
 """[s] over which the unknown acceleration f goes on."""
 
-LONGEST = 0.3
+LONGEST: Final = 0.3
 """[s] Longest step of the prediction."""
 
-LARGEST_SUBSTEPS = 50
+LARGEST_SUBSTEPS: Final = 50
 
-STEADY = 1e-9
+STEADY: Final = 1e-9
 """Typical forces by which a force that stays the same may seem to differ from its mean."""
 
-LARGEST_SPEED = 1e4
+LARGEST_SPEED: Final = 1e4
 """Typical velocities beyond which the state means nothing."""
 
-Bounds = Sequence[tuple[int, float, float]]
+Bounds = list[tuple[int, float, float]]
 """Index, lowest and highest value of the parameters that are bounded."""
 
 Matrix = list[list[float]]
@@ -75,37 +79,67 @@ class LinearisedFilter:
 
     Attributes
     ----------
-    motion : list of 3 floats
+    motion : tuple of 3 floats
         Path, velocity and f.
     covariance : tuple of 6 floats
         Of the motion for given parameters, the upper triangle by rows.
-    sensitivities : three lists of p + c floats
-        Derivatives of path, velocity and f by the parameters and the c watched regressors.
-    theta_covariance : list of p lists of p floats
-        Of the parameters.
 
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float],
                  force_std: float, watched: int = 0) -> None:
-        self.theta = list(theta)
-        self._count = len(theta) + len(CANDIDATES) + watched
-        p = len(self.theta)
-        self.theta_covariance: Matrix = [
+        self._parameters = [Parameter(value) for value in theta]
+        self._alpha, self._beta, self._gamma, self._delta = self._parameters[:4]
+        self._couplings, self._delay = self._parameters[4:-1], self._parameters[-1]
+        candidates = [Regressor() for _ in range(len(CANDIDATES) + watched)]
+        self._reverse, self._cut = candidates[0], candidates[2]
+        self._columns: list[Regressor] = [*self._parameters, *candidates]
+        p = len(theta)
+        self.theta_covariance = [
             [variances[i] if i == j else 0.0 for j in range(p)] for i in range(p)]
         self.force_std = force_std
-        self.motion = [0.0, 0.0, 0.0]
         self.set_motion(0.0, (0.0, 0.0))
+
+    @property
+    def theta(self) -> list[float]:
+        """Return the p parameters."""
+        return [one.value for one in self._parameters]
+
+    @theta.setter
+    def theta(self, values: Sequence[float]) -> None:
+        for one, value in zip(self._parameters, values):
+            one.value = value
+
+    @property
+    def theta_covariance(self) -> Matrix:
+        """Return the covariance of the parameters, p lists of p floats."""
+        return [one.row for one in self._parameters]
+
+    @theta_covariance.setter
+    def theta_covariance(self, rows: Matrix) -> None:
+        for one, row in zip(self._parameters, rows):
+            one.row = row
+
+    @property
+    def sensitivities(self) -> Matrix:
+        """Return how path, velocity and f move with parameters and watched regressors."""
+        return [[one.path for one in self._columns], [one.velocity for one in self._columns],
+                [one.force for one in self._columns]]
+
+    @sensitivities.setter
+    def sensitivities(self, rows: Matrix) -> None:
+        for one, path, velocity, force in zip(self._columns, *rows):
+            one.path, one.velocity, one.force = path, velocity, force
 
     def set_motion(self, velocity: float, variances: tuple[float, float]) -> None:
         """Begin at path 0 with a velocity and their variances; the parameters stay."""
         f = self.force_std
-        self.motion = [0.0, velocity, 0.0]
+        self.motion = (0.0, velocity, 0.0)
         self.covariance = (variances[0], 0.0, 0.0, variances[1], 0.0, f * f)
-        q = self._count
-        self.sensitivities: Matrix = [[0.0] * q, [0.0] * q, [0.0] * q]
+        for one in self._columns:
+            one.path = one.velocity = one.force = 0.0
         self._lagged = 0.0
-        self._force: float | None = None  # at the end of the last step
+        self._force = math.nan  # at the end of the last step, where there was one
 
     def move(self, recent: RecentForce, start: float, end: float,
              couplings: Sequence[float] = (), watched: Sequence[float] = ()) -> None:
@@ -124,8 +158,8 @@ class LinearisedFilter:
             Those that are only watched.
 
         """
-        turn = (end - start) * max(
-            2.0 * abs(self.theta[BETA] * self.motion[1]) + abs(self.theta[GAMMA]), 1.0 / LONGEST)
+        fastest = 2.0 * abs(self._beta.value * self.motion[1]) + abs(self._gamma.value)
+        turn = (end - start) * max(fastest, 1.0 / LONGEST)
         if turn < 1.000001:
             self._predict(recent, start, end, couplings, watched)
             return
@@ -137,17 +171,18 @@ class LinearisedFilter:
     def _predict(self, recent: RecentForce, start: float, end: float,
                  couplings: Sequence[float], watched: Sequence[float]) -> None:
         h = end - start
-        theta = self.theta
         x, v, f = self.motion
-        alpha, beta, gamma, delta, delay = (
-            theta[0], theta[1], theta[2], theta[3], theta[-1])
-        impulse, moment, first, last = recent.over(start - delay, end - delay)
+        alpha, beta, gamma = self._alpha.value, self._beta.value, self._gamma.value
+        start -= self._delay.value
+        end -= self._delay.value
+        impulse, moment, first, last = recent.over(start, end)
         force = impulse / h
         # a straight line with the same integral and the same way; this is half its rise
         du = alpha * (3.0 * force - 6.0 * moment / (h * h))
-        u = alpha * force + delta + f
-        for kappa, regressor in zip(theta[4:], couplings):
-            u += kappa * regressor
+        u = alpha * force + self._delta.value + f
+        if couplings:
+            for one, regressor in zip(self._couplings, couplings):
+                u += one.value * regressor
         k1 = u - du + (beta * abs(v) + gamma) * v
         w = v + 0.5 * h * k1
         k2 = u + (beta * abs(w) + gamma) * w
@@ -156,6 +191,7 @@ class LinearisedFilter:
         k3 = u + (beta * size + gamma) * w
         z = v + h * k3
         k4 = u + du + (beta * abs(z) + gamma) * z
+        x += h * (v + h / 6.0 * (k1 + k2 + k3))
         v += h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         if not abs(v) < LARGEST_SPEED:
             raise DivergenceError(f'a speed of {v}')
@@ -165,42 +201,41 @@ class LinearisedFilter:
         keep = 1.0 + decay * (1.0 + 0.5 * decay)
         # where in the step the force acts counts; a delay feels by how much it has risen since
         # the last step, which is all of its jumps, each of them once
-        before = first if self._force is None else self._force
+        before = first if self._force != self._force else self._force
         self._force = last
         late = 2.0 * moment - before * h * h
         way = impulse - h * before + 0.5 * rate * late
-        of_delay = alpha / s * (last - before + rate * way), alpha * way
-        of_alpha = felt(impulse, moment, h, rate, s)
+        of_delay, delay_way = alpha / s * (last - before + rate * way), alpha * way
+        of_alpha, alpha_way = felt(impulse, moment, h, rate, s)
         if first == last and abs(force - first) < STEADY:
-            of_reverse = of_alpha if force < 0.0 else (0.0, 0.0)
+            of_reverse, reverse_way = (of_alpha, alpha_way) if force < 0.0 else (0.0, 0.0)
             share = DEAD_BAND / max(abs(force), DEAD_BAND)
-            of_cut = share * of_alpha[0], share * of_alpha[1]
+            of_cut, cut_way = share * of_alpha, share * alpha_way
         else:
-            reverse, cut = recent.bent(start - delay, end - delay, DEAD_BAND)
-            of_reverse = felt(reverse[0], reverse[1], h, rate, s)
-            of_cut = felt(cut[0], cut[1], h, rate, s)
+            reverse, cut = recent.bent(start, end, DEAD_BAND)
+            of_reverse, reverse_way = felt(reverse[0], reverse[1], h, rate, s)
+            of_cut, cut_way = felt(cut[0], cut[1], h, rate, s)
         drag = w * size
-        gone = -math.expm1(-h / LAG)
+        gone = 1.0 - math.exp(-h / LAG)
         lag = (force - self._lagged) * gone * LAG / h
         self._lagged += gone * (force - self._lagged)
-        phi = [of_alpha[0], drag, w, 1.0, *couplings, -of_delay[0],
-               of_reverse[0], drag if w < 0.0 else 0.0, of_cut[0], lag, *watched]
-        xs, vs, fs = self.sensitivities
-        d = len(theta) - 1
-        xs = [*xs]
-        xs[ALPHA] += of_alpha[1] - b * of_alpha[0]
-        xs[d] -= of_delay[1] - b * of_delay[0]
+        pushes = [of_alpha, drag, w, 1.0, *couplings, -of_delay,
+                  of_reverse, drag if w < 0.0 else 0.0, of_cut, lag, *watched]
+        self._alpha.path += alpha_way - b * of_alpha
+        self._delay.path -= delay_way - b * of_delay
         # what is told apart by where in a step it acts has to act where alpha's force does
-        xs[d + 1] += of_reverse[1] - b * of_reverse[0]
-        xs[d + 3] += of_cut[1] - b * of_cut[0]
+        self._reverse.path += reverse_way - b * of_reverse
+        self._cut.path += cut_way - b * of_cut
+        p00, p01, p02, p11, p12, p22 = self.covariance
         if self.force_std:
             e = math.exp(-h / FORCE_TIME)
-            self.motion = [x + h * (self.motion[1] + h / 6.0 * (k1 + k2 + k3)), v, e * f]
-            both = [c + d for c, d in zip(phi, fs)]
-            self.sensitivities = [
-                [m + s * n + b * o for m, n, o in zip(xs, vs, both)],
-                [keep * n + s * o for n, o in zip(vs, both)], [e * o for o in fs]]
-            p00, p01, p02, p11, p12, p22 = self.covariance
+            self.motion = (x, v, e * f)
+            for column, push in zip(self._columns, pushes):
+                speed, slow = column.velocity, column.force
+                push += slow
+                column.path += s * speed + b * push
+                column.velocity = keep * speed + s * push
+                column.force = e * slow
             t1, t2 = p01 + s * p11 + b * p12, p02 + s * p12 + b * p22
             r1, r2 = keep * p11 + s * p12, keep * p12 + s * p22
             self.covariance = (
@@ -208,25 +243,38 @@ class LinearisedFilter:
                 keep * r1 + s * r2, e * r2,
                 e * e * p22 + (1.0 - e * e) * self.force_std * self.force_std)
         else:
-            self.motion = [x + h * (self.motion[1] + h / 6.0 * (k1 + k2 + k3)), v, 0.0]
-            self.sensitivities = [
-                [m + s * n + b * o for m, n, o in zip(xs, vs, phi)],
-                [keep * n + s * o for n, o in zip(vs, phi)], fs]
-            p00, p01, _, p11, _, _ = self.covariance
+            self.motion = (x, v, 0.0)
+            for column, push in zip(self._columns, pushes):
+                speed = column.velocity
+                column.path += s * speed + b * push
+                column.velocity = keep * speed + s * push
             t1 = p01 + s * p11
             self.covariance = (
                 p00 + s * (p01 + t1), keep * t1, 0.0, keep * keep * p11, 0.0, 0.0)
 
     def innovation(self, i: int, value: float, variance: float) -> Innovation:
         """Compare a measurement of path or velocity, of this variance, with the state."""
-        psi = self.sensitivities[i]
-        # a product ends with the parameters: those behind are only watched
-        gain = [sum(map(mul, row, psi)) for row in self.theta_covariance]
+        psi = [one.path for one in self._columns] if i == POSITION else [
+            one.velocity for one in self._columns]
+        last = len(self._parameters) - 1
+        a, b, c, d, e = psi[ALPHA], psi[BETA], psi[GAMMA], psi[DELTA], psi[last]
+        coupled = psi[4:last]
+        spread = known = 0.0
+        # this ends with the parameters: those behind are only watched
+        for one, slope in zip(self._parameters, psi):
+            gain = (one.alpha * a + one.beta * b + one.gamma * c + one.delta * d
+                    + one.delay * e)
+            for covariance, other in zip(one.couplings, coupled):
+                gain += covariance * other
+            one.gain = gain
+            spread += gain * slope
+            known += one.value * slope
         given = self.covariance[3 if i else 0] + variance
-        total = given + sum(map(mul, gain, psi))
+        total = given + spread
         if not (given > 0.0 and 0.0 < total < math.inf):
             raise DivergenceError('the covariance is not positive')
-        return Innovation(i, value - self.motion[i], given, total, psi, gain)
+        error = value - self.motion[i]
+        return Innovation(error, given, total, psi, error + known, i)
 
     def update(self, found: Innovation, added: float, adapt: bool) -> None:
         """
@@ -235,7 +283,7 @@ class LinearisedFilter:
         Parameters
         ----------
         found : Innovation
-            What it says.
+            What it says; the last one that was asked for.
         added : float
             Variance that comes to the innovation's because it is large.
         adapt : bool
@@ -243,117 +291,143 @@ class LinearisedFilter:
             uncertainty makes of it.
 
         """
-        i, error, given, total, psi, gain = found
-        given += added
-        total += added
-        p00, p01, p02, p11, p12, p22 = self.covariance
-        a, b, c = (p01, p11, p12) if i else (p00, p01, p02)
-        xs, vs, fs = self.sensitivities
+        error, total = found.error, found.total + added
         if not adapt:
-            # the parameters are only taken into account, after S. F. Schmidt
-            k, m, n = [(p + sum(map(mul, gain, us))) / total
-                       for p, us in ((a, xs), (b, vs), (c, fs))]
-            x, v, f = self.motion
-            self.motion = [x + k * error, v + m * error, f + n * error]
-            self.covariance = (
-                p00 - 2.0 * k * a + k * k * given, p01 - k * b - m * a + k * m * given,
-                p02 - k * c - n * a + k * n * given, p11 - 2.0 * m * b + m * m * given,
-                p12 - m * c - n * b + m * n * given, p22 - 2.0 * n * c + n * n * given)
-        else:
-            share, root = error / total, 1.0 / math.sqrt(total)
-            change = [share * g for g in gain]
-            self.theta = list(map(add, self.theta, change))
-            scaled = [root * g for g in gain]
+            self._consider(found, added)
+            return
+        share, root = error / total, 1.0 / math.sqrt(total)
+        a, b, c, d, e = (root * self._alpha.gain, root * self._beta.gain,
+                         root * self._gamma.gain, root * self._delta.gain,
+                         root * self._delay.gain)
+        coupled = [root * one.gain for one in self._couplings]
+        path = velocity = force = 0.0
+        for one in self._parameters:
+            change, scaled = share * one.gain, root * one.gain
+            one.value += change
+            path += change * one.path
+            velocity += change * one.velocity
+            force += change * one.force
             # symmetric to the last bit
-            self.theta_covariance = [
-                [p - h * g for p, g in zip(row, scaled)]
-                for row, h in zip(self.theta_covariance, scaled)]
-            x, v, f = self.motion
-            k, m, n = a / given, b / given, c / given
-            along = sum(map(mul, change, psi))
-            rest = error - along
-            self.motion = [
-                x + (sum(map(mul, change, xs)) if i else along) + k * rest,
-                v + (along if i else sum(map(mul, change, vs))) + m * rest,
-                f + (sum(map(mul, change, fs)) + n * rest if n else 0.0)]
-            self.covariance = (max(p00 - k * a, 0.0), p01 - k * b, p02 - k * c,
-                               max(p11 - m * b, 0.0), p12 - m * c, max(p22 - n * c, 0.0))
-        self.sensitivities = [
-            [u - k * w for u, w in zip(xs, psi)], [u - m * w for u, w in zip(vs, psi)],
-            [u - n * w for u, w in zip(fs, psi)] if n else fs]
+            one.alpha -= scaled * a
+            one.beta -= scaled * b
+            one.gamma -= scaled * c
+            one.delta -= scaled * d
+            one.delay -= scaled * e
+            if coupled:
+                one.couplings = [p - scaled * g for p, g in zip(one.couplings, coupled)]
+        x, v, f = self.motion
+        self.motion = (x + path, v + velocity, f + force)
+        self._correct(found, added, error - (velocity if found.i else path))
+
+    def _consider(self, found: Innovation, added: float) -> None:
+        """Take the parameters' uncertainty into account without a change, after S. F. Schmidt."""
+        p00, p01, p02, p11, p12, p22 = self.covariance
+        a, b, c = (p01, p11, p12) if found.i else (p00, p01, p02)
+        k, m, n = a, b, c
+        for one in self._parameters:
+            k += one.gain * one.path
+            m += one.gain * one.velocity
+            n += one.gain * one.force
+        given, total, error = found.given + added, found.total + added, found.error
+        k, m, n = k / total, m / total, n / total
+        x, v, f = self.motion
+        self.motion = (x + k * error, v + m * error, f + n * error)
+        self.covariance = (
+            p00 - 2.0 * k * a + k * k * given, p01 - k * b - m * a + k * m * given,
+            p02 - k * c - n * a + k * n * given, p11 - 2.0 * m * b + m * m * given,
+            p12 - m * c - n * b + m * n * given, p22 - 2.0 * n * c + n * n * given)
+        self._follow(found.psi, k, m, n)
 
     def update_motion(self, found: Innovation, added: float) -> None:
         """Take a measurement for the motion alone, as if the parameters were exact."""
-        i, error, given, _, psi, _ = found
+        self._correct(found, added, found.error)
+
+    def _correct(self, found: Innovation, added: float, error: float) -> None:
+        """Correct the motion by what the parameters leave of an error."""
         p00, p01, p02, p11, p12, p22 = self.covariance
-        a, b, c = (p01, p11, p12) if i else (p00, p01, p02)
-        given += added
+        a, b, c = (p01, p11, p12) if found.i else (p00, p01, p02)
+        given = found.given + added
         k, m, n = a / given, b / given, c / given
         x, v, f = self.motion
-        self.motion = [x + k * error, v + m * error, f + n * error]
+        self.motion = (x + k * error, v + m * error, f + n * error)
         self.covariance = (max(p00 - k * a, 0.0), p01 - k * b, p02 - k * c,
                            max(p11 - m * b, 0.0), p12 - m * c, max(p22 - n * c, 0.0))
-        xs, vs, fs = self.sensitivities
-        self.sensitivities = [
-            [u - k * w for u, w in zip(xs, psi)], [u - m * w for u, w in zip(vs, psi)],
-            [u - n * w for u, w in zip(fs, psi)] if n else fs]
+        self._follow(found.psi, k, m, n)
+
+    def _follow(self, psi: list[float], k: float, m: float, n: float) -> None:
+        """Let the sensitivities follow a correction of path, velocity and f."""
+        for one, slope in zip(self._columns, psi):
+            one.path -= k * slope
+            one.velocity -= m * slope
+        if n:
+            for one, slope in zip(self._columns, psi):
+                one.force -= n * slope
 
     def set_theta(self, theta: Sequence[float]) -> None:
         """Go to other parameters; the motion goes along."""
-        change = [new - old for new, old in zip(theta, self.theta)]
-        self.theta = list(theta)
-        self.motion = [x + sum(map(mul, change, us))
-                       for x, us in zip(self.motion, self.sensitivities)]
+        x, v, f = self.motion
+        for one, value in zip(self._parameters, theta):
+            change = value - one.value
+            one.value = value
+            x += change * one.path
+            v += change * one.velocity
+            f += change * one.force
+        self.motion = (x, v, f)
 
     def keep_inside(self, bounds: Bounds) -> None:
         """Move the parameters into their bounds, the others as theirs go with them."""
+        for i, low, high in bounds:
+            if not low <= self._parameters[i].value <= high:
+                self._move_inside(bounds)
+                break
+        if not (self.covariance[0] >= 0.0 <= self.covariance[3]
+                and 0.0 <= self._alpha.alpha < math.inf and 0.0 <= self._beta.beta < math.inf
+                and 0.0 <= self._gamma.gamma < math.inf and 0.0 <= self._delta.delta < math.inf
+                and 0.0 <= self._delay.delay < math.inf):
+            raise DivergenceError('the covariance is not positive')
+        for k, one in enumerate(self._couplings):
+            if not 0.0 <= one.couplings[k] < math.inf:
+                raise DivergenceError('the covariance is not positive')
+
+    def _move_inside(self, bounds: Bounds) -> None:
         theta = self.theta
         for i, low, high in bounds:
             if low <= theta[i] <= high:
                 continue
             bound = low if theta[i] < low else high
-            row = self.theta_covariance[i]
+            row = self._parameters[i].row
             # the others move with it, or they would contradict it
             share = (bound - theta[i]) / row[i] if row[i] > 0.0 else 0.0
             theta = [t + share * p for t, p in zip(theta, row)]
             theta[i] = bound
-        if theta is not self.theta:
-            self.set_theta(theta)
-            # moving for one bound may lead out of another
-            self.theta = [*self.theta]
-            for i, low, high in bounds:
-                self.theta[i] = min(max(self.theta[i], low), high)
-        least = min(self.covariance[0], self.covariance[3], *[
-            row[k] for k, row in enumerate(self.theta_covariance)])
-        if not 0.0 <= least < math.inf:
-            raise DivergenceError('the covariance is not positive')
+        self.set_theta(theta)
+        # moving for one bound may lead out of another
+        for i, low, high in bounds:
+            one = self._parameters[i]
+            one.value = min(max(one.value, low), high)
 
     def widen_motion(self, path: float, velocity: float = 0.0) -> None:
         """Add variances to those of path and velocity."""
         a, b, c, d, e, f = self.covariance
         self.covariance = (a + path, b, c, d + velocity, e, f)
 
-    def widen_parameters(self, variances: Sequence[float]) -> None:
-        """Add variances to those of the parameters, from the first on."""
-        for k, variance in enumerate(variances):
-            self.theta_covariance[k][k] += variance
-
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return {'theta': list(self.theta), 'motion': list(self.motion),
-                'covariance': list(self.covariance), 'lagged': self._lagged, 'force': self._force,
-                'sensitivities': [list(x) for x in self.sensitivities],
-                'theta_covariance': [list(x) for x in self.theta_covariance]}
+        return {'theta': self.theta, 'motion': list(self.motion),
+                'covariance': list(self.covariance), 'lagged': self._lagged,
+                'force': None if math.isnan(self._force) else self._force,
+                'sensitivities': self.sensitivities, 'theta_covariance': self.theta_covariance}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        p, q = len(self.theta), self._count
+        p, q = len(self._parameters), len(self._columns)
         self.theta = floats(state['theta'], p)
-        self.motion = floats(state['motion'], 3)
+        x, v, f = floats(state['motion'], 3)
+        self.motion = (x, v, f)
         a, b, c, d, e, f = floats(state['covariance'], 6)
         self.covariance = (a, b, c, d, e, f)
         self._lagged, = floats([state['lagged']], 1)
-        self._force = None if state['force'] is None else floats([state['force']], 1)[0]
+        self._force = math.nan if state['force'] is None else floats([state['force']], 1)[0]
         xs, vs, fs = state['sensitivities']
         self.sensitivities = [floats(x, q) for x in (xs, vs, fs)]
         rows = [floats(row, p) for row in state['theta_covariance']]
@@ -370,31 +444,31 @@ def felt(impulse: float, moment: float, h: float, rate: float,
     return (impulse + rate * way) / s, way
 
 
-class Innovation(NamedTuple):
+class Innovation:
     """
     A measurement against what was predicted.
 
     Attributes
     ----------
-    i : int
-        ``POSITION`` or ``VELOCITY``.
     error : float
         By how much it is off.
     given, total : float
         The variance of that, for given parameters and altogether.
     psi : list of p + c floats
         Its derivatives by the parameters and the watched regressors.
-    gain : list of p floats
-        Covariance of the parameters with it.
+    told : float
+        What it says of the parameters, psi theta: the error, and what they predicted.
+    i : int
+        ``POSITION`` or ``VELOCITY``.
 
     """
 
-    i: int
-    error: float
-    given: float
-    total: float
-    psi: list[float]
-    gain: list[float]
+    __slots__ = ('error', 'given', 'total', 'psi', 'told', 'i')
+
+    def __init__(self, error: float, given: float, total: float, psi: list[float],
+                 told: float, i: int) -> None:
+        self.error, self.given, self.total = error, given, total
+        self.psi, self.told, self.i = psi, told, i
 
 
 def floats(values: Any, count: int) -> list[float]:

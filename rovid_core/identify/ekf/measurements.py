@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import math
-from typing import Any, NamedTuple
+from typing import Any, Final
 
 from rovid_core.identify.ekf.linearised_filter import floats, POSITION, VELOCITY
 from rovid_core.identify.ekf.recent_force import RecentForce
 from rovid_core.model.samples import Step
 
-LEAST_INTERVAL = 0.039
+LEAST_INTERVAL: Final = 0.039
 """[s] between two measurements; fixes that come faster are taken together, 25 Hz come alone."""
 
 
-class Measurement(NamedTuple):
+class Measurement:
     """
     The span that a filter moves over, and what is measured at its end.
 
@@ -32,22 +32,21 @@ class Measurement(NamedTuple):
         Standard deviation of what the attitude puts the path wrong by.
     dt : float
         [s] since the last measurement.
-    couplings : tuple of m floats
+    couplings : sequence of m floats
         The mean of each regressor of the couplings over the span.
-    watched : tuple of floats
+    watched : sequence of floats
         The same of those that are only watched.
 
     """
 
-    start: float
-    end: float
-    i: int
-    value: float | None
-    turn: float
-    slip: float
-    dt: float
-    couplings: tuple[float, ...]
-    watched: tuple[float, ...] = ()
+    __slots__ = ('start', 'end', 'i', 'value', 'turn', 'slip', 'dt', 'couplings', 'watched')
+
+    def __init__(self, start: float, end: float, i: int, value: float | None, turn: float,
+                 slip: float, dt: float, couplings: Sequence[float],
+                 watched: Sequence[float] = ()) -> None:
+        self.start, self.end, self.i, self.value = start, end, i, value
+        self.turn, self.slip, self.dt = turn, slip, dt
+        self.couplings, self.watched = couplings, watched
 
 
 class MeasurementClock:
@@ -93,48 +92,54 @@ class MeasurementClock:
 
     def add_step(self, step: Step) -> Measurement | None:
         """Return what a step measures, None where more fixes come into the measurement."""
-        recent, first, unit = self.recent, self._fix < 0.0, self._force
-        at = recent.end + (step.parts[0] if step.interval else step.dt)
+        recent, first, unit = self.recent, self._fix < 0.0, self._velocity
+        dt, interval = step.dt, step.interval
+        before, after = step.parts if interval else (dt, 0.0)
+        at = recent.end + before
         if step.pieces:
-            recent.add([(length, force / unit) for length, force in step.pieces], held=True)
+            recent.add(step.pieces, True, self._force)
         else:
-            recent.add([(length, force / unit) for length, force in zip(
-                step.parts if step.interval else (step.dt,), step.forces)])
+            recent.add(((before, step.forces[0]), (after, step.forces[1])), False, self._force)
         end = recent.end
-        couplings = tuple([before for before, _ in step.couplings]) or self._no_couplings
+        couplings = [mean for mean, _ in step.couplings] or self._no_couplings
         watched = step.watched or self._nothing_watched
-        start = end - step.dt if first else self._fix
-        i, value = VELOCITY, step.mean / self._velocity
-        if step.interval:
+        start = end - dt if first else self._fix
+        i, value = VELOCITY, step.mean / unit
+        if interval:
             i, value = POSITION, self._path
-            self._path += step.mean * step.interval / self._velocity
+            self._path += step.mean * interval / unit
             if first:
                 self._fix, self._last, self.ahead = at, at, end - at
-                return Measurement(start, at, i, None, step.turn,
-                                   step.path_noise / self._velocity, step.dt, couplings, watched)
-        self._group.append([at, value, step.turn, step.path_noise, step.dt,
-                            *couplings, *watched])
-        if at - self._last < LEAST_INTERVAL:
-            self.ahead = end - self._fix
-            return None
-        found = self._measurement(start, i)
+                return Measurement(start, at, i, None, step.turn, step.path_noise / unit, dt,
+                                   couplings, watched)
+        alone = at - self._last >= LEAST_INTERVAL
+        if alone and not self._group:
+            found = Measurement(start, at, i, value, step.turn, step.path_noise / unit, dt,
+                                couplings, watched)
+        else:
+            self._group.append([at, value, step.turn, step.path_noise, dt, *couplings, *watched])
+            if not alone:
+                self.ahead = end - self._fix
+                return None
+            found = self._mean(start, i)
         self._fix, self._last, self.ahead = found.end, at, end - found.end
         return found
 
-    def _measurement(self, start: float, i: int) -> Measurement:
+    def _mean(self, start: float, i: int) -> Measurement:
         """Return the mean of the fixes that came together, which is one of less noise."""
         group, self._group = self._group, []
-        if len(group) == 1:
-            [[at, value, turn, slip, dt, *regressors]] = group
-        else:
-            n, columns = len(group), list(zip(*group))
-            at, value = math.fsum(columns[0]) / n, math.fsum(columns[1]) / n
-            turn, slip = math.hypot(*columns[2]), math.hypot(*columns[3])
-            dt = math.fsum(columns[4])
-            regressors = [math.fsum(column) / n for column in columns[5:]]
+        n, columns = len(group), 5 + self.couplings + self.watched
+        at = value = turn = slip = dt = 0.0
+        for row in group:
+            at += row[0]
+            value += row[1]
+            turn += row[2] * row[2]
+            slip += row[3] * row[3]
+            dt += row[4]
+        regressors = [sum([row[k] for row in group]) / n for k in range(5, columns)]
         return Measurement(
-            start, at, i, value, turn, slip / self._velocity, dt,
-            tuple(regressors[:self.couplings]), tuple(regressors[self.couplings:]))
+            start, at / n, i, value / n, math.sqrt(turn), math.sqrt(slip) / self._velocity, dt,
+            regressors[:self.couplings], regressors[self.couplings:])
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

@@ -367,8 +367,9 @@ class PlanarFilter:
         total = given + float(gain @ psi[:self._p])
         if not (given > 0.0 and 0.0 < total < math.inf):
             raise DivergenceError('the covariance is not positive')
-        return PlanarInnovation(value - float(looks @ self.motion), given, total, psi, gain,
-                                across)
+        error = value - float(looks @ self.motion)
+        return PlanarInnovation(error, given, total, psi, gain, across,
+                                error + float(self.theta @ psi[:self._p]))
 
     def covariance_of(self, found: PlanarInnovation, looks: Array) -> float:
         """Return that of a measurement with another one."""
@@ -377,7 +378,7 @@ class PlanarFilter:
 
     def update(self, found: PlanarInnovation, added: float, adapt: bool) -> None:
         """Take a measurement; see ``LinearisedFilter.update``."""
-        error, given, total, psi, gain, across = found
+        error, given, total, psi, gain, across, _ = found
         given += added
         total += added
         p = self._p

@@ -97,6 +97,8 @@ class PlanarInnovation(NamedTuple):
         Covariance of the parameters with it.
     across : ndarray, shape (8,)
         Covariance of the motion with it, for given parameters.
+    told : float
+        What it says of the parameters, psi theta: the error, and what they predicted.
 
     """
 
@@ -106,3 +108,4 @@ class PlanarInnovation(NamedTuple):
     psi: Array
     gain: Array
     across: Array
+    told: float

@@ -234,13 +234,11 @@ class PlanarMember:
                 innovations.add(normalised, found.total, axis)
             size = abs(normalised) / HUBER
             added = found.total * (size - 1.0) if size > 1.0 else 0.0
-            theta = filter.theta
             filter.update(found, added, adapt)
             if adapt:
                 innovations.learn_noise(normalised)
-                ended = self.blocks.add_row(
-                    found.error, found.given + added, found.psi, theta,
-                    span.dt if axis else 0.0)
+                ended = self.blocks.add(found.told, found.given + added, found.psi.tolist(),
+                                        span.dt if axis else 0.0)
         filter.keep_inside(self._bounds)
         return BLOCK if ended else 0
 
@@ -265,8 +263,8 @@ class PlanarMember:
             added = found.given * (size / HUBER - 1.0) if size > HUBER else 0.0
             filter.update_motion(found, added)
             if used:
-                self.blocks.add_row(found.error, found.given + added, found.psi, filter.theta,
-                                    span.dt if axis else 0.0)
+                self.blocks.add(found.told, found.given + added, found.psi.tolist(),
+                                span.dt if axis else 0.0)
         return sizes
 
     def settle(self) -> None:

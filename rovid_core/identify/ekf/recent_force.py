@@ -32,14 +32,28 @@ class RecentForce:
         """Return the newest time that is known [s]."""
         return self._times[-1]
 
-    def add(self, spans: Sequence[tuple[float, float]], held: bool = False) -> None:
-        """Take length [s] and mean force of the next spans; ``held`` if it stays the same."""
+    def add(self, spans: Sequence[tuple[float, float]], held: bool = False,
+            unit: float = 1.0) -> None:
+        """
+        Take the next spans.
+
+        Parameters
+        ----------
+        spans : sequence of (float, float)
+            Length [s] and mean force of each.
+        held : bool
+            Whether the force stays the same over each.
+        unit : float
+            What the force is to be divided by.
+
+        """
         times, means, slopes = self._times, self._means, self._slopes
-        for length, mean in spans:
+        for length, force in spans:
             begin = times[-1]
             time = begin + length
             if not time > begin:
                 continue
+            mean = force / unit
             if held and self._held and mean == means[-1]:
                 times[-1] = time
                 continue

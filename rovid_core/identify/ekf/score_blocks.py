@@ -12,12 +12,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
-from operator import mul
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats, Innovation
+from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats
 from rovid_core.identify.ekf.unseen_terms import (
     averaged,
     expected,
@@ -203,29 +202,23 @@ class ScoreBlocks:
         """Return how many measurements they have."""
         return float(self._counts.sum())
 
-    def add(self, found: Innovation, added: float, theta: Sequence[float], dt: float) -> bool:
+    def add(self, told: float, variance: float, psi: list[float], dt: float) -> bool:
         """
         Add a measurement; return whether it completes a block.
 
         Parameters
         ----------
-        found : Innovation
-            What it said.
-        added : float
-            To its variance, because it was large.
-        theta : sequence of p floats
-            The parameters then.
+        told : float
+            What it says of psi theta.
+        variance : float
+            Of that, for given parameters.
+        psi : list of p + c floats
+            Its derivatives by the parameters and the watched regressors.
         dt : float
             [s] since the last one.
 
         """
-        return self.add_row(found.error, found.given + added, found.psi, theta, dt)
-
-    def add_row(self, error: float, variance: float, psi: Sequence[float] | Array,
-                theta: Sequence[float] | Array, dt: float) -> bool:
-        """Add an error of some variance, given the parameters, and its derivatives."""
-        value = error + sum(map(mul, theta, psi))
-        self._pending.append([1.0 / variance, value, *psi])
+        self._pending.append([1.0 / variance, told, *psi])
         if len(self._pending) >= PENDING:
             self._sum_up()
         self._time += dt

@@ -1,0 +1,63 @@
+"""
+How the motion of one degree of freedom moves with its parameters, and what those are known to.
+
+Every parameter is an object with numbers in attributes: that is what both Python and a compiled
+filter read and write fastest. What all models have goes by its name, couplings by their number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class Regressor:
+    """
+    How the motion moves with the coefficient of a regressor.
+
+    Attributes
+    ----------
+    path, velocity, force : float
+        Derivatives of path, velocity and unknown acceleration.
+
+    """
+
+    __slots__ = ('path', 'velocity', 'force')
+
+    def __init__(self) -> None:
+        self.path = self.velocity = self.force = 0.0
+
+
+class Parameter(Regressor):
+    """
+    The coefficient of a regressor of the model.
+
+    Attributes
+    ----------
+    value : float
+        What it is.
+    gain : float
+        Its covariance with the measurement that is looked at.
+    alpha, beta, gamma, delta, delay : float
+        Its covariances with these.
+    couplings : list of m floats
+        Those with the parameters of the couplings.
+
+    """
+
+    __slots__ = ('value', 'gain', 'alpha', 'beta', 'gamma', 'delta', 'delay', 'couplings')
+
+    def __init__(self, value: float) -> None:
+        super().__init__()
+        self.value, self.gain = value, 0.0
+        self.alpha = self.beta = self.gamma = self.delta = self.delay = 0.0
+        self.couplings: list[float] = []
+
+    @property
+    def row(self) -> list[float]:
+        """Return its row of the covariance, the delay at the end."""
+        return [self.alpha, self.beta, self.gamma, self.delta, *self.couplings, self.delay]
+
+    @row.setter
+    def row(self, covariances: Sequence[float]) -> None:
+        self.alpha, self.beta, self.gamma, self.delta = covariances[:4]
+        self.couplings, self.delay = list(covariances[4:-1]), covariances[-1]

@@ -54,8 +54,6 @@ class Member:
 
     Attributes
     ----------
-    verdict : Verdict or None
-        What the blocks say, None while there are too few.
     prediction : FreePrediction
         What its model predicts without corrections.
 
@@ -67,8 +65,9 @@ class Member:
         self.filter = LinearisedFilter(theta, variances, unmodelled.force_std, len(watched))
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(theta, variances, (*CANDIDATES, *watched))
-        self.verdict: Verdict | None = None
         self.prediction = FreePrediction()
+        self._verdict: Verdict | None = None
+        self._is_judged = True
         self._bounds = bounds
         self._slip = unmodelled.slip
         self._unseen: list[list[float]] = []
@@ -165,9 +164,18 @@ class Member:
             self._unseen, self._unseen_of = self.blocks.unseen(), self.blocks.count
         return self._unseen
 
+    @property
+    def verdict(self) -> Verdict | None:
+        """Return what the blocks say, None while there are too few."""
+        # of most members nobody asks, and it takes as long as dozens of measurements
+        if not self._is_judged:
+            self._verdict = self.blocks.verdict(self.unmodelled.is_there)
+            self._is_judged = True
+        return self._verdict
+
     def judge(self) -> None:
-        """Find what the blocks say."""
-        self.verdict = self.blocks.verdict(self.unmodelled.is_there)
+        """Let the verdict be of the blocks as they are now."""
+        self._is_judged = False
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
@@ -181,7 +189,8 @@ class Member:
         self.innovations.restore(state['innovations'])
         self.blocks.restore(state['blocks'])
         self.prediction.restore(state['prediction'])
-        self.verdict, self._unseen, self._unseen_of = None, [], 0
+        self._verdict, self._is_judged = None, True
+        self._unseen, self._unseen_of = [], 0
         if state['judged']:
             self.judge()
 
@@ -189,10 +198,12 @@ class Member:
 class Judged(Learner, Protocol):
     """What a bank needs of a member."""
 
-    verdict: Verdict | None
+    @property
+    def verdict(self) -> Verdict | None:
+        """Return what the blocks say, None while there are too few."""
 
     def judge(self) -> None:
-        """Find what the blocks say."""
+        """Let the verdict be of the blocks as they are now."""
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

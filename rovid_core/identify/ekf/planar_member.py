@@ -7,7 +7,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from rovid_core.identify.ekf.alternatives import better_than_a_current, NOT_JUDGED
+from rovid_core.identify.ekf.alternatives import Alternative, better_than_a_current, NOT_JUDGED
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.linearised_filter import Bounds, floats
@@ -153,13 +153,6 @@ class PlanarMember:
     identified : sequence of str
         Names of the DOFs that have thrust.
 
-    Attributes
-    ----------
-    verdict : Verdict or None
-        What the blocks say, None while there are too few.
-    alternative : Alternative
-        What fits better than a current.
-
     """
 
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
@@ -173,8 +166,9 @@ class PlanarMember:
         self.blocks = ScoreBlocks(
             theta, variances, watched, considered, len(ALTERNATIVES),
             [(f'{dof} ', row.first) for dof, row in zip(DOFS, rows) if dof in identified])
-        self.verdict: Verdict | None = None
-        self.alternative = NOT_JUDGED
+        self._verdict: Verdict | None = None
+        self._alternative = NOT_JUDGED
+        self._is_judged = True
         self._current_is_free = not considered
         self._bounds = bounds
         self._fastest = max(row.velocity for row in rows)
@@ -274,11 +268,25 @@ class PlanarMember:
         self.filter.set_theta(solution)
         self.filter.keep_inside(self._bounds)
 
+    @property
+    def verdict(self) -> Verdict | None:
+        """Return what the blocks say, None while there are too few."""
+        if not self._is_judged:
+            self._verdict, self._alternative = None, NOT_JUDGED
+            found = self.blocks.verdict(self.unmodelled.is_there)
+            if found is not None and self._current_is_free:
+                self._alternative = better_than_a_current(self.blocks, found)
+            self._verdict, self._is_judged = found, True
+        return self._verdict
+
+    @property
+    def alternative(self) -> Alternative:
+        """Return what fits better than a current."""
+        return self._alternative if self.verdict is not None else NOT_JUDGED
+
     def judge(self) -> None:
-        """Find what the blocks say."""
-        self.verdict = self.blocks.verdict(self.unmodelled.is_there)
-        self.alternative = NOT_JUDGED if self.verdict is None or not self._current_is_free else (
-            better_than_a_current(self.blocks, self.verdict))
+        """Let the verdict be of the blocks as they are now."""
+        self._is_judged = False
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
@@ -290,6 +298,6 @@ class PlanarMember:
         self.filter.restore(state['filter'])
         self.innovations.restore(state['innovations'])
         self.blocks.restore(state['blocks'])
-        self.verdict, self.alternative = None, NOT_JUDGED
+        self._verdict, self._alternative, self._is_judged = None, NOT_JUDGED, True
         if state['judged']:
             self.judge()

@@ -26,6 +26,7 @@ class RecentForce:
         self._means: list[float] = []
         self._slopes: list[float] = []
         self._held = False  # the newest span
+        self._near = 0  # the span that was asked for last
 
     @property
     def end(self) -> float:
@@ -69,6 +70,18 @@ class RecentForce:
             cut = bisect_right(times, times[-1] - KEPT) - 1
             for column in (times, means, slopes):
                 del column[:cut]
+            self._near = 0
+
+    def _span(self, time: float) -> int:
+        """Return the number of the span that holds a time, the first or the last beyond them."""
+        times, i = self._times, self._near  # who asks goes on in short steps
+        while i > 0 and times[i] > time:
+            i -= 1
+        newest = len(self._means) - 1
+        while i < newest and times[i + 1] <= time:
+            i += 1
+        self._near = i
+        return i
 
     def over(self, start: float, end: float) -> tuple[float, float, float, float]:
         """
@@ -87,7 +100,7 @@ class RecentForce:
         if start < times[0] or end > times[-1]:
             return self._beyond(start, end)
         slopes = self._slopes
-        i = min(bisect_right(times, start), len(means)) - 1
+        i = self._span(start)
         slope, mean = slopes[i], means[i]
         first = mean + slope * (start - 0.5 * (times[i] + times[i + 1])) if slope else mean
         impulse = moment = 0.0
@@ -118,7 +131,7 @@ class RecentForce:
         """
         times, means, slopes = self._times, self._means, self._slopes
         newest = len(means) - 1
-        i = min(max(bisect_right(times, start) - 1, 0), newest)
+        i = self._span(start)
         reverse, reverse_moment, cut, cut_moment = 0.0, 0.0, 0.0, 0.0
         while newest >= 0:
             stop = end if i == newest or times[i + 1] > end else times[i + 1]
@@ -168,4 +181,4 @@ class RecentForce:
                 not all(map(math.isfinite, (*times, *means, *slopes)))):
             raise ValueError('the recent force does not fit')
         self._times, self._means, self._slopes = times, means, slopes
-        self._held = bool(state['held'])
+        self._held, self._near = bool(state['held']), 0

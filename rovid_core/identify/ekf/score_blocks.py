@@ -190,7 +190,7 @@ class ScoreBlocks:
         q = self._q
         self._open = np.zeros((q, q)), np.zeros(q)
         self._count = 0
-        self._pending: list[list[float]] = []
+        self._pending: list[float] = []  # of each measurement: information, what it told, psi
 
     @property
     def count(self) -> int:
@@ -218,8 +218,10 @@ class ScoreBlocks:
             [s] since the last one.
 
         """
-        self._pending.append([1.0 / variance, told, *psi])
-        if len(self._pending) >= PENDING:
+        pending = self._pending
+        pending += [1.0 / variance, told]
+        pending += psi
+        if len(pending) >= PENDING * (self._q + 2):
             self._sum_up()
         self._time += dt
         if self._time < BLOCK:
@@ -238,12 +240,12 @@ class ScoreBlocks:
     def _sum_up(self) -> None:
         if not self._pending:
             return
-        rows = np.array(self._pending)
+        rows = np.array(self._pending).reshape(-1, self._q + 2)
         weighted = rows[:, 2:] * rows[:, :1]
-        information, score = self._open
         # not a product of matrices: its last bits depend on the library
-        self._open = (information + np.einsum('ki,kj->ij', weighted, rows[:, 2:]),
-                      score + np.einsum('ki,k->i', weighted, rows[:, 1]))
+        sums = (weighted[:, :, None] * rows[:, None, 1:]).sum(axis=0)
+        information, score = self._open
+        self._open = information + sums[:, 1:], score + sums[:, 0]
         self._count += len(rows)
         self._pending = []
 
@@ -334,7 +336,7 @@ class ScoreBlocks:
                 'information': self._information.tolist(), 'score': self._score.tolist(),
                 'counts': self._counts.tolist(), 'count': self._count,
                 'open': [information.tolist(), score.tolist()],
-                'pending': [list(row) for row in self._pending]}
+                'pending': list(self._pending)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -350,7 +352,8 @@ class ScoreBlocks:
         self._time, self._count = float(state['time']), int(state['count'])
         if not 0.0 <= self._time < math.inf:
             raise ValueError('the time of a block is out of range')
-        self._pending = [floats(row, q + 2) for row in state['pending']]
+        pending = state['pending']
+        self._pending = floats(pending, len(pending) // (q + 2) * (q + 2))
 
 
 class _Fit:

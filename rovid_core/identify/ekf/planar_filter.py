@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,11 +24,9 @@ from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.linearised_filter import (
     Bounds,
     CANDIDATES,
-    DEAD_BAND,
     felt,
     floats,
     FORCE_TIME,
-    LAG,
     LARGEST_SPEED,
     LARGEST_SUBSTEPS,
     LONGEST,
@@ -36,38 +34,21 @@ from rovid_core.identify.ekf.linearised_filter import (
 from rovid_core.identify.ekf.planar_layout import (
     ALTERNATIVES,
     CURRENT,
+    Looks,
     Noise,
     PlanarInnovation,
     Row,
     SIZE,
 )
+from rovid_core.identify.ekf.push import Push
 from rovid_core.identify.ekf.recent_force import RecentForce
 from rovid_core.model.samples import PlanarPiece
 
 Array = NDArray[np.float64]
 
 
-class Push(NamedTuple):
-    """The force on a row over a step; see ``RecentForce.over``, and ``LinearisedFilter``."""
-
-    impulse: float
-    moment: float
-    before: float  # at the end of the last step
-    last: float
-    lag: float
-    # impulse and moment of the force in reverse, and of that up to ``DEAD_BAND``
-    reverse: tuple[float, float]
-    cut: tuple[float, float]
-
-
-class Law(NamedTuple):
-    """What moves a row over a step: v' = push +- rise + (drag |v| + linear) v + turning w."""
-
-    push: float
-    rise: float
-    drag: float
-    linear: float
-    turning: float
+Law = tuple[float, float, float, float, float]
+"""What moves a row: v' = push +- rise + (drag |v| + linear) v + turning w, in this order."""
 
 
 class PlanarFilter:
@@ -93,7 +74,7 @@ class PlanarFilter:
     covariance : ndarray, shape (8, 8)
         Of the motion for given parameters.
     sensitivities : ndarray, shape (8, p + c)
-        Derivatives of the motion by the parameters and the watched regressors.
+        Derivatives of the motion by the parameters and the watched regressors; changed in place.
     theta_covariance : ndarray, shape (p, p)
 
     """
@@ -101,18 +82,51 @@ class PlanarFilter:
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
                  variances: Sequence[float], noise: Noise) -> None:
         self._rows = rows
-        self.theta: Array = np.array(theta, dtype=float)
+        self._pushes = [Push(), Push()]
+        p = self._p = len(theta)
+        self.theta = np.array(theta, dtype=float)
         self.theta_covariance: Array = np.diag(np.array(variances, dtype=float))
         self._noise = noise
         self.force_std = noise.force_std
-        p = self._p = len(self.theta)
         q = p + sum(len(CANDIDATES) + row.watched for row in rows) + len(ALTERNATIVES)
         self.motion: Array = np.zeros(SIZE)
         self.covariance: Array = np.zeros((SIZE, SIZE))
-        self.sensitivities: Array = np.zeros((SIZE, q))
+        # behind the sensitivities: what each regressor pushes surge and sway by in a step, and by
+        # how much more they go along with it
+        self._stack: Array = np.zeros((SIZE + 4, q))
+        self.sensitivities = self._stack[:SIZE]
+        self._flat = self._stack.reshape(-1)
+        self._places = self._places_of_pushes(q)
+        self._transition: Array = np.eye(SIZE)
         self.motion[CURRENT] = self.theta[-2:]
         self.sensitivities[4, p - 2] = self.sensitivities[5, p - 1] = 1.0
         self.set_motion((0.0, 0.0), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
+
+    def _places_of_pushes(self, q: int) -> NDArray[np.int64]:
+        """Return where what ``_regressors`` says goes, in all of the stack."""
+        places: list[int] = []
+        for k, row in enumerate(self._rows):
+            watched = self._watched(k)
+            push, way = (SIZE + k) * q, (SIZE + 2 + k) * q
+            places += [push + i for i in (
+                *range(row.first, row.end),
+                *range(watched, watched + len(CANDIDATES) + row.watched), q - 3, q - 2)]
+            places += [way + i for i in (row.first, row.end - 1, watched, watched + 2)]
+        return np.array(places)
+
+    def _watched(self, k: int) -> int:
+        """Return where the watched regressors of a row begin."""
+        return self._p + k * (len(CANDIDATES) + self._rows[0].watched)
+
+    @property
+    def theta(self) -> Array:
+        """Return the parameters; not to be changed in place."""
+        return self._theta
+
+    @theta.setter
+    def theta(self, theta: Array) -> None:
+        self._theta = theta
+        self._values: list[float] = theta.tolist()  # one by one that is ten times faster
 
     def set_motion(self, velocity: Sequence[float], axes: Sequence[float], variance: float,
                    gap: float) -> None:
@@ -149,8 +163,8 @@ class PlanarFilter:
         self.sensitivities[:] = 0.0
         self.sensitivities[2:4] = -back @ kept
         self.sensitivities[CURRENT] = kept
-        self._lagged = [0.0, 0.0]
-        self._force: list[float | None] = [None, None]  # at the end of the last step
+        for push in self._pushes:
+            push.restart()
 
     def set_position(self, x: Sequence[float], variance: float) -> None:
         """Begin at a position [m] of some variance."""
@@ -185,7 +199,7 @@ class PlanarFilter:
         for k, piece in enumerate(pieces):
             fastest = 1.0 / LONGEST
             for i, row in enumerate(self._rows):
-                _, beta, gamma = self.theta[row.first:row.first + 3].tolist()
+                beta, gamma = self._values[row.first + 1], self._values[row.first + 2]
                 fastest = max(fastest, 2.0 * abs(
                     beta * self.motion.item(2 + i) / row.velocity) + abs(gamma))
             count = min(int(h * fastest * 0.999999), LARGEST_SUBSTEPS - 1) + 1
@@ -196,227 +210,236 @@ class PlanarFilter:
                                   piece.rate * h * ((j + 0.5) / count - 0.5)),
                               couplings, heading_noise, alone)
 
-    def _push(self, k: int, recent: RecentForce, start: float, end: float) -> Push:
-        """Return the force on a row over a step."""
-        h, delay = end - start, self.theta.item(self._rows[k].end - 1)
-        impulse, moment, first, last = recent.over(start - delay, end - delay)
-        before = self._force[k]
-        self._force[k] = last
-        force = impulse / h
-        gone = -math.expm1(-h / LAG)
-        lag = (force - self._lagged[k]) * gone * LAG / h
-        self._lagged[k] += gone * (force - self._lagged[k])
-        reverse, cut = recent.bent(start - delay, end - delay, DEAD_BAND)
-        return Push(impulse, moment, first if before is None else before, last, lag, reverse, cut)
-
-    def _law(self, k: int, push: Push, h: float, rate: float,
+    def _law(self, k: int, h: float, rate: float, force: float,
              couplings: Sequence[float]) -> Law:
-        """Return what moves a row over a step, in m and s."""
-        row = self._rows[k]
-        alpha, beta, gamma, delta = self.theta[row.first:row.first + 4].tolist()
-        scale = row.velocity
-        rest = alpha * push.impulse / h + delta
+        """Return what moves a row over a step under an unknown force, in m and s."""
+        row, push, theta = self._rows[k], self._pushes[k], self._values
+        alpha, scale = theta[row.first], row.velocity
+        rest = alpha * push.impulse / h + theta[row.first + 3]
         for i, m in row.measured:
-            rest += self.theta.item(i) * couplings[m]
+            rest += theta[i] * couplings[m]
         # a straight line with the same integral and the same way; this is half its rise
         rise = 3.0 * push.impulse / h - 6.0 * push.moment / (h * h)
-        return Law(scale * rest + self.motion.item(6 + k), scale * alpha * rise, beta / scale,
-                   gamma, scale * self.theta.item(row.turning) * rate if row.turning >= 0 else 0.0)
+        return (scale * rest + force, scale * alpha * rise, theta[row.first + 1] / scale,
+                theta[row.first + 2],
+                scale * theta[row.turning] * rate if row.turning >= 0 else 0.0)
 
     def _predict(self, recent: Sequence[RecentForce], start: float, end: float,
                  piece: PlanarPiece, couplings: Sequence[Sequence[float]],
                  heading_noise: float, alone: bool) -> None:
         h, r = end - start, piece.rate
-        _, _, u0, v0, cx, cy, *_ = self.motion.tolist()
-        pushes = [self._push(k, one, start, end) for k, one in enumerate(recent)]
-        laws = [self._law(k, pushes[k], h, r, couplings[k]) for k in range(2)]
-        (a, da, ba, ga, ka), (b, db, bb, gb, kb) = laws
-
-        def rate(u: float, v: float, at: float) -> tuple[float, float]:
-            return (a + at * da + (ba * abs(u) + ga) * u + ka * v,
-                    b + at * db + (bb * abs(v) + gb) * v + kb * u)
-
-        k1, l1 = rate(u0, v0, -1.0)
-        k2, l2 = rate(u0 + 0.5 * h * k1, v0 + 0.5 * h * l1, 0.0)
+        x, y, u0, v0, cx, cy, fu, fv = self.motion.tolist()
+        for row, one, push in zip(self._rows, recent, self._pushes):
+            push.move(one, start, end, self._values[row.end - 1])
+        law, other = (self._law(0, h, r, fu, couplings[0]), self._law(1, h, r, fv, couplings[1]))
+        a, da, ba, ga, ka = law
+        b, db, bb, gb, kb = other
+        k1 = a - da + (ba * abs(u0) + ga) * u0 + ka * v0
+        l1 = b - db + (bb * abs(v0) + gb) * v0 + kb * u0
+        um, vm = u0 + 0.5 * h * k1, v0 + 0.5 * h * l1
+        k2 = a + (ba * abs(um) + ga) * um + ka * vm
+        l2 = b + (bb * abs(vm) + gb) * vm + kb * um
         um, vm = u0 + 0.5 * h * k2, v0 + 0.5 * h * l2
-        k3, l3 = rate(um, vm, 0.0)
-        k4, l4 = rate(u0 + h * k3, v0 + h * l3, 1.0)
+        k3 = a + (ba * abs(um) + ga) * um + ka * vm
+        l3 = b + (bb * abs(vm) + gb) * vm + kb * um
+        u, v = u0 + h * k3, v0 + h * l3
+        k4 = a + da + (ba * abs(u) + ga) * u + ka * v
+        l4 = b + db + (bb * abs(v) + gb) * v + kb * u
         u = u0 + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
         v = v0 + h / 6.0 * (l1 + 2.0 * (l2 + l3) + l4)
         if not abs(u) + abs(v) < LARGEST_SPEED:
             raise DivergenceError(f'a speed of {u}, {v}')
         # while it goes along, the body turns about the attitude of the middle
-        shrunk = 1.0 - (r * h)**2 / 24.0
+        shrunk = 1.0 - r * h * r * h / 24.0
         along = shrunk * h * (u0 + h / 6.0 * (k1 + k2 + k3)) - r * h * h / 12.0 * (v - v0)
         across = shrunk * h * (v0 + h / 6.0 * (l1 + l2 + l3)) + r * h * h / 12.0 * (u - u0)
         sx, sy, wx, wy, hx, hy, _ = piece
         dx, dy = sx * along + wx * across + h * hx, sy * along + wy * across + h * hy
-        motion = self.motion
-        motion[:4] = motion[0] + dx + h * cx, motion[1] + dy + h * cy, u, v
+        self.motion[:4] = x + dx + h * cx, y + dy + h * cy, u, v
         if alone:
             return
-        self._spread(h, piece, laws, pushes, (um, vm), couplings)
+        self._spread(h, piece, law, other, um, vm, couplings)
         # headings that are off turn the path through the water
         self.sensitivities[0, -1] -= dy
         self.sensitivities[1, -1] += dx
         covariance, noise = self.covariance, heading_noise / h
-        covariance[0, 0] += noise * dy * dy
-        covariance[1, 1] += noise * dx * dx
-        covariance[0, 1] -= noise * dx * dy
-        covariance[1, 0] = covariance[0, 1]
-        covariance[4, 4] += self._noise.current * h
-        covariance[5, 5] += self._noise.current * h
+        if noise:
+            covariance[0, 0] += noise * dy * dy
+            covariance[1, 1] += noise * dx * dx
+            covariance[0, 1] -= noise * dx * dy
+            covariance[1, 0] = covariance[0, 1]
+        if self._noise.current:
+            covariance[4, 4] += self._noise.current * h
+            covariance[5, 5] += self._noise.current * h
         if self.force_std:
             e = math.exp(-h / FORCE_TIME)
-            motion[6:] *= e
+            self.motion[6:] *= e
             for k, row in enumerate(self._rows):
                 covariance[6 + k, 6 + k] += (
                     1.0 - e * e) * (self.force_std * row.velocity)**2
 
-    def _spread(self, h: float, piece: PlanarPiece, laws: Sequence[Law],
-                pushes: Sequence[Push], middle: tuple[float, float],
+    def _spread(self, h: float, piece: PlanarPiece, law: Law, other: Law, u: float, v: float,
                 couplings: Sequence[Sequence[float]]) -> None:
-        """Move sensitivities and covariance over a step of ``h`` [s]."""
+        """Move sensitivities and covariance over a step of ``h`` [s] about velocities."""
         sx, sy, wx, wy, _, _, _ = piece
-        (_, _, ba, ga, ka), (_, _, bb, gb, kb) = laws
-        du, dv = 2.0 * ba * abs(middle[0]) + ga, 2.0 * bb * abs(middle[1]) + gb
+        _, _, ba, ga, ka = law
+        _, _, bb, gb, kb = other
+        du, dv = 2.0 * ba * abs(u) + ga, 2.0 * bb * abs(v) + gb
         # integrals of the velocity's transition: once, and of that for a push all the time
         a00, a01, a10, a11 = (du * du + ka * kb, ka * (du + dv), kb * (du + dv),
                               dv * dv + ka * kb)
-        one, two, three = h, 0.5 * h * h, h * h * h / 6.0
-        g00, g01, g10, g11 = (one + two * du + three * a00, two * ka + three * a01,
-                              two * kb + three * a10, one + two * dv + three * a11)
+        two, three = 0.5 * h * h, h * h * h / 6.0
+        g00, g01, g10, g11 = (h + two * du + three * a00, two * ka + three * a01,
+                              two * kb + three * a10, h + two * dv + three * a11)
         w00, w01, w10, w11 = (two + three * du, three * ka, three * kb, two + three * dv)
-        p00, p01 = 1.0 + du * g00 + ka * g10, du * g01 + ka * g11
-        p10, p11 = kb * g00 + dv * g10, 1.0 + kb * g01 + dv * g11
-        e = math.exp(-h / FORCE_TIME)
-        transition = np.array((
-            (1.0, 0.0, sx * g00 + wx * g10, sx * g01 + wx * g11, h, 0.0,
-             sx * w00 + wx * w10, sx * w01 + wx * w11),
-            (0.0, 1.0, sy * g00 + wy * g10, sy * g01 + wy * g11, 0.0, h,
-             sy * w00 + wy * w10, sy * w01 + wy * w11),
-            (0.0, 0.0, p00, p01, 0.0, 0.0, g00, g01), (0.0, 0.0, p10, p11, 0.0, 0.0, g10, g11),
-            (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0),
-            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, e, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, e)))
-        forcing = transition[:, 6:].copy()
-        forcing[6:] = 0.0
-        phi = np.zeros((2, self.sensitivities.shape[1]))
-        ways = [self._regressors(phi[k], k, h, one, middle, piece.rate, couplings[k])
-                for k, one in enumerate(zip(pushes, (du, dv), (g00, g11), (w00, w11)))]
-        for k, row in enumerate(self._rows):
-            per_newton = self.theta.item(row.first) * row.velocity / row.force
-            phi[k, -3] = per_newton * piece[2 * k]
-            phi[k, -2] = per_newton * piece[2 * k + 1]
-        self.sensitivities = transition @ self.sensitivities + forcing @ phi
-        for k, way in enumerate(ways):
-            for i, change in way:
-                self.sensitivities[0, i] += piece[2 * k] * change
-                self.sensitivities[1, i] += piece[2 * k + 1] * change
+        self._flat[self._places] = [
+            *self._regressors(0, h, piece, du, g00, w00, u, v, couplings[0]),
+            *self._regressors(1, h, piece, dv, g11, w11, v, u, couplings[1])]
+        xu, xv, yu, yv = (sx * w00 + wx * w10, sx * w01 + wx * w11,
+                          sy * w00 + wy * w10, sy * w01 + wy * w11)
+        top = np.fromiter((
+            1.0, 0.0, sx * g00 + wx * g10, sx * g01 + wx * g11, h, 0.0, xu, xv, xu, xv, sx, wx,
+            0.0, 1.0, sy * g00 + wy * g10, sy * g01 + wy * g11, 0.0, h, yu, yv, yu, yv, sy, wy,
+            0.0, 0.0, 1.0 + du * g00 + ka * g10, du * g01 + ka * g11, 0.0, 0.0,
+            g00, g01, g00, g01, 0.0, 0.0,
+            0.0, 0.0, kb * g00 + dv * g10, 1.0 + kb * g01 + dv * g11, 0.0, 0.0,
+            g10, g11, g10, g11, 0.0, 0.0), float, 4 * (SIZE + 4)).reshape(4, SIZE + 4)
+        self._stack[:4] = top @ self._stack
+        transition = self._transition
+        transition[:4] = top[:, :SIZE]
+        if self.force_std:
+            e = math.exp(-h / FORCE_TIME)
+            self._stack[6:SIZE] *= e
+            transition[6, 6] = transition[7, 7] = e
         moved = transition @ self.covariance @ transition.T
         self.covariance = 0.5 * (moved + moved.T)
 
-    def _regressors(self, phi: Array, k: int, h: float,
-                    given: tuple[Push, float, float, float], middle: tuple[float, float],
-                    rate: float, couplings: Sequence[float]) -> list[tuple[int, float]]:
+    def _regressors(self, k: int, h: float, piece: PlanarPiece, decay: float, s: float, b: float,
+                    along: float, across: float, couplings: Sequence[float]) -> list[float]:
         """
-        Fill in the derivatives of a row's acceleration by parameters and watched regressors.
+        Return what parameters and watched regressors do to a row, in the order of ``_places``.
 
-        Return by how much more the path goes along with some of them, by their number, for it
-        counts where in the step the force acts; see ``LinearisedFilter``.
+        That is the derivatives of the acceleration, and by how much more the path goes along with
+        some of them, for it counts where in the step the force acts; see ``LinearisedFilter``.
         """
-        row = self._rows[k]
-        (impulse, moment, before, last, lag, reverse, cut), decay, s, b = given
-        scale, alpha = row.velocity, self.theta.item(row.first)
-        late = 2.0 * moment - before * h * h
-        way = impulse - h * before + 0.5 * decay * late
-        slope, delayed = alpha / s * (last - before + decay * way), alpha * way
-        (push, way), (backwards, back_way), (small, small_way) = [
-            felt(*one, h, decay, s) for one in ((impulse, moment), reverse, cut)]
-        w = middle[k] / scale
+        row, given = self._rows[k], self._pushes[k]
+        scale, alpha = row.velocity, self._values[row.first]
+        rise = given.last - given.before
+        late = 2.0 * given.moment - given.before * h * h
+        way = given.impulse - h * given.before + 0.5 * decay * late
+        slope, delayed = alpha / s * (rise + decay * way), alpha * way
+        push, push_way = felt(given.impulse, given.moment, h, decay, s)
+        backwards, back_way = felt(given.reverse, given.reverse_moment, h, decay, s)
+        small, small_way = felt(given.cut, given.cut_moment, h, decay, s)
+        w = along / scale
         drag = w * abs(w)
-        values = [push, drag, w, 1.0, *[0.0] * row.couplings, -slope]
+        coupled = [0.0] * row.couplings
         if row.turning >= 0:
-            values[row.turning - row.first] = middle[1 - k] * rate
+            coupled[row.turning - row.first - 4] = scale * across * piece.rate
         for i, m in row.measured:
-            values[i - row.first] = couplings[m]
-        phi[row.first:row.end] = [scale * value for value in values]
-        watched = self._p + k * (len(CANDIDATES) + self._rows[0].watched)
-        phi[watched:watched + len(CANDIDATES) + row.watched] = [scale * value for value in (
-            backwards, drag if w < 0.0 else 0.0, small, lag, *couplings[row.couplings:])]
-        return [(row.first, scale * (way - b * push)),
-                (row.end - 1, -scale * (delayed - b * slope)),
-                (watched, scale * (back_way - b * backwards)),
-                (watched + 2, scale * (small_way - b * small))]
+            coupled[i - row.first - 4] = scale * couplings[m]
+        watched = [scale * one for one in couplings[row.couplings:]] if row.watched else []
+        per_newton = alpha * scale / row.force
+        return [scale * push, scale * drag, scale * w, scale, *coupled, -scale * slope,
+                scale * backwards, scale * drag if w < 0.0 else 0.0, scale * small,
+                scale * given.lag, *watched,
+                per_newton * piece[2 * k], per_newton * piece[2 * k + 1],
+                scale * (push_way - b * push), scale * (b * slope - delayed),
+                scale * (back_way - b * backwards), scale * (small_way - b * small)]
 
-    def innovation(self, looks: Array, value: float, variance: float) -> PlanarInnovation:
+    def innovation(self, axis: int, looks: Looks, value: float, variance: float,
+                   known: bool = False) -> PlanarInnovation:
         """
         Compare a measurement with the state.
 
         Parameters
         ----------
-        looks : ndarray, shape (8,)
-            What is measured of the motion.
+        axis : int
+            Which of both values of a measurement it is.
+        looks : ndarray, shape (2, 8), or None
+            What they measure of the motion; None for the position.
         value, variance : float
             Of the measurement.
+        known : bool
+            Whether the parameters are taken to be exact.
 
         """
-        psi = looks @ self.sensitivities
-        gain = self.theta_covariance @ psi[:self._p]
-        across = self.covariance @ looks
-        given = float(looks @ across) + variance
-        total = given + float(gain @ psi[:self._p])
+        p = self._p
+        if looks is None:
+            psi, across = self.sensitivities[axis].copy(), self.covariance[axis].copy()
+            error, given = value - self.motion.item(axis), across.item(axis) + variance
+        else:
+            look = looks[axis]
+            psi, across = look @ self.sensitivities, self.covariance @ look
+            error, given = value - float(look @ self.motion), float(look @ across) + variance
+        gain, total = psi[:0], given
+        if not known:
+            gain = self.theta_covariance @ psi[:p]
+            total = given + float(gain @ psi[:p])
         if not (given > 0.0 and 0.0 < total < math.inf):
             raise DivergenceError('the covariance is not positive')
-        error = value - float(looks @ self.motion)
         return PlanarInnovation(error, given, total, psi, gain, across,
-                                error + float(self.theta @ psi[:self._p]))
+                                error + float(self._theta @ psi[:p]))
 
-    def covariance_of(self, found: PlanarInnovation, looks: Array) -> float:
-        """Return that of a measurement with another one."""
-        return float(looks @ found.across) + float(
-            found.gain @ (looks @ self.sensitivities)[:self._p])
+    def beside(self, one: PlanarInnovation, looks: Looks, value: float, variance: float,
+               known: bool) -> tuple[float, float, float]:
+        """Return error and variance of the second value, and its covariance with the first."""
+        p = self._p
+        if looks is None:
+            psi, seen = self.sensitivities[1], self.motion.item(1)
+            own, shared = self.covariance.item(1, 1), one.across.item(1)
+        else:
+            look = looks[1]
+            psi, seen = look @ self.sensitivities, float(look @ self.motion)
+            own, shared = float(look @ self.covariance @ look), float(look @ one.across)
+        if not known:
+            own += float(psi[:p] @ self.theta_covariance @ psi[:p])
+            shared += float(one.gain @ psi[:p])
+        return value - seen, own + variance, shared
 
     def update(self, found: PlanarInnovation, added: float, adapt: bool) -> None:
         """Take a measurement; see ``LinearisedFilter.update``."""
-        error, given, total, psi, gain, across, _ = found
-        given += added
-        total += added
-        p = self._p
-        if adapt:
-            change = gain * (error / total)
-            self.theta = self.theta + change
-            scaled = gain / math.sqrt(total)
-            self.theta_covariance = self.theta_covariance - scaled[:, None] * scaled
-            k = across / given
-            self.motion = self.motion + self.sensitivities[:, :p] @ change + k * (
-                error - float(psi[:p] @ change))
-            scaled = across / math.sqrt(given)
-            self.covariance = self.covariance - scaled[:, None] * scaled
-        else:
-            k = (across + self.sensitivities[:, :p] @ gain) / total
-            self.motion = self.motion + k * error
-            crossed = k[:, None] * across
-            self.covariance = self.covariance - (crossed + crossed.T) + given * (k[:, None] * k)
-        self.sensitivities = self.sensitivities - k[:, None] * psi
+        if not adapt:
+            self._consider(found, added)
+            return
+        share = found.error / (found.total + added)
+        change, scaled = share * found.gain, found.gain / math.sqrt(found.total + added)
+        self.theta = self._theta + change
+        self.theta_covariance = self.theta_covariance - outer(scaled, scaled)
+        self.motion = self.motion + self.sensitivities[:, :self._p] @ change
+        self._correct(found, added, found.error - share * (found.total - found.given))
+
+    def _consider(self, found: PlanarInnovation, added: float) -> None:
+        """Take the parameters' uncertainty into account without a change, after S. F. Schmidt."""
+        given, across = found.given + added, found.across
+        k = (across + self.sensitivities[:, :self._p] @ found.gain) / (found.total + added)
+        self.motion = self.motion + k * found.error
+        crossed = outer(k, across)
+        self.covariance = self.covariance - (crossed + crossed.T) + given * outer(k, k)
+        self.sensitivities -= outer(k, found.psi)
 
     def update_motion(self, found: PlanarInnovation, added: float) -> None:
         """Take a measurement for the motion alone, as if the parameters were exact."""
+        self._correct(found, added, found.error)
+
+    def _correct(self, found: PlanarInnovation, added: float, error: float) -> None:
+        """Correct the motion by what the parameters leave of an error."""
         given = found.given + added
         k = found.across / given
-        self.motion = self.motion + k * found.error
+        self.motion = self.motion + k * error
         scaled = found.across / math.sqrt(given)
-        self.covariance = self.covariance - scaled[:, None] * scaled
-        self.sensitivities = self.sensitivities - k[:, None] * found.psi
+        self.covariance = self.covariance - outer(scaled, scaled)
+        self.sensitivities -= outer(k, found.psi)
 
     def set_theta(self, theta: Sequence[float] | Array) -> None:
         """Go to other parameters; the motion goes along."""
         new = np.array(theta, dtype=float)
-        self.motion = self.motion + self.sensitivities[:, :self._p] @ (new - self.theta)
+        self.motion = self.motion + self.sensitivities[:, :self._p] @ (new - self._theta)
         self.theta = new
 
     def keep_inside(self, bounds: Bounds) -> None:
         """Move the parameters into their bounds, the others as theirs go with them."""
-        values = self.theta.tolist()
+        values = self._values
         outside = [i for i, low, high in bounds if not low <= values[i] <= high]
         if outside:
             theta = self.theta.copy()
@@ -431,7 +454,8 @@ class PlanarFilter:
             for i, low, high in bounds:
                 theta[i] = min(max(theta[i], low), high)
             self.set_theta(theta)
-        least = min(self.covariance.diagonal().min(), self.theta_covariance.diagonal().min())
+        least = min([*self.covariance.diagonal().tolist(),
+                     *self.theta_covariance.diagonal().tolist()])
         if not -1e-12 <= least < math.inf:
             raise DivergenceError('the covariance is not positive')
 
@@ -450,8 +474,9 @@ class PlanarFilter:
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'theta': self.theta.tolist(), 'motion': self.motion.tolist(),
-                'covariance': self.covariance.tolist(), 'lagged': list(self._lagged),
-                'force': list(self._force),
+                'covariance': self.covariance.tolist(),
+                'lagged': [push.lagged for push in self._pushes],
+                'force': [None if math.isnan(push.last) else push.last for push in self._pushes],
                 'sensitivities': self.sensitivities.tolist(),
                 'theta_covariance': self.theta_covariance.tolist()}
 
@@ -460,16 +485,21 @@ class PlanarFilter:
         p = self._p
         self.theta = np.array(floats(state['theta'], p))
         self.motion = np.array(floats(state['motion'], SIZE))
-        self._lagged = floats(state['lagged'], 2)
-        one, other = state['force']
-        self._force = [None if x is None else float(x) for x in (one, other)]
+        forces = [math.nan if x is None else float(x) for x in state['force']]
+        for push, lagged, force in zip(self._pushes, floats(state['lagged'], 2), forces):
+            push.lagged, push.last = lagged, force
         self.covariance = _matrix(state['covariance'], SIZE, SIZE)
         self.theta_covariance = _matrix(state['theta_covariance'], p, p)
-        self.sensitivities = _matrix(
+        self.sensitivities[:] = _matrix(
             state['sensitivities'], SIZE, self.sensitivities.shape[1])
         for square in (self.covariance, self.theta_covariance):
             if (square != square.T).any():
                 raise ValueError('not a covariance')
+
+
+def outer(column: Array, row: Array) -> Array:
+    """Return what each number of a column makes with each of a row."""
+    return column[:, None] @ row[None]
 
 
 def _matrix(values: Any, rows: int, columns: int) -> Array:

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+Looks = Array | None
+"""What two values measure of the motion, an array of shape (2, 8); None for the position."""
+
 DOFS = ('surge', 'sway')
 
 SIZE = 8
@@ -94,7 +97,7 @@ class PlanarInnovation(NamedTuple):
     psi : ndarray, shape (p + c,)
         Its derivatives by the parameters and the watched regressors.
     gain : ndarray, shape (p,)
-        Covariance of the parameters with it.
+        Covariance of the parameters with it; empty where they are taken to be exact.
     across : ndarray, shape (8,)
         Covariance of the motion with it, for given parameters.
     told : float

@@ -11,15 +11,15 @@ from rovid_core.identify.ekf.alternatives import Alternative, better_than_a_curr
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.linearised_filter import Bounds, floats
-from rovid_core.identify.ekf.planar_filter import Array, PlanarFilter
+from rovid_core.identify.ekf.planar_filter import PlanarFilter
 from rovid_core.identify.ekf.planar_layout import (
     ALTERNATIVES,
     AXES,
     DOFS,
+    Looks,
     Noise,
     PlanarInnovation,
     Row,
-    SIZE,
 )
 from rovid_core.identify.ekf.recent_force import RecentForce
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks, Verdict
@@ -37,8 +37,8 @@ class PlanarMeasurement(NamedTuple):
         [s] on the clock of the forces.
     value : tuple of 2 floats
         Position in the world [m], or velocity of surge and sway over ground [m/s].
-    looks : pair of ndarrays, shape (8,)
-        What that is of the motion.
+    looks : ndarray, shape (2, 8), or None
+        What that is of the motion; None for the position.
     begins : bool
         Whether the position begins with it.
     pieces : tuple of PlanarPiece
@@ -55,15 +55,12 @@ class PlanarMeasurement(NamedTuple):
     start: float
     end: float
     value: tuple[float, float]
-    looks: tuple[Array, Array]
+    looks: Looks
     begins: bool
     pieces: tuple[PlanarPiece, ...]
     heading_noise: float
     dt: float
     couplings: tuple[tuple[float, ...], tuple[float, ...]]
-
-
-POSITION = (np.eye(SIZE)[0], np.eye(SIZE)[1])
 
 
 class PlanarClock:
@@ -102,15 +99,14 @@ class PlanarClock:
         at = self.recent[0].end + spans[0]
         for recent, unit, forces, held in zip(
                 self.recent, self._forces, step.forces, step.held):
-            recent.add([(length, force / unit) for length, force in held or zip(spans, forces)],
-                       held=bool(held))
+            recent.add(held or tuple(zip(spans, forces)), bool(held), unit)
         start = end - step.dt if first else self._fix
         self._fix, self.ahead = at, end - at
-        looks = POSITION
+        looks = None
         if not step.interval:
-            back = step.axes
-            looks = (np.array((0.0, 0.0, 1.0, 0.0, back[0], back[1], 0.0, 0.0)),
-                     np.array((0.0, 0.0, 0.0, 1.0, back[2], back[3], 0.0, 0.0)))
+            a, b, c, d = step.axes
+            looks = np.array(((0.0, 0.0, 1.0, 0.0, a, b, 0.0, 0.0),
+                              (0.0, 0.0, 0.0, 1.0, c, d, 0.0, 0.0)))
         return PlanarMeasurement(start, at, step.value, looks, first and step.interval > 0.0,
                                  step.pieces, step.heading_noise, step.dt, step.couplings)
 
@@ -186,29 +182,27 @@ class PlanarMember:
         if span.end > span.start:
             self.filter.move(clock.recent, span.start, span.end, span.pieces,
                              span.couplings, span.heading_noise)
-        if self.unmodelled.slip and span.looks[0] is POSITION[0]:
+        if self.unmodelled.slip and span.looks is None:
             self.filter.widen_motion((self.unmodelled.slip * self.innovations.noise)**2, 0.0)
         if span.begins:
             self.filter.set_position(span.value, self.innovations.noise**2)
 
     def _found(self, span: PlanarMeasurement, known: bool) -> tuple[
-            PlanarInnovation, PlanarInnovation, float]:
-        """Return both innovations, and their size together in standard deviations."""
+            PlanarInnovation, float, float]:
+        """Return the first innovation, the second error, and the size of both in deviations."""
         filter, variance = self.filter, self.innovations.noise**2
-        one, other = [filter.innovation(looks, value, variance)
-                      for looks, value in zip(span.looks, span.value)]
-        if known:
-            a, b, c = one.given, float(span.looks[1] @ one.across), other.given
-        else:
-            a, b, c = one.total, filter.covariance_of(one, span.looks[1]), other.total
-        rest = other.error - b / a * one.error
-        square = one.error**2 / a + rest * rest / max(c - b * b / a, variance)
-        return one, other, math.sqrt(0.5 * square)
+        x, y = span.value
+        one = filter.innovation(0, span.looks, x, variance, known)
+        error, own, shared = filter.beside(one, span.looks, y, variance, known)
+        rest = error - shared / one.total * one.error
+        square = one.error**2 / one.total + rest * rest / max(
+            own - shared * shared / one.total, variance)
+        return one, error, math.sqrt(0.5 * square)
 
     def update(self, span: PlanarMeasurement, adapt: bool, beginning: bool) -> int:
         """Take a measurement; return 0 or what comes of it."""
         filter, innovations = self.filter, self.innovations
-        one, other, size = self._found(span, False)
+        one, error, size = self._found(span, False)
         outlier = innovations.is_outlier(size)
         if outlier:
             if adapt:
@@ -216,13 +210,13 @@ class PlanarMember:
                 innovations.add(size, one.total)
             if not innovations.is_lost(beginning):
                 return OUTLIER
-            square = one.error**2 + other.error**2
+            square = one.error**2 + error**2
             filter.widen_motion(square, square)
             return LOST
         ended = False
-        for axis, (looks, value) in enumerate(zip(span.looks, span.value)):
+        for axis, value in enumerate(span.value):
             found = one if axis == 0 else filter.innovation(
-                looks, value, innovations.noise**2)
+                axis, span.looks, value, innovations.noise**2)
             normalised = found.error / math.sqrt(found.total)
             if adapt:
                 innovations.add(normalised, found.total, axis)
@@ -241,15 +235,15 @@ class PlanarMember:
         if span.begins:
             return []
         filter, innovations = self.filter, self.innovations
-        one, other, size = self._found(span, True)
+        one, error, size = self._found(span, True)
         if innovations.is_outlier(size) and innovations.is_lost(False):
-            square = one.error**2 + other.error**2
+            square = one.error**2 + error**2
             filter.widen_motion(square, square)
             return []
         sizes = []
-        for axis, (looks, value) in enumerate(zip(span.looks, span.value)):
+        for axis, value in enumerate(span.value):
             found = one if axis == 0 else filter.innovation(
-                looks, value, innovations.noise**2)
+                axis, span.looks, value, innovations.noise**2, True)
             normalised = found.error / math.sqrt(found.given)
             size = abs(normalised)
             sizes.append(size)

@@ -11,7 +11,7 @@ from rovid_core.identify.ekf.free_prediction import KEPT, SPAN
 from rovid_core.identify.ekf.linearised_filter import floats
 from rovid_core.identify.ekf.planar_filter import PlanarFilter
 from rovid_core.identify.ekf.planar_layout import Noise, Row
-from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, POSITION
+from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement
 
 
 class PlanarPrediction:
@@ -58,9 +58,8 @@ class PlanarPrediction:
         except DivergenceError:
             self.interrupt()
             return
-        if span.looks[0] is not POSITION[0]:
-            self._add([float(looks @ model.motion) for looks in span.looks], span.value,
-                      self._noise**2)
+        if span.looks is not None:
+            self._add((span.looks @ model.motion).tolist(), span.value, self._noise**2)
             return
         now = [span.end, *model.motion[:2].tolist(), *span.value]
         if not self._mark:

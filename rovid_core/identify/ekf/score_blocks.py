@@ -240,7 +240,7 @@ class ScoreBlocks:
     def _sum_up(self) -> None:
         if not self._pending:
             return
-        rows = np.array(self._pending).reshape(-1, self._q + 2)
+        rows = np.fromiter(self._pending, float, len(self._pending)).reshape(-1, self._q + 2)
         weighted = rows[:, 2:] * rows[:, :1]
         # not a product of matrices: its last bits depend on the library
         sums = (weighted[:, :, None] * rows[:, None, 1:]).sum(axis=0)

@@ -138,7 +138,8 @@ class Member:
         filter, innovations = self.filter, self.innovations
         if span.value is None:
             return []
-        found = filter.innovation(span.i, span.value, innovations.noise * innovations.noise)
+        found = filter.innovation(
+            span.i, span.value, innovations.noise * innovations.noise, True)
         normalised = found.error / math.sqrt(found.given)
         if innovations.is_outlier(normalised) and innovations.is_lost(False):
             filter.widen_motion(found.error**2, found.error**2)

@@ -59,9 +59,7 @@ class FreePrediction:
         x, v = self._motion
         pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
         h /= pieces
-        if span.couplings:
-            for kappa, regressor in zip(theta[4:], span.couplings):
-                push += kappa * regressor
+        push += math.fsum([kappa * one for kappa, one in zip(theta[4:], span.couplings)])
         start -= theta[-1]
         for k in range(pieces):
             impulse, _, _, _ = recent.over(start + k * h, start + (k + 1) * h)

@@ -49,6 +49,7 @@ LONGEST: Final = 0.3
 """[s] Longest step of the prediction."""
 
 LARGEST_SUBSTEPS: Final = 50
+INFINITE: Final = math.inf
 
 STEADY: Final = 1e-9
 """Typical forces by which a force that stays the same may seem to differ from its mean."""
@@ -252,29 +253,52 @@ class LinearisedFilter:
             self.covariance = (
                 p00 + s * (p01 + t1), keep * t1, 0.0, keep * keep * p11, 0.0, 0.0)
 
-    def innovation(self, i: int, value: float, variance: float) -> Innovation:
-        """Compare a measurement of path or velocity, of this variance, with the state."""
+    def innovation(self, i: int, value: float, variance: float,
+                   known: bool = False) -> Innovation:
+        """
+        Compare a measurement with the state.
+
+        Parameters
+        ----------
+        i : int
+            ``POSITION`` or ``VELOCITY``.
+        value, variance : float
+            Of the measurement.
+        known : bool
+            Whether the parameters are taken to be exact.
+
+        """
         psi = [one.path for one in self._columns] if i == POSITION else [
             one.velocity for one in self._columns]
+        p00, _, _, p11, _, _ = self.covariance
+        x, v, _ = self.motion
+        if i == POSITION:
+            error, given = value - x, p00 + variance
+        else:
+            error, given = value - v, p11 + variance
+        told = error
+        # this ends with the parameters: those behind are only watched
+        for one, slope in zip(self._parameters, psi):
+            told += one.value * slope
+        total = given if known else given + self._spread(psi)
+        if not (given > 0.0 and 0.0 < total < INFINITE):
+            raise DivergenceError('the covariance is not positive')
+        return Innovation(error, given, total, psi, told, i)
+
+    def _spread(self, psi: list[float]) -> float:
+        """Return the variance of a measurement that comes of the parameters; find their gains."""
         last = len(self._parameters) - 1
         a, b, c, d, e = psi[ALPHA], psi[BETA], psi[GAMMA], psi[DELTA], psi[last]
-        coupled = psi[4:last]
-        spread = known = 0.0
-        # this ends with the parameters: those behind are only watched
+        spread = 0.0
         for one, slope in zip(self._parameters, psi):
             gain = (one.alpha * a + one.beta * b + one.gamma * c + one.delta * d
                     + one.delay * e)
-            for covariance, other in zip(one.couplings, coupled):
-                gain += covariance * other
+            if last > 4:
+                for covariance, other in zip(one.couplings, psi[4:last]):
+                    gain += covariance * other
             one.gain = gain
             spread += gain * slope
-            known += one.value * slope
-        given = self.covariance[3 if i else 0] + variance
-        total = given + spread
-        if not (given > 0.0 and 0.0 < total < math.inf):
-            raise DivergenceError('the covariance is not positive')
-        error = value - self.motion[i]
-        return Innovation(error, given, total, psi, error + known, i)
+        return spread
 
     def update(self, found: Innovation, added: float, adapt: bool) -> None:
         """
@@ -350,8 +374,9 @@ class LinearisedFilter:
         k, m, n = a / given, b / given, c / given
         x, v, f = self.motion
         self.motion = (x + k * error, v + m * error, f + n * error)
-        self.covariance = (max(p00 - k * a, 0.0), p01 - k * b, p02 - k * c,
-                           max(p11 - m * b, 0.0), p12 - m * c, max(p22 - n * c, 0.0))
+        p00, p11, p22 = p00 - k * a, p11 - m * b, p22 - n * c
+        self.covariance = (p00 if p00 > 0.0 else 0.0, p01 - k * b, p02 - k * c,
+                           p11 if p11 > 0.0 else 0.0, p12 - m * c, p22 if p22 > 0.0 else 0.0)
         self._follow(found.psi, k, m, n)
 
     def _follow(self, psi: list[float], k: float, m: float, n: float) -> None:
@@ -381,12 +406,12 @@ class LinearisedFilter:
                 self._move_inside(bounds)
                 break
         if not (self.covariance[0] >= 0.0 <= self.covariance[3]
-                and 0.0 <= self._alpha.alpha < math.inf and 0.0 <= self._beta.beta < math.inf
-                and 0.0 <= self._gamma.gamma < math.inf and 0.0 <= self._delta.delta < math.inf
-                and 0.0 <= self._delay.delay < math.inf):
+                and 0.0 <= self._alpha.alpha < INFINITE and 0.0 <= self._beta.beta < INFINITE
+                and 0.0 <= self._gamma.gamma < INFINITE and 0.0 <= self._delta.delta < INFINITE
+                and 0.0 <= self._delay.delay < INFINITE):
             raise DivergenceError('the covariance is not positive')
         for k, one in enumerate(self._couplings):
-            if not 0.0 <= one.couplings[k] < math.inf:
+            if not 0.0 <= one.couplings[k] < INFINITE:
                 raise DivergenceError('the covariance is not positive')
 
     def _move_inside(self, bounds: Bounds) -> None:

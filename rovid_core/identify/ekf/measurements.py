@@ -136,7 +136,7 @@ class MeasurementClock:
             turn += row[2] * row[2]
             slip += row[3] * row[3]
             dt += row[4]
-        regressors = [sum([row[k] for row in group]) / n for k in range(5, columns)]
+        regressors = [math.fsum([row[k] for row in group]) / n for k in range(5, columns)]
         return Measurement(
             start, at / n, i, value / n, math.sqrt(turn), math.sqrt(slip) / self._velocity, dt,
             regressors[:self.couplings], regressors[self.couplings:])

@@ -143,7 +143,7 @@ class RecentForce:
             if force < 0.0:
                 reverse += force * length
                 reverse_moment += force * length * left
-            part = max(-width, min(width, force)) * length
+            part = (width if force > width else -width if force < -width else force) * length
             cut += part
             cut_moment += part * left
             if stop == end:

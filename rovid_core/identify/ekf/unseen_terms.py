@@ -164,7 +164,7 @@ def _spread(terms: Sequence[UnseenTerm], shares: Sequence[float], size: int) -> 
 
 def _half_width(parts: Sequence[tuple[float, float, float]]) -> float:
     """Return what 95 % lie within, either way of 0, of Gaussians: share, mean, deviation."""
-    low, high = 0.0, max([mean + Z95 * std for _, mean, std in parts])
+    low, high = 0.0, max(mean + Z95 * std for _, mean, std in parts)
     # a secant between both sides; of the side that stays the error is halved (Illinois)
     above, below = 0.95, _beyond(high, parts) - 0.05
     while True:

@@ -19,6 +19,10 @@ LONGEST_PIECE = 300_000_000
 """[ns] over which the axes are taken as turning evenly."""
 
 
+STILL = Step(0.0, (0.0,) * 3, (0.0,) * 3)
+"""A step of a DOF that is not identified."""
+
+
 class PlanarSteps:
     """
     Give the filter of surge and sway its steps.
@@ -80,20 +84,17 @@ class PlanarSteps:
 
         """
         any_step = next(iter(steps.values()))
-        surge, sway = [steps.get(dof, Step(0.0, (0.0,) * 3, (0.0,) * 3)) for dof in DOFS]
+        surge, sway = [steps.get(dof, STILL) for dof in DOFS]
+        interval = any_step.interval
+        # in the order of the fields: by their names it would take three times as long
         self.filter.step(PlanarStep(
-            dt=any_step.dt,
-            velocity=(last.body[0], last.body[1]),
-            interval=any_step.interval,
-            parts=any_step.parts,
-            forces=(surge.forces, sway.forces),
-            value=motion.fix if any_step.interval else motion.body[:2],
-            pieces=self._pieces(self._at, span[1], last.body[2] if any_step.interval else
-                                0.5 * (last.body[2] + motion.body[2])),
-            axes=self._axes(span[2]),
-            heading_noise=self._attitude.noise_density,
-            couplings=(self._regressors('surge', surge), self._regressors('sway', sway)),
-            held=(surge.pieces, sway.pieces)), adapt)
+            any_step.dt, last.body[:2], interval, any_step.parts, (surge.forces, sway.forces),
+            motion.fix if interval else motion.body[:2],
+            self._pieces(self._at, span[1], last.body[2] if interval else
+                         0.5 * (last.body[2] + motion.body[2])),
+            self._axes(span[2]), self._attitude.noise_density,
+            (self._regressors('surge', surge), self._regressors('sway', sway)),
+            (surge.pieces, sway.pieces)), adapt)
         self._at, self.filter.newest = span[1], span[2]
 
     def _regressors(self, dof: str, step: Step) -> tuple[float, ...]:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 import math
 from typing import cast
 
+import numpy as np
+from numpy.typing import NDArray
 from rovid_core.identify.ekf.clocks import DELAYS
 from rovid_core.identify.ekf.linearised_filter import ALPHA
 from rovid_core.model.dofs import COUPLING_PRIORS, Four, RESTORING
@@ -89,8 +91,8 @@ class FilterUncertainty:
 
     Parameters
     ----------
-    of_theta : sequence of p sequences of p floats
-        The covariance.
+    of_theta : sequence of p sequences of p floats, or ndarray, shape (p, p)
+        The covariance; not to be changed either.
     inflation : float
         By which it is to be multiplied.
     unit : tuple of 4 floats
@@ -102,8 +104,8 @@ class FilterUncertainty:
 
     """
 
-    def __init__(self, of_theta: Sequence[Sequence[float]], inflation: float, unit: Four,
-                 active: tuple[bool, bool, bool, bool],
+    def __init__(self, of_theta: Sequence[Sequence[float]] | NDArray[np.float64],
+                 inflation: float, unit: Four, active: tuple[bool, bool, bool, bool],
                  added: Sequence[Sequence[float]] = ()) -> None:
         self._of_theta = of_theta
         self._added = added

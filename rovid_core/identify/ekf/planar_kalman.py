@@ -57,7 +57,7 @@ from rovid_core.identify.ekf.planar_model import PlanarModel
 from rovid_core.identify.ekf.planar_prediction import PlanarPrediction
 from rovid_core.identify.ekf.planar_row import PlanarRow
 from rovid_core.identify.ekf.saved_steps import read_planar_step
-from rovid_core.identify.ekf.score_blocks import Missing
+from rovid_core.identify.ekf.score_blocks import Missing, Verdict
 from rovid_core.identify.ekf.turning import Turning
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.estimate import Current
@@ -116,6 +116,8 @@ class PlanarKalman:
         self._time = 0.0
         self._moving = False
         self._usable = [False, False]
+        self._published: Verdict | None = None  # what the uncertainties were made of
+        self._arranged: tuple[Verdict | None, Array] = None, np.zeros(0)  # and its covariance
         self._idle = 0.0
         self._windows = 0
         self._turning = Turning()
@@ -352,13 +354,19 @@ class PlanarKalman:
     def _covariance(self) -> Array:
         """Return that of the parameters."""
         best = self._bank.best
-        if best.verdict is not None:
-            return np.array(best.verdict.covariance)
-        return best.filter.theta_covariance * best.innovations.inflation
+        verdict = best.verdict
+        if verdict is None:
+            return best.filter.theta_covariance * best.innovations.inflation
+        if verdict is not self._arranged[0]:  # it stays for the whole of a block
+            self._arranged = verdict, np.array(verdict.covariance)
+        return self._arranged[1]
 
     def _publish(self) -> None:
         best, covariance = self._bank.best, self._covariance()
         self._current = self._find_current(covariance)
+        verdict = best.verdict
+        told = verdict is not None and verdict is self._published
+        self._published = verdict
         for dof, published in self.rows.items():
             k = DOFS.index(dof)
             row, model = self._model.rows[k], self._model.of[k]
@@ -366,10 +374,11 @@ class PlanarKalman:
             published.parameters = model.parameters(theta)
             published.delay = theta[-1]
             published.couplings = tuple([model.unit[3] * kappa for kappa in theta[4:-1]])
-            published.uncertainty = FilterUncertainty(
-                covariance[row.first:row.end, row.first:row.end].tolist(), 1.0, model.unit,
-                model.active)
             published.excitation = self.excitations[k]
+            if not told:
+                published.uncertainty = FilterUncertainty(
+                    covariance[row.first:row.end, row.first:row.end], 1.0, model.unit,
+                    model.active)
 
     def _find_current(self, of_theta: Array) -> Current:
         prior, best = self._settings.prior, self._bank.best

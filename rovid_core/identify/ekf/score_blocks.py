@@ -332,11 +332,12 @@ class ScoreBlocks:
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         information, score = self._open
+        rows, width = self._pending, self._q + 2
         return {'theta': self._theta, 'variances': self._variances, 'time': self._time,
                 'information': self._information.tolist(), 'score': self._score.tolist(),
                 'counts': self._counts.tolist(), 'count': self._count,
                 'open': [information.tolist(), score.tolist()],
-                'pending': list(self._pending)}
+                'pending': [rows[k:k + width] for k in range(0, len(rows), width)]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -352,8 +353,7 @@ class ScoreBlocks:
         self._time, self._count = float(state['time']), int(state['count'])
         if not 0.0 <= self._time < math.inf:
             raise ValueError('the time of a block is out of range')
-        pending = state['pending']
-        self._pending = floats(pending, len(pending) // (q + 2) * (q + 2))
+        self._pending = [x for row in state['pending'] for x in floats(row, q + 2)]
 
 
 class _Fit:

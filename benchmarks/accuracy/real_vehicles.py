@@ -5,9 +5,11 @@ The plants are those of ``test.support.real_vehicles``. A table says, per kind o
 far the mass is off, how often its 95 % interval holds the true one, how often the status says
 ``converged``, how often it says so with the true mass outside of the interval, or with a mass that
 is off by more than 10 %, whether and when the vehicle is said to have changed, how often the
-notes name what is missing, and what they say most often.
+notes name what is missing, and what they say most often. With ``--configured`` the vehicles that
+have what a configuration can say are given it: thrusters as they are, and the coupling v r.
 
 Usage: python -m benchmarks.accuracy.real_vehicles [--seeds N] [--duration S] [--method M]
+           [--configured]
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
 import re
@@ -29,7 +31,15 @@ from rovid_core.model.samples import Step
 from rovid_core.settings.run import IdentifierSettings, Scales
 
 from benchmarks.markdown import table
-from test.support.real_vehicles import GUESS, MASS, pieces, Vehicle, VEHICLES
+from test.support.real_vehicles import (
+    GUESS,
+    LINEAR,
+    MASS,
+    pieces,
+    QUADRATIC,
+    Vehicle,
+    VEHICLES,
+)
 
 NAMES = {
     'dead-band 3 N': 'a dead band of the thrusters', 'reverse thrust x 0.8': 'reverse thrust',
@@ -43,6 +53,7 @@ class Result:
     """What a method says of one drive."""
 
     errors: tuple[float, float]  # of mass and alpha: relative, and in standard deviations
+    drag: float  # error of the force of the drag at the typical speed, relative
     held: bool
     converged: bool
     by_120: bool
@@ -50,11 +61,12 @@ class Result:
     changed_at: float
 
 
-def identify(identifier: Identifier, vehicle: Vehicle, seed: int, duration: float) -> Result:
+def identify(identifier: Identifier, vehicle: Vehicle, seed: int, duration: float,
+             configured: bool) -> Result:
     """Let a method identify a vehicle, and look at what it says."""
     status, time, changed_at, by_120 = DofStatus(Scales.of(GUESS), 3.0), 0.0, inf, False
     notes: set[str] = set()
-    for piece in pieces(vehicle, seed, duration):
+    for piece in pieces(vehicle, seed, duration, configured):
         if not isinstance(piece, Step):
             identifier.restart(piece)
             continue
@@ -67,16 +79,27 @@ def identify(identifier: Identifier, vehicle: Vehicle, seed: int, duration: floa
         by_120 = by_120 or (time <= 120.0 and judged.status == 'converged')
     mass = MASS * (vehicle.change[1] if vehicle.change[0] < duration else 1.0)
     low, high = intervals(identifier.parameters, identifier.covariance).get('mass', (-inf, inf))
-    alpha = identifier.parameters[0]
+    alpha, beta, gamma, _ = identifier.parameters
+    speed = GUESS.typical_velocity
+    drag = (QUADRATIC * speed + LINEAR) * speed
     return Result(((1.0 / alpha / mass - 1.0), (alpha - 1.0 / mass) / identifier.std[0]),
+                  -(beta * speed + gamma) * speed / alpha / drag - 1.0,
                   low <= mass <= high, judged.status == 'converged', by_120,
                   (identifier.note or ' '.join(judged.method_reasons[:1]),), changed_at)
 
 
-def case(method: str, duration: float, name: str, seed: int) -> Result:
+def case(method: str, duration: float, configured: bool, name: str, seed: int) -> Result:
     """Return the result of one seed."""
-    identifier = make_identifier(IdentifierSettings(method), GUESS, watched=('vr',))
-    return identify(identifier, VEHICLES[name], seed, duration)
+    guess, watched = (replace(GUESS, couplings=('vr',)), ()) if configured else (GUESS, ('vr',))
+    identifier = make_identifier(IdentifierSettings(method), guess, watched=watched)
+    return identify(identifier, VEHICLES[name], seed, duration, configured)
+
+
+def can_be_configured(vehicle: Vehicle) -> bool:
+    """Tell whether a configuration can say what a vehicle has and the model has not."""
+    return not vehicle.size and vehicle.change[0] == inf and (
+        vehicle.thrust is not float or vehicle.lag > 0.0
+        or vehicle.disturbance in ('coupled', 'zigzag'))
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -86,14 +109,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument('--duration', type=float, default=300.0)
     parser.add_argument('--method', default='ekf')
     parser.add_argument('--only', default='')
+    parser.add_argument('--configured', action='store_true')
     given = parser.parse_args(arguments)
     rows = []
     with ProcessPoolExecutor(2) as pool:
-        for name in VEHICLES:
-            if given.only not in name:
+        for name, vehicle in VEHICLES.items():
+            if given.only not in name or given.configured and not can_be_configured(vehicle):
                 continue
-            found = list(pool.map(partial(case, given.method, given.duration, name),
-                                  range(given.seeds)))
+            found = list(pool.map(partial(
+                case, given.method, given.duration, given.configured, name), range(given.seeds)))
             errors = np.array([one.errors for one in found])
             at = [one.changed_at for one in found if one.changed_at < inf]
             # without the numbers, which are others in each drive
@@ -104,6 +128,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             most = max(set(notes), key=notes.count) if notes else ''
             rows.append((
                 name, f'{100 * np.median(errors[:, 0]):+.1f}',
+                f'{100 * np.abs(errors[:, 0]).max():.1f}',
+                f'{100 * np.median([one.drag for one in found]):+.1f}',
                 f'{np.sqrt(np.mean(errors[:, 1]**2)):.2f}',
                 *(f'{100 * np.mean(x):.0f}' for x in (
                     [one.held for one in found], [one.converged for one in found],
@@ -113,7 +139,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
                     [one.changed_at < inf for one in found])),
                 f'{np.median(at):.0f}' if at else '', named, most))
     print(f'{given.method}, {given.seeds} seeds of {given.duration:g} s.\n')
-    print(table(('vehicle', 'mass off, median [%]', 'rms of alpha over its std',
+    print(table(('vehicle', 'mass off, median [%]', 'largest [%]',
+                 f'drag at {GUESS.typical_velocity:g} m/s off, median [%]',
+                 'rms of alpha over its std',
                  'interval holds the mass [%]', 'converged [%]', 'by 120 s [%]',
                  'converged, mass outside [%]', 'converged, mass off by over 10 % [%]',
                  'said to have changed [%]',

@@ -296,10 +296,32 @@ def test_blocks_that_are_joined_say_the_same():
 def test_newer_blocks_that_contradict_are_a_change_of_what_scattered_little():
     blocks = scored(0.0, 12)
     assert not blocks.has_changed(2.0)
-    for _ in range(100):
+    for _ in range(300):
         blocks.add(3.0, 1.0, [1.0, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0], 0.101)
     assert blocks.has_changed(2.0)
     assert not blocks.has_changed(0.5)
+
+
+@pytest.mark.parametrize(('backwards', 'factor', 'changed'), [
+    (0.9, 1.0, False),  # the same vehicle, driven backwards instead of forwards
+    (0.3, 0.7, True),
+])
+def test_what_a_missing_term_explains_is_no_change(backwards, factor, changed):
+    blocks, random = ScoreBlocks([0.0] * 5, [1.0] * 5), np.random.default_rng(0)
+
+    def drive(backwards: float, factor: float) -> None:
+        for _ in range(100):
+            thrust = random.choice([-1.0, 1.0], p=[backwards, 1.0 - backwards])
+            reverse = min(thrust, 0.0)
+            # reverse thrust pushes by a fifth less
+            blocks.add(factor * (thrust - 0.2 * reverse) + 0.1 * random.normal(), 0.01,
+                       [thrust, 0.0, 0.0, 0.0, 0.0, reverse, 0.0, 0.0, 0.0], 0.101)
+
+    for k in range(20):
+        drive(0.1 if k % 2 else 0.3, 1.0)
+    for _ in range(6):
+        drive(backwards, factor)
+    assert blocks.has_changed(np.inf) is changed
 
 
 def test_a_dof_with_a_left_out_term_is_honest_too():

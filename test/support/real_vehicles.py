@@ -145,19 +145,39 @@ def _rate(vehicle: Vehicle, v: float, force: float, mass: float) -> float:
     return (force - drag * v * abs(v) - LINEAR * v - BIAS) / mass
 
 
-def pieces(vehicle: Vehicle, seed: int, duration: float) -> list[Step | float]:
-    """Return what the pipe makes of a drive: the first velocity, then the steps."""
+def pieces(vehicle: Vehicle, seed: int, duration: float,
+           known: bool = False) -> list[Step | float]:
+    """
+    Return what the pipe makes of a drive: the first velocity, then the steps.
+
+    ``known`` is for a vehicle whose thrusters are configured as they are, and whose v r is that
+    of a coupling.
+    """
     fixes, logged, turning = drive(vehicle, seed, duration)
+    if known:
+        logged = _felt(vehicle, logged)
     dt = FIX * STEP
     mean = np.diff(fixes) / dt
     halves = logged.reshape(-1, FIX // 2).mean(axis=1)  # between fix, middle, fix
     forces = halves[1:-1].reshape(-1, 2)
-    watched = turning.reshape(-1, FIX).mean(axis=1)
+    regressor = turning.reshape(-1, FIX).mean(axis=1)
+    parts = turning.reshape(-1, FIX // 2).mean(axis=1)[1:-1].reshape(-1, 2)
     velocity = filtered(CUTOFF, np.full(len(mean), dt), mean)
     force = filtered(CUTOFF, np.full(len(forces), dt), forces.mean(axis=1))
     return [float(mean[0]), *(
         Step(dt, (a, 0.5 * (a + b), b), (f, f, f), m, dt, (dt / 2, dt / 2), (p, q),
-             pieces=((dt / 2, p), (dt / 2, q)), watched=(x,))
-        for a, b, f, m, (p, q), x in zip(
+             pieces=((dt / 2, p), (dt / 2, q)),
+             couplings=((y, z),) if known else (), watched=() if known else (x,))
+        for a, b, f, m, (p, q), x, (y, z) in zip(
             velocity.tolist(), velocity[1:].tolist(), force.tolist(), mean[1:].tolist(),
-            forces.tolist(), watched.tolist()))]
+            forces.tolist(), regressor.tolist(), parts.tolist()))]
+
+
+def _felt(vehicle: Vehicle, logged: Array) -> Array:
+    """Return the real force of the commands per ``STEP`` [N]."""
+    force, felt = 0.0, np.empty(len(logged))
+    for k, command in enumerate(logged):
+        real = vehicle.thrust(float(command))
+        force = real if not vehicle.lag else force + (real - force) * STEP / vehicle.lag
+        felt[k] = force
+    return felt

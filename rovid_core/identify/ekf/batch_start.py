@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any, Generic, Protocol, TypeVar
 
 from rovid_core.identify.ekf.divergence import DivergenceError
-from rovid_core.identify.ekf.innovations import CLIP, CLIPPED, HUBER, Innovations
+from rovid_core.identify.ekf.innovations import CLIPPED, HUBER, Innovations
 from rovid_core.identify.ekf.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.saved_steps import finite_number
 from rovid_core.identify.ekf.score_blocks import ScoreBlocks
@@ -222,5 +222,5 @@ def _level(sizes: Sequence[float]) -> float:
     if not sizes:  # fixes that each begin anew, after a gap
         raise DivergenceError('nothing was measured')
     level = max(median(sizes) / 0.6745, 1e-9)
-    squares = [min(size / level, CLIP)**2 for size in sizes]
+    squares = [min(size / level, HUBER)**2 for size in sizes]
     return level * sqrt(fsum(squares) / len(squares) / CLIPPED)

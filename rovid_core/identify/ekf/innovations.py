@@ -6,16 +6,20 @@ from collections.abc import Sequence
 import math
 from typing import Final
 
-CLIP: Final = 2.0
-CLIPPED: Final = 0.92064
-"""Mean of min(r, 2)^2 for a standard normal r."""
-
 FEW: Final = 20
 MANY: Final = 2000
 """Measurements over which the noise level is averaged, in the beginning and in the end."""
 
 HUBER: Final = 3.0
-"""Innovations above that count less [standard deviations]."""
+CLIPPED: Final = 0.99501
+"""
+Innovations above that count less [standard deviations], and the mean of min(r, 3)^2 for a
+standard normal r.
+
+The noise level takes in all that count in full: the errors of a model that is not quite right
+are large where the vehicle is driven, and a level of the small ones would have it learned from
+the rest.
+"""
 
 OUTLIER: Final = 5.0
 """Those above that do not count [standard deviations, times the local level]."""
@@ -111,7 +115,7 @@ class Innovations:
         square = normalised * normalised
         share = 1.0 / (self.count + FEW if self.count < MANY - FEW else MANY)
         self.noise *= math.sqrt(1.0 + share * (
-            (square if square < CLIP * CLIP else CLIP * CLIP) / CLIPPED - 1.0))
+            (square if square < HUBER * HUBER else HUBER * HUBER) / CLIPPED - 1.0))
 
     def add(self, normalised: float, variance: float, axis: int = 0) -> None:
         """Add an innovation of an axis in standard deviations, and the variance it had."""

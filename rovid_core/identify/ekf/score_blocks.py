@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.linearised_filter import CANDIDATES, floats
+from rovid_core.identify.ekf.linearised_filter import ALPHA, CANDIDATES, floats
 from rovid_core.identify.ekf.unseen_terms import (
     averaged,
     expected,
@@ -314,20 +314,44 @@ class ScoreBlocks:
         """
         Tell whether the newest blocks contradict the older ones.
 
+        They have to do so for the model as it is, and for one with all that it may lack: where
+        the vehicle is driven in another way, what is missing moves the parameters elsewhere.
+
         Parameters
         ----------
         largest_scatter : float
             Of the older blocks, from which they do not tell.
 
         """
-        for newest in (2, 3, 6):  # one alone may be an odd one
+        for newest in (3, 6):  # one or two may be odd ones
             older = self.count - newest
             if older < max(LEAST_COUNT, len(self._active) + 1):
                 break
-            if self._fit(older).contradicts(
-                    self._information[older:], self._score[older:], largest_scatter):
+            newer, fit = (self._information[older:], self._score[older:]), self._fit(older)
+            if fit.contradicts(*newer, largest_scatter) and self._with_all_that_may_be_missing(
+                    fit).contradicts(*newer, largest_scatter):
                 return True
         return False
+
+    def _with_all_that_may_be_missing(self, fit: _Fit) -> _Fit:
+        """Return what the same blocks give for a model that has every regressor watched."""
+        variances = [*self._variances, *[0.0] * (self._q - len(self._variances))]
+        information = fit.total.diagonal().tolist()
+        for begin, first in self._rows:
+            theta = fit.all_parameters()[first:]
+            sizes = expected(theta)
+            for name, columns in self._candidates.items():
+                if not name.startswith(begin):
+                    continue
+                std, _ = sizes.get(name[len(begin):], (0.0, 0))
+                for k in columns:
+                    if information[k] > 0.0:
+                        # a coupling may move the vehicle as much as the thrust does
+                        variances[k] = std * std or (
+                            theta[ALPHA]**2 * information[first] / information[k])
+        theta = [*self._theta, *[0.0] * (self._q - len(self._theta))]
+        active = [k for k, variance in enumerate(variances) if variance > 0.0]
+        return _Fit(active, theta, variances, fit.information, fit.score, len(self._active))
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
@@ -357,11 +381,18 @@ class ScoreBlocks:
 
 
 class _Fit:
-    """The parameters that some blocks give, and how their scores scatter."""
+    """
+    The parameters that some blocks give, and how their scores scatter.
+
+    ``free`` is how many of the active ones the data alone have to tell, the first ones; the
+    others have priors of the size that they may have.
+    """
 
     def __init__(self, active: Sequence[int], theta: Sequence[float],
-                 variances: Sequence[float], information: Array, score: Array) -> None:
+                 variances: Sequence[float], information: Array, score: Array,
+                 free: int = 0) -> None:
         self.active, self._p = list(active), len(theta)
+        self._free = free or len(active)
         a = np.array(self.active)
         self.n, self.information, self.score = len(information), information, score
         prior, start = 1.0 / np.array(variances)[a], np.array(theta)[a]
@@ -373,7 +404,7 @@ class _Fit:
 
     def scatter(self) -> float:
         """Find how much more the scores scatter than the model says, 1 where it is right."""
-        return max(1.0, self._excess() * self.n / max(self.n - len(self.active), 0.5))
+        return max(1.0, self._excess() * self.n / max(self.n - self._free, 0.5))
 
     def _excess(self) -> float:
         a = np.array(self.active)
@@ -418,7 +449,7 @@ class _Fit:
             # after S. F. Schmidt: what it moves the parameters by
             leaning = self.c @ self.total[a, k]
             covariance = covariance + variance * np.outer(leaning, leaning)
-        return Verdict(self._full(covariance), scatter, missing, n, self._all_parameters(),
+        return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
                        tuple(untold))
 
     def unseen(self, candidates: Mapping[str, list[int]],
@@ -439,7 +470,7 @@ class _Fit:
                 first: int) -> dict[str, UnseenTerm]:
         """Return what the blocks say of terms that a DOF may have, by name."""
         terms: dict[str, UnseenTerm] = {}
-        for term, (std, sign) in expected(self._all_parameters()[first:]).items():
+        for term, (std, sign) in expected(self.all_parameters()[first:]).items():
             name = begin + term
             if name not in candidates:
                 continue
@@ -461,7 +492,8 @@ class _Fit:
         full[np.ix_(self.active, self.active)] = 0.5 * (covariance + covariance.T)
         return list(full.tolist())
 
-    def _all_parameters(self) -> list[float]:
+    def all_parameters(self) -> list[float]:
+        """Return the parameters, with zeros for those that are left out."""
         theta = np.zeros(self._p)
         theta[self.active] = self.theta
         return list(theta.tolist())
@@ -518,12 +550,12 @@ class _Fit:
 
     def contradicts(self, information: Array, score: Array, largest_scatter: float) -> bool:
         """Tell whether newer blocks do, in a way that matters."""
-        a, n, w = self.active, self.n, len(information)
+        a, n, w, m = self.active, self.n, len(information), self._free
         own = information[:, np.array(a)[:, None], a].sum(axis=0)
         u = score[:, a].sum(axis=0) - own @ self.theta
-        step = np.linalg.solve(own + self.prior, u)
-        power = float(self.theta @ own @ self.theta)
-        if not float(step @ own @ step) >= MATTERS**2 * power:
+        of_model, theta = own[:m, :m], self.theta[:m]
+        step = np.linalg.solve(of_model + self.prior[:m, :m], u[:m])
+        if not float(step @ of_model @ step) >= MATTERS**2 * float(theta @ of_model @ theta):
             return False
         scatter = self.scatter()
         if scatter > largest_scatter:
@@ -537,13 +569,16 @@ class _Fit:
             spread = scatter * own
         s = spread + own @ known @ own
         # not that of one number, though it is one: blocks of a wrong model scatter unevenly
-        freedom = n - len(a)
+        freedom = n - m
         inverse = np.linalg.pinv(s, hermitian=True)
-        t = float(u @ inverse @ u) / len(a)
-        if f_tail(t, len(a), freedom) < FALSE_ALARM:
+        by_model = own[:, :m]
+        told = by_model.T @ inverse @ u
+        t = float(told @ np.linalg.pinv(by_model.T @ inverse @ by_model, hermitian=True)
+                  @ told) / m
+        if f_tail(t, m, freedom) < FALSE_ALARM:
             return True
-        for g in (self.theta, np.eye(len(a))[0]):
-            row = own @ g
+        for g in (theta, np.eye(m)[0]):
+            row = by_model @ g
             bottom = float(row @ inverse @ row)
             if bottom > 0.0:
                 t = float(row @ inverse @ u)**2 / bottom

@@ -177,8 +177,8 @@ class Pipeline:
 
     def estimate(self, time: int, now: int, stepped: tuple[int, ...]) -> Estimate:
         """Return all DOFs after a step to ``time`` that was completed at ``now`` [ns]."""
-        return Estimate(time, tuple([dof.at(now) for dof in self.dofs]), stepped,
-                        current=self._current(), now=now)
+        return Estimate(
+            time, tuple([dof.at(now) for dof in self.dofs]), stepped, self._current(), now)
 
     def silent_estimate(self, now: int, ended: bool) -> Estimate:
         """Return all DOFs as they are at ``now`` [ns] if nothing has come for a while."""

@@ -70,11 +70,12 @@ class PlanarFilter:
 
     Attributes
     ----------
-    motion : ndarray, shape (8,)
+    sensitivities : ndarray, shape (8, p + c)
+        Derivatives of the motion by the parameters and the watched regressors.
     covariance : ndarray, shape (8, 8)
         Of the motion for given parameters.
-    sensitivities : ndarray, shape (8, p + c)
-        Derivatives of the motion by the parameters and the watched regressors; changed in place.
+    motion : ndarray, shape (8,)
+        These three lie side by side in one array: what moves or corrects one, does so to all.
     theta_covariance : ndarray, shape (p, p)
 
     """
@@ -89,25 +90,28 @@ class PlanarFilter:
         self._noise = noise
         self.force_std = noise.force_std
         q = p + sum(len(CANDIDATES) + row.watched for row in rows) + len(ALTERNATIVES)
-        self.motion: Array = np.zeros(SIZE)
-        self.covariance: Array = np.zeros((SIZE, SIZE))
-        # behind the sensitivities: what each regressor pushes surge and sway by in a step, and by
-        # how much more they go along with it
-        self._stack: Array = np.zeros((SIZE + 4, q))
-        self.sensitivities = self._stack[:SIZE]
+        # below: what each regressor pushes surge and sway by in a step, and by how much more they
+        # go along with it
+        self._stack: Array = np.zeros((SIZE + 4, q + SIZE + 1))
+        self._all = self._stack[:SIZE]
+        self.sensitivities = self._all[:, :q]
+        self.covariance = self._all[:, q:-1]
+        self.motion = self._all[:, -1]
+        self._q = q
         self._flat = self._stack.reshape(-1)
-        self._places = self._places_of_pushes(q)
+        self._places = self._places_of_pushes()
         self._transition: Array = np.eye(SIZE)
         self.motion[CURRENT] = self.theta[-2:]
         self.sensitivities[4, p - 2] = self.sensitivities[5, p - 1] = 1.0
         self.set_motion((0.0, 0.0), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
 
-    def _places_of_pushes(self, q: int) -> NDArray[np.int64]:
+    def _places_of_pushes(self) -> NDArray[np.int64]:
         """Return where what ``_regressors`` says goes, in all of the stack."""
         places: list[int] = []
+        q, width = self._q, self._stack.shape[1]
         for k, row in enumerate(self._rows):
             watched = self._watched(k)
-            push, way = (SIZE + k) * q, (SIZE + 2 + k) * q
+            push, way = (SIZE + k) * width, (SIZE + 2 + k) * width
             places += [push + i for i in (
                 *range(row.first, row.end),
                 *range(watched, watched + len(CANDIDATES) + row.watched), q - 3, q - 2)]
@@ -255,10 +259,11 @@ class PlanarFilter:
         across = shrunk * h * (v0 + h / 6.0 * (l1 + l2 + l3)) + r * h * h / 12.0 * (u - u0)
         sx, sy, wx, wy, hx, hy, _ = piece
         dx, dy = sx * along + wx * across + h * hx, sy * along + wy * across + h * hy
+        if not alone:
+            self._spread(h, piece, law, other, um, vm, couplings)
         self.motion[:4] = x + dx + h * cx, y + dy + h * cy, u, v
         if alone:
             return
-        self._spread(h, piece, law, other, um, vm, couplings)
         # headings that are off turn the path through the water
         self.sensitivities[0, -1] -= dy
         self.sensitivities[1, -1] += dx
@@ -273,7 +278,6 @@ class PlanarFilter:
             covariance[5, 5] += self._noise.current * h
         if self.force_std:
             e = math.exp(-h / FORCE_TIME)
-            self.motion[6:] *= e
             for k, row in enumerate(self._rows):
                 covariance[6 + k, 6 + k] += (
                     1.0 - e * e) * (self.force_std * row.velocity)**2
@@ -311,8 +315,8 @@ class PlanarFilter:
             e = math.exp(-h / FORCE_TIME)
             self._stack[6:SIZE] *= e
             transition[6, 6] = transition[7, 7] = e
-        moved = transition @ self.covariance @ transition.T
-        self.covariance = 0.5 * (moved + moved.T)
+        moved = self.covariance @ transition.T  # which has moved from the left with all
+        self.covariance[:] = 0.5 * (moved + moved.T)
 
     def _regressors(self, k: int, h: float, piece: PlanarPiece, decay: float, s: float, b: float,
                     along: float, across: float, couplings: Sequence[float]) -> list[float]:
@@ -364,38 +368,38 @@ class PlanarFilter:
             Whether the parameters are taken to be exact.
 
         """
-        p = self._p
+        p, q = self._p, self._q
         if looks is None:
-            psi, across = self.sensitivities[axis].copy(), self.covariance[axis].copy()
-            error, given = value - self.motion.item(axis), across.item(axis) + variance
+            row = self._all[axis].copy()
+            given = row.item(q + axis) + variance
         else:
-            look = looks[axis]
-            psi, across = look @ self.sensitivities, self.covariance @ look
-            error, given = value - float(look @ self.motion), float(look @ across) + variance
+            row = looks[axis] @ self._all
+            given = float(row[q:-1] @ looks[axis]) + variance
+        psi, error = row[:q], value - row.item(-1)
         gain, total = psi[:0], given
         if not known:
             gain = self.theta_covariance @ psi[:p]
             total = given + float(gain @ psi[:p])
         if not (given > 0.0 and 0.0 < total < math.inf):
             raise DivergenceError('the covariance is not positive')
-        return PlanarInnovation(error, given, total, psi, gain, across,
+        return PlanarInnovation(error, given, total, row, psi, gain,
                                 error + float(self._theta @ psi[:p]))
 
     def beside(self, one: PlanarInnovation, looks: Looks, value: float, variance: float,
                known: bool) -> tuple[float, float, float]:
         """Return error and variance of the second value, and its covariance with the first."""
-        p = self._p
+        p, q = self._p, self._q
         if looks is None:
-            psi, seen = self.sensitivities[1], self.motion.item(1)
-            own, shared = self.covariance.item(1, 1), one.across.item(1)
+            row = self._all[1]
+            own, shared = row.item(q + 1), one.row.item(q + 1)
         else:
-            look = looks[1]
-            psi, seen = look @ self.sensitivities, float(look @ self.motion)
-            own, shared = float(look @ self.covariance @ look), float(look @ one.across)
+            row = looks[1] @ self._all
+            own, shared = float(row[q:-1] @ looks[1]), float(looks[1] @ one.row[q:-1])
+        psi = row[:p]
         if not known:
-            own += float(psi[:p] @ self.theta_covariance @ psi[:p])
-            shared += float(one.gain @ psi[:p])
-        return value - seen, own + variance, shared
+            own += float(psi @ self.theta_covariance @ psi)
+            shared += float(one.gain @ psi)
+        return value - row.item(-1), own + variance, shared
 
     def update(self, found: PlanarInnovation, added: float, adapt: bool) -> None:
         """Take a measurement; see ``LinearisedFilter.update``."""
@@ -406,16 +410,16 @@ class PlanarFilter:
         change, scaled = share * found.gain, found.gain / math.sqrt(found.total + added)
         self.theta = self._theta + change
         self.theta_covariance = self.theta_covariance - outer(scaled, scaled)
-        self.motion = self.motion + self.sensitivities[:, :self._p] @ change
+        self.motion += self.sensitivities[:, :self._p] @ change
         self._correct(found, added, found.error - share * (found.total - found.given))
 
     def _consider(self, found: PlanarInnovation, added: float) -> None:
         """Take the parameters' uncertainty into account without a change, after S. F. Schmidt."""
-        given, across = found.given + added, found.across
+        given, across = found.given + added, found.row[self._q:-1]
         k = (across + self.sensitivities[:, :self._p] @ found.gain) / (found.total + added)
-        self.motion = self.motion + k * found.error
+        self.motion += k * found.error
         crossed = outer(k, across)
-        self.covariance = self.covariance - (crossed + crossed.T) + given * outer(k, k)
+        self.covariance -= crossed + crossed.T - given * outer(k, k)
         self.sensitivities -= outer(k, found.psi)
 
     def update_motion(self, found: PlanarInnovation, added: float) -> None:
@@ -424,17 +428,15 @@ class PlanarFilter:
 
     def _correct(self, found: PlanarInnovation, added: float, error: float) -> None:
         """Correct the motion by what the parameters leave of an error."""
-        given = found.given + added
-        k = found.across / given
-        self.motion = self.motion + k * error
-        scaled = found.across / math.sqrt(given)
-        self.covariance = self.covariance - outer(scaled, scaled)
-        self.sensitivities -= outer(k, found.psi)
+        found.row[-1] = -error
+        scaled = found.row / math.sqrt(found.given + added)
+        # the covariance stays symmetric to the last bit
+        self._all -= outer(scaled[self._q:-1], scaled)
 
     def set_theta(self, theta: Sequence[float] | Array) -> None:
         """Go to other parameters; the motion goes along."""
         new = np.array(theta, dtype=float)
-        self.motion = self.motion + self.sensitivities[:, :self._p] @ (new - self._theta)
+        self.motion += self.sensitivities[:, :self._p] @ (new - self._theta)
         self.theta = new
 
     def keep_inside(self, bounds: Bounds) -> None:
@@ -468,7 +470,7 @@ class PlanarFilter:
         """Return the current [m/s] and its covariance, for one of the parameters."""
         spread = self.theta_covariance if of_theta is None else of_theta
         along = self.sensitivities[CURRENT, :self._p]
-        return self.motion[CURRENT], (
+        return self.motion[CURRENT].copy(), (
             self.covariance[CURRENT, CURRENT] + along @ spread @ along.T)
 
     def state(self) -> dict[str, Any]:
@@ -484,14 +486,14 @@ class PlanarFilter:
         """Go on from ``state``; raises ValueError if it does not fit."""
         p = self._p
         self.theta = np.array(floats(state['theta'], p))
-        self.motion = np.array(floats(state['motion'], SIZE))
+        self.motion[:] = floats(state['motion'], SIZE)
         forces = [math.nan if x is None else float(x) for x in state['force']]
         for push, lagged, force in zip(self._pushes, floats(state['lagged'], 2), forces):
             push.lagged, push.last = lagged, force
-        self.covariance = _matrix(state['covariance'], SIZE, SIZE)
+        self.covariance[:] = _matrix(state['covariance'], SIZE, SIZE)
         self.theta_covariance = _matrix(state['theta_covariance'], p, p)
         self.sensitivities[:] = _matrix(
-            state['sensitivities'], SIZE, self.sensitivities.shape[1])
+            state['sensitivities'], SIZE, self._q)
         for square in (self.covariance, self.theta_covariance):
             if (square != square.T).any():
                 raise ValueError('not a covariance')

@@ -94,12 +94,13 @@ class PlanarInnovation(NamedTuple):
         By how much it is off.
     given, total : float
         The variance of that, for given parameters and altogether.
+    row : ndarray, shape (p + c + 9,)
+        Its derivatives by the parameters and the watched regressors, its covariance with the
+        motion for given parameters, and a number that the filter needs.
     psi : ndarray, shape (p + c,)
-        Its derivatives by the parameters and the watched regressors.
+        The derivatives of these.
     gain : ndarray, shape (p,)
         Covariance of the parameters with it; empty where they are taken to be exact.
-    across : ndarray, shape (8,)
-        Covariance of the motion with it, for given parameters.
     told : float
         What it says of the parameters, psi theta: the error, and what they predicted.
 
@@ -108,7 +109,7 @@ class PlanarInnovation(NamedTuple):
     error: float
     given: float
     total: float
+    row: Array
     psi: Array
     gain: Array
-    across: Array
     told: float

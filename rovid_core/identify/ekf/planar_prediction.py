@@ -88,8 +88,8 @@ class PlanarPrediction:
         self._sums = [0.0] * 8
         self._noise = noise
         self._compare()
-        self._model.theta = filter.theta.copy()
-        self._model.motion = filter.motion.copy()
+        self._model.theta = filter.theta
+        self._model.motion[:] = filter.motion
         self._mark, self._runs = [], True
 
     def _compare(self) -> None:

@@ -324,7 +324,9 @@ class Pipeline:
         """
         span = source.coupling_span(motion)
         if source.couplings and self._couplings is not None and span is not None:
-            missing = self._couplings.missing(source.couplings, *span)
+            # surge and sway themselves do not wait for their filter
+            missing = self._couplings.missing(
+                source.couplings, *span, self._planar_of(source) is not None)
             if missing:
                 return missing, 'no_coupling'
         planar = self._planar_of(source)
@@ -336,7 +338,8 @@ class Pipeline:
         span = source.coupling_span(motion)
         if self._couplings is None or span is None:
             return ()
-        return self._couplings.mean(source.couplings, *span)
+        return self._couplings.mean(
+            source.couplings, *span, self._planar_of(source) is not None)
 
     def _interrupt(self, source: FilteredSource, reason: str) -> None:
         """Count why there is no step, and let the next measurement begin anew where it must."""
@@ -405,7 +408,7 @@ class Pipeline:
                 tuple([watched[k] for k in source.watched_indices[j]]) if watched else ()))
         if planar is not None:
             planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
-            self._tell_current(time)
+            self._tell_others(planar, time, motion.body[2])
         delay = source.velocity.delay
         for i, step in zip(source.indices, steps):
             self.dofs[i].add_step(time, step, self.adapt, delay)
@@ -436,11 +439,13 @@ class Pipeline:
                 dof = self._settings.dofs[i]
                 self._scorer.begin_run(dof, motion.time, v, self._axis(dof, motion.time))
 
-    def _tell_current(self, time: int) -> None:
-        """Tell the scorer what is known of the current."""
-        current = self._current()
-        if self._scorer is not None and current is not None and current.is_seen:
+    def _tell_others(self, planar: PlanarSteps, time: int, heave: float) -> None:
+        """Tell the scorer the current, and other DOFs' couplings the velocity through the water."""
+        current, velocity = planar.filter.current, planar.filter.water_velocity
+        if self._scorer is not None and current.is_seen:
             self._scorer.add_current(time, current.x, current.y)
+        if self._couplings is not None and velocity is not None:
+            self._couplings.add_filtered(time, (velocity[0], velocity[1], heave))
 
     def _axis(self, dof: str, time: int) -> tuple[float, ...]:
         """Return x and y of the axis of surge or sway in the world, () where no current shows."""

@@ -6,7 +6,10 @@ How the other degrees of freedom act on one: measured regressors of the coupled 
 A regressor x_j is a product of the *other* DOFs' mean velocities over the interval between two
 measurements, or a restoring term of the attitude. The means are not low-passed, because a
 low-pass of v r is not the product of the low-passed v and r, and because the noise of one mean
-is independent of that of the other.
+is independent of that of the other. Where surge and sway are estimated in moving water, others are
+coupled with what their filter makes of the measurements: it is through the water, and has a small
+part of the noise of a difference of fixes, which a single velocity such as ``v`` of yaw would hand
+on to the parameters as a bias.
 """
 
 from __future__ import annotations
@@ -50,6 +53,10 @@ class MeanVelocities:
         """Forget all velocities."""
         self._means: deque[tuple[int, int, Vector]] = deque(maxlen=MAX_KEPT)
         self._point: tuple[int, Vector] | None = None
+
+    def begins_by(self, time: int) -> bool:
+        """Tell whether a velocity is known at a time [ns] or was before it."""
+        return bool(self._means) and self._means[0][0] <= time
 
     @property
     def end(self) -> int:
@@ -146,12 +153,14 @@ class CouplingRegressors:
         self.inputs = (self._linear_input if letters & set(LINEAR) else '',
                        self._rates_input if letters & set(ANGULAR) else '')
         self._linear, self._rates = MeanVelocities(), MeanVelocities()
+        self._filtered = MeanVelocities()
         self._known_needs: dict[tuple[str, ...], Needed] = {}
         self.change(settings)
 
     def change(self, settings: Settings) -> None:
         """Use other timeouts."""
-        self._linear.memory = self._rates.memory = 2 * round(settings.longest_timeout / NS)
+        self._linear.memory = self._rates.memory = self._filtered.memory = (
+            2 * round(settings.longest_timeout / NS))
         self._timeouts = {name: round(settings.timeout_of(name) / NS)
                           for name in (self._linear_input, self._rates_input)}
 
@@ -159,6 +168,11 @@ class CouplingRegressors:
         """Forget all velocities."""
         self._linear.restart()
         self._rates.restart()
+        self._filtered.restart()
+
+    def add_filtered(self, time: int, velocity: Vector) -> None:
+        """Add a velocity through the water, from the filter of surge and sway [m/s]."""
+        self._filtered.add_point(time, velocity, self._timeouts[self._linear_input])
 
     def add_velocity(self, input: str, motion: Motion) -> None:
         """Add what an input has measured, whether it is needed or not."""
@@ -173,10 +187,20 @@ class CouplingRegressors:
         else:
             history.add_mean(motion.start, motion.end, motion.body)
 
-    def missing(self, names: tuple[str, ...], start: int, end: int) -> str:
-        """Return '' if they are known over a span [ns], 'later' if they may become so."""
+    def _linear_from(self, start: int, measured: bool) -> MeanVelocities:
+        """Return the linear velocities that count from a time [ns] on."""
+        filtered = self._filtered
+        return filtered if not measured and filtered.begins_by(start) else self._linear
+
+    def missing(self, names: tuple[str, ...], start: int, end: int, measured: bool = True) -> str:
+        """
+        Return '' if they are known over a span [ns], 'later' if they may become so.
+
+        ``measured`` is for linear velocities as they are measured, also where there are filtered
+        ones.
+        """
         needed = self._needed(names)
-        found = self._linear.missing(start, end) if needed.linear else ''
+        found = self._linear_from(start, measured).missing(start, end) if needed.linear else ''
         if not found and needed.rates:
             found = self._rates.missing(start, end)
         if not found and needed.attitude:
@@ -200,7 +224,8 @@ class CouplingRegressors:
     def _missing_attitude(self, start: int, end: int) -> str:
         return self._attitude.missing(start) or self._attitude.missing(end)
 
-    def mean(self, names: tuple[str, ...], start: int, end: int) -> tuple[float, ...]:
+    def mean(self, names: tuple[str, ...], start: int, end: int,
+             measured: bool = True) -> tuple[float, ...]:
         """
         Return the regressors over a span, longer than 0, for which ``missing`` is ''.
 
@@ -210,6 +235,8 @@ class CouplingRegressors:
             Products of velocities, such as ``vr``, single velocities, or restoring terms.
         start, end : int
             [ns]
+        measured : bool
+            As for ``missing``.
 
         Returns
         -------
@@ -220,7 +247,8 @@ class CouplingRegressors:
         values: dict[str, float] = {}
         needed = self._needed(names)
         if needed.linear:
-            values['u'], values['v'], values['w'] = self._linear.mean(start, end)
+            values['u'], values['v'], values['w'] = self._linear_from(
+                start, measured).mean(start, end)
         if needed.rates:
             values['p'], values['q'], values['r'] = self._rates.mean(start, end)
         elif needed.turns:

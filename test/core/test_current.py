@@ -6,7 +6,7 @@ import re
 
 import pytest
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import CurrentSettings
+from rovid_core.settings.run import CurrentSettings, DofSettings
 
 from test.support.moving_water import (
     away,
@@ -67,6 +67,18 @@ def test_a_vehicle_that_turns_finds_the_current_and_itself(turning):
     assert all(masses_held(last))
     for dof in last.dofs:
         assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.03)
+
+
+def test_yaw_is_coupled_with_the_velocity_through_the_water():
+    known, true = settings(FIXES), TRUTH['yaw']
+    stream = Stream(replace(known, dofs=('surge', 'sway', 'yaw'), dof={
+        **known.dof, 'yaw': DofSettings(1.5 * true.mass, true.quadratic_drag / 1.8,
+                                        couplings=('v', 'uv'))}))
+    yaw = followed(stream, FIXES)[-1].dofs[2]
+    # over ground, and with the noise of single fixes, the mass was more than twice the true one
+    assert 1.0 / yaw.parameters[0] == pytest.approx(true.mass, rel=0.2)
+    assert yaw.couplings[1] == pytest.approx(
+        (TRUTH['surge'].mass - TRUTH['sway'].mass) / true.mass, rel=0.2)
 
 
 def test_the_interval_of_the_current_holds_it(turning):

@@ -338,7 +338,7 @@ class ExtendedKalman(Identifier):
 
     def _velocity(self, step: Step) -> float:
         """Return the velocity at the end of the step [m/s or rad/s]."""
-        filter = self._bank.best.filter
+        filter = self._bank.tracker.filter
         _, v, f = filter.motion
         alpha, beta, gamma, delta = filter.theta[:4]
         ahead = self._clock.ahead

@@ -247,6 +247,19 @@ class FilterBank(Generic[M]):
         """Return the member that explains the innovations best."""
         return self.members[self.number]
 
+    @property
+    def tracker(self) -> M:
+        """
+        Return the best member whose velocity the measurements correct.
+
+        Where the path slips by itself they say nothing of it, and it is what the model makes of
+        the thrust alone.
+        """
+        if not self.best.unmodelled.slip:
+            return self.best
+        return min([member for member in self.members if not member.unmodelled.slip],
+                   key=lambda member: member.innovations.likelihood)
+
     def choose(self) -> None:
         """Choose the likeliest member, one that takes the model to be wrong only if it has to."""
         values = [member.innovations.likelihood for member in self.members]

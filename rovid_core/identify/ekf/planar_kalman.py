@@ -91,6 +91,9 @@ class PlanarKalman:
         Why the last step was refused, '' if it was not.
     newest : int or None
         Time of the end of the last step [ns].
+    water_velocity : tuple of 2 floats or None
+        Of surge and sway through the water at that time [m/s], as far as it is known; None before
+        the parameters have been found from the first data.
 
     """
 
@@ -108,7 +111,8 @@ class PlanarKalman:
     def _begin(self, theta: Sequence[float]) -> None:
         self._theta = [*list(theta)[:-2], 0.0, 0.0]
         self._variances = list(self._model.variances)
-        self._free = False
+        self._free = self._is_found = False
+        self.water_velocity: tuple[float, float] | None = None
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
@@ -225,6 +229,8 @@ class PlanarKalman:
             self._end_blocks(found, step)
         for dof, row in self.rows.items():
             row.v_hat = self._velocity(DOFS.index(dof), step)
+        self.water_velocity = (self._water_velocity(0, step), self._water_velocity(1, step)) if (
+            self._is_found) else None
         self._publish()
 
     def _update(self, member: PlanarMember, span: PlanarMeasurement, adapt: bool,
@@ -265,7 +271,7 @@ class PlanarKalman:
         turning = self._turning
         if not self._free and turning.has_turned and not turning.lacks(start.duration):
             self._free = True
-            self._free = self._bank.go_through_again(start, self._theta, True)
+            self._free = self._is_found = self._bank.go_through_again(start, self._theta, True)
             if not self._free:
                 turning.wait(start.duration)
             # once more when there is more of it
@@ -281,7 +287,7 @@ class PlanarKalman:
         if start.duration < start.next or turning.has_turned and not self._free:
             return
         bank = self._bank
-        bank.go_through_again(start, self._theta, start.next <= PERIOD)
+        self._is_found |= bank.go_through_again(start, self._theta, start.next <= PERIOD)
         if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
             return
@@ -335,7 +341,13 @@ class PlanarKalman:
 
     def _velocity(self, k: int, step: PlanarStep) -> float:
         """Return the velocity over ground at the end of the step [m/s]."""
-        filter, row = self._bank.best.filter, self._model.rows[k]
+        current = self._bank.tracker.filter.motion[CURRENT].tolist()
+        x, y = step.axes[2 * k:2 * k + 2]
+        return self._water_velocity(k, step) + x * float(current[0]) + y * float(current[1])
+
+    def _water_velocity(self, k: int, step: PlanarStep) -> float:
+        """Return the velocity through the water at the end of the step [m/s]."""
+        filter, row = self._bank.tracker.filter, self._model.rows[k]
         theta, motion = filter.theta.tolist(), filter.motion.tolist()
         v, other = motion[2 + k], motion[3 - k]
         ahead = self._clock.ahead
@@ -348,8 +360,7 @@ class PlanarKalman:
             if row.turning >= 0:
                 rate += theta[row.turning] * other * step.pieces[-1].rate
             v += ahead * (scale * rate + motion[6 + k])
-        x, y = step.axes[2 * k:2 * k + 2]
-        return float(v + x * motion[4] + y * motion[5])
+        return float(v)
 
     def _covariance(self) -> Array:
         """Return that of the parameters."""
@@ -456,7 +467,7 @@ class PlanarKalman:
         """Return all that is needed to go on from here."""
         return {
             'theta': list(self._theta), 'variances': list(self._variances),
-            'free': self._free, 'bank': self._bank.state(),
+            'free': self._free, 'found': self._is_found, 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'prediction': self._prediction.state(), 'time': self._time,
@@ -480,7 +491,7 @@ class PlanarKalman:
         self._begin(theta)
         self._theta = theta
         self._variances = floats(state['variances'], self._model.size)
-        self._free = bool(state['free'])
+        self._free, self._is_found = bool(state['free']), bool(state['found'])
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._bank.restore(state['bank'])
         self._clock.restore(state['clock'])

@@ -548,7 +548,10 @@ MUTANTS = [
           "rest[1:1] = ['--ros-args',", "rest[len(rest):] = ['--ros-args',")),
     *_of('rovid_ros/node/health/events.py', 'test/node/test_diagnostics.py',
          ('what comes and goes is told each time',
-          'seen.silenced = now - seen.told < REPEAT', 'seen.silenced = False')),
+          'if not seen.silenced or now - seen.told < REPEAT:', 'if not seen.silenced:'),
+         ('what goes again soon and stays away is not told',
+          'seen.silenced = False, now, True', 'seen.silenced = False, now, now > seen.told + REPEAT'
+          )),
     *_of('rovid_ros/node/silence.py', 'test/node/test_silence.py',
          ('silence is not told',
           'if last is None or elapsed < PERIOD:', 'if True:')),

@@ -550,8 +550,8 @@ MUTANTS = [
          ('what comes and goes is told each time',
           'if not seen.silenced or now - seen.told < REPEAT:', 'if not seen.silenced:'),
          ('what goes again soon and stays away is not told',
-          'seen.silenced = False, now, True', 'seen.silenced = False, now, now > seen.told + REPEAT'
-          )),
+          'seen.silenced = False, now, True',
+          'seen.silenced = False, now, now > seen.told + REPEAT')),
     *_of('rovid_ros/node/silence.py', 'test/node/test_silence.py',
          ('silence is not told',
           'if last is None or elapsed < PERIOD:', 'if True:')),

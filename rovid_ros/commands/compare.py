@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+import textwrap
 from typing import Any
 
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
@@ -37,7 +38,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     """Add what ``rovid compare`` takes."""
     add_params_file(command)
     command.add_argument('logs', nargs='+', type=Path, metavar='LOG',
-                         help='.mcap, .db3 or .bag file, or rosbag2 directory')
+                         help='.mcap, .db3, .bag or .BIN file, or rosbag2 directory')
     command.add_argument('--validate', nargs='+', type=Path, metavar='LOG',
                          help='logs to predict only, not to train on')
     command.add_argument(
@@ -103,12 +104,18 @@ def comparison_text(models: Sequence[Model], trials: Sequence[Trial], settings: 
              for dof in settings.dofs]
     parts.append('\n'.join(f'log {k}: {trial.name}' + ('' if trial.trains else ', not trained on')
                            for k, trial in enumerate(trials, 1)))
-    parts.append('own: mean |v_sim - v| on the log that the model was trained on; others: the '
-                 'mean over the\nother logs that push the DOF, with the mean fit.\n')
-    parts += [sentence(best_of(models, dof, trials), trials) for dof in settings.dofs]
+    parts.append(_lines(
+        'own: mean |v_sim - v| on the log that the model was trained on; others: the mean over '
+        'the other logs that push the DOF, with the mean fit. a b g d: alpha, beta, gamma, '
+        'delta; best terms: those of them that predict best.') + '\n')
+    parts += [_lines(sentence(best_of(models, dof, trials), trials)) for dof in settings.dofs]
     notes = dict.fromkeys(f'{m.dof}, {m.method}, {m.trained_on}: {m.fit.note}'
                           for m in models if m.fit.note)
-    return '\n'.join([*parts, *(['', *notes] if notes else [])])
+    return '\n'.join([*parts, *(['', *map(_lines, notes)] if notes else [])])
+
+
+def _lines(text: str) -> str:
+    return textwrap.fill(text, 99, subsequent_indent='  ')
 
 
 def _tables(dof: str, models: Sequence[Model], trials: Sequence[Trial]) -> str:

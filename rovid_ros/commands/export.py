@@ -85,7 +85,7 @@ def _edit(args: argparse.Namespace, models: list[Identified], settings: Settings
     robot = RobotFile(args.into)
     found = vehicle(models, robot.dry if robot.has_element else dry_masses(settings))
     text = robot.edited(found)
-    for line in (*notes(models), *left_out(models, args.format)):
+    for line in (*notes(models), *left_out(models, args.format, edits=True)):
         tell(f'{args.prog}: {line}')
     write_text(args.into, text)
     print_written(args.into)

@@ -435,17 +435,20 @@ def _status_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
 
 def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
     lines = []
+    alike: dict[str, list[str]] = {}  # DOFs by what all of their data say
     for dof, values in dofs.items():
         verdict = values['verdict']
         reasons = [reason for reason in values['reasons'] if reason not in verdict]
         if reasons:
             lines.append(_filled(f'{dof} is {values["status"]}: {"; ".join(reasons)}'))
         if verdict:
-            lines.append(_filled(f'{dof}, from all of the data: {verdict}'))
+            alike.setdefault(verdict, []).append(dof)
         delayed = values['delay_s']
         if delayed and abs(delayed['value']) > 3.0 * delayed['std']:  # else it may be 0
             delay, std = (number(delayed[name]) for name in ('value', 'std'))
             lines.append(f'{dof}: the thrust is delayed by {delay} ± {std} s')
+    lines += [_filled(f'{", ".join(names)}, from all of the data: {verdict}')
+              for verdict, names in alike.items()]
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
         'model\npredicts from the logged thrust alone.')

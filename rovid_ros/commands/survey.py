@@ -175,17 +175,21 @@ def survey_text(data: dict[str, Any]) -> str:
     for dof, values in data['dofs'].items():
         for name, parameter in values['parameters'].items():
             rows.append([dof, name, *_cells(parameter)])
-    left_out = [f'{dof}: {values["left_out"]} of them say nothing (no thrust, or a fit below 0)'
+    left_out = [f'{dof}: {_dives(values["left_out"])} left out (no thrust, or a fit below 0)'
                 for dof, values in data['dofs'].items() if values['left_out']]
     along = (f'over the days since {axis["from"][:10]}' if axis['from']
              else 'from dive to dive, as the logs do not tell their dates')
-    parts = [f'{data["dives"]} dives, {len(data["failed"])} without a result']
+    parts = [f'{_dives(data["dives"])}, {len(data["failed"])} without a result']
     if data['dofs']:
         parts += [table(rows, left=2), '\n'.join([*left_out, textwrap.fill(
             f'change = from the first dive to the last, {along}; scatter = standard deviation '
             'between dives beyond their intervals; p = how likely such a change is where nothing '
-            f'drifts, for all {data["tests"]} tests together.', 99)])]
+            f'drifts, for all {data["tests"]} tests together. A line takes three dives.', 99)])]
     return '\n\n'.join(parts) + '\n'
+
+
+def _dives(count: int) -> str:
+    return f'{count} dive' + 's' * (count != 1)
 
 
 def _cells(parameter: dict[str, Any]) -> list[str]:

@@ -108,9 +108,8 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
     read_with = reading_settings(settings)
     player = TuningPlayer(read_with)
     # typical sizes are found here, so that warnings about them would be out of place
-    hidden = tuple(f'{dof}: its ' for dof in read_with.dofs)
     replay(logs, read_with, player, start=start, duration=duration,
-           warn=lambda line: None if line.startswith(hidden) else warn(line))
+           warn=lambda line: None if line.startswith('typical sizes') else warn(line))
     share = 0.0
     with Progress('tune', lambda: share) as progress:
         def show(done: float) -> None:
@@ -177,7 +176,8 @@ def _notes(tuned: Tuned) -> str:
                            f'{_percent(names.gain, names.spread)} better'))
     lines = [line for _, line in sorted(better, reverse=True)]
     if stay:
-        lines.append(f'nothing else is clearly better, so these stay: {", ".join(stay)}')
+        what = 'nothing else is' if better else 'nothing is'
+        lines.append(f'{what} clearly better, so these stay: {", ".join(stay)}')
     lines += told
     lines += [f'{dof}: left out: {why}; what is shared by all DOFs changes for it too'
               for dof, why in tuned.left_out.items()]

@@ -71,12 +71,13 @@ def sentence(best: Model, trials: Sequence[Trial]) -> str:
     error, fit = best.error(logs), best.fit_on(logs)
     what = logs[0] if len(logs) == 1 else f'{len(logs)} logs that it was not trained on'
     own = ', on which it was trained,' if logs == [best.trained_on] else ''
+    verdict = ': no better than a constant, so it says nothing of the vehicle' if fit < 0.0 else ''
     return (
         f'{dof.capitalize()}: effective mass {number(mass)} {unit(dof, "mass")}, quadratic drag '
         f'{number(quadratic)} {unit(dof, "quadratic_drag")}, linear drag {number(linear)} '
         f'{unit(dof, "linear_drag")}, bias {number(bias)} {unit(dof, "bias")}; predicts the '
         f'velocity of {what}{own} to {number(error)} {unit(dof, "mae")} (fit '
-        f'{percent(fit)}).')
+        f'{percent(fit)}){verdict}.')
 
 
 def _verdict(relative: Mapping[str, float | None]) -> str:

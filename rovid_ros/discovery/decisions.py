@@ -554,7 +554,7 @@ def _say(made: Discovery) -> None:
                             f'({levers})')
     else:
         made.guesses.append('thrusters.allocation: from what each command does to each DOF in '
-                            'this log; masses are relative to a full command')
+                            'this log; masses and drags are per unit of the command')
         made.unknown.append('thrust scale and allocation geometry: where the thrusters are and '
                             'what they push in newtons')
-    made.unknown.append('dry mass')
+    made.unknown.append('dry mass, which most formats of rovid export need')

@@ -67,10 +67,11 @@ def _findings(data: Data) -> Html:
         for dof, values in data['dofs'].items()]
     return join(
         tag('p', tag('b', what)),
-        tag('p', 'Each line is a straight one through the dives, each weighted by its interval '
-                 'and by the scatter between dives. The change is that from the first dive to the '
-                 'last, the scatter a standard deviation beyond the intervals, and p how likely '
-                 f'such a change is where nothing drifts, for all {data["tests"]} tests together '
+        tag('p', 'Each line is a straight one through three dives or more, each weighted by its '
+                 'interval and by the scatter between dives. The change is that from the first '
+                 'dive to the last, the scatter a standard deviation beyond the intervals, and p '
+                 f'how likely such a change is where nothing drifts, for all {data["tests"]} '
+                 'tests together '
                  '(a drift is claimed below 0.05). Dives without thrust, or whose model predicts '
                  'worse than a constant, are left out. A step, as of a new payload, is a drift '
                  'too: look at the plots.'), *tables)

@@ -115,11 +115,12 @@ def vehicle(models: Sequence[Identified], dry: Callable[[str], float]) -> Vehicl
                                  f'heave are {", ".join(f"{m:g}" for m in linear)} kg')
     known = tuple([linear[0] if linear and dof in LINEAR_DOFS else mass
                    for dof, mass in zip(DOFS, known)])
+    unknown = [f'{dof}.dry_mass' for dof, mass in zip(DOFS, known) if dof in found and not mass]
+    if unknown:
+        raise HydrodynamicsError(
+            f'{unknown[0]}: is unknown, and the added mass is the effective mass less the '
+            f'dry mass: give a --params-file with {", ".join(unknown)}')
     for dof, mass in zip(DOFS, known):
-        if dof in found and not mass:
-            raise HydrodynamicsError(
-                f'{dof}.dry_mass: is unknown, and the added mass is the effective mass less the '
-                f'dry mass: give a --params-file with {dof}.dry_mass')
         if dof in found and found[dof]['mass'] < mass:
             raise HydrodynamicsError(
                 f'{dof}.dry_mass: {mass!r} is above the identified effective mass '
@@ -141,13 +142,13 @@ def dry_masses(settings: Settings | None) -> Callable[[str], float]:
     return lambda dof: known[dof].dry_mass if dof in known else 0.0
 
 
-def left_out(models: Sequence[Identified], format: str) -> list[str]:
-    """Return what a format does not say of the models, one line each."""
+def left_out(models: Sequence[Identified], format: str, edits: bool = False) -> list[str]:
+    """Return what a format does not say of the models, one line each; ``edits`` a file."""
     lines = []
     others = [dof for dof in DOFS if dof not in {model.dof for model in models}]
     if others:
         lines.append(f'not identified: {", ".join(others)}: '
-                     'as they were in the file, or 0')
+                     f'{"as they were in the file" if edits else "0"}')
     biases = [model.dof for model in models
               if model.physical['bias'] and (model.dof != 'heave')]
     if biases and format != 'fossen':

@@ -12,7 +12,9 @@ from rovid_core.model.plant import lumped
 from rovid_core.trials.offline import METHODS
 from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score
+from rovid_ros.commands.compare import read_trials
 from rovid_ros.commands.main import main
+from rovid_ros.comparison.report_data import sentence
 from rovid_ros.comparison.trials import Model, unseen
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
@@ -114,7 +116,20 @@ def test_a_log_that_hardly_pushes_judges_no_model(
         capsys.readouterr()
         assert main(['compare', str(folder / 't1.mcap'), '--validate', str(validate),
                      '--params-file', config, '--duration', '60']) == 0
-        assert f'predicts the velocity of {said}' in capsys.readouterr().out
+        text = capsys.readouterr().out
+        assert f'predicts the velocity of {said}' in ' '.join(text.split())
+        assert max(map(len, text.partition('\nown: ')[2].splitlines())) < 100
+
+
+@pytest.mark.parametrize(('fit', 'ends'), [
+    (0.1, '(fit 10.0 %).'),
+    (-0.1, '(fit -10.0 %): no better than a constant, so it says nothing of the vehicle.')])
+def test_a_model_worse_than_a_constant_is_no_finding(folder: Path, fit: float, ends: str) -> None:
+    trials = read_trials([folder / 't1.mcap'], [folder / 't2.mcap'],
+                         settings_from(load(folder / 'rov.yaml')), print, duration=2.0)
+    scores = {'t1.mcap': Score(0.01, 0.9), 't2.mcap': Score(0.02, fit)}
+    one = Model('ekf', 't1.mcap', 'surge', PARAMETERS, False, Fit((0.005, -1.0, 0.0, 0.0)), scores)
+    assert sentence(one, trials).endswith(ends)
 
 
 def test_the_report_and_export_take_it(folder: Path) -> None:

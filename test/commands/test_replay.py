@@ -174,6 +174,20 @@ def test_the_table_has_every_number_with_its_unit(
         assert text in out
 
 
+def test_what_the_data_say_of_several_dofs_is_said_once(
+        config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / 'log.mcap'
+    assert main(['simulate', '--params-file', str(config), '--output', str(log),
+                 '--duration', '40',
+                 '--profile', 'surge=100@0.25,heave=200@0.25,yaw=10@0.25']) == 0
+    capsys.readouterr()
+    assert main(['replay', str(log), '--params-file', str(config)]) == 0
+    said = capsys.readouterr().out
+    assert said.count('cannot be told apart yet') == 1
+    assert 'surge, heave, yaw, from all of the data: linear and quadratic drag' in said
+    assert 'surge is converging: it takes a minute of thrust' in said
+
+
 def test_a_part_of_the_log(config: Path, log: Path, tmp_path: Path) -> None:
     path = tmp_path / 'part.json'
     assert main(['replay', str(log), '--params-file', str(config), '--json', str(path),

@@ -67,6 +67,14 @@ def test_a_broken_log_costs_a_row_and_the_exit_code(season: Path) -> None:
     assert len(rows(season / 'table.csv')) == 1 + 2 * 3
 
 
+def test_the_summary_says_what_says_nothing(
+        season: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['survey', str(season / 'dives' / 'd1.mcap'), '--params-file', str(CONFIG)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith('1 dive, 0 without a result\n')
+    assert 'A line takes three dives.' in ' '.join(said.split())
+
+
 def test_one_process_gives_the_same_table(season: Path) -> None:
     assert survey(season, 'one.csv', '--workers', '1') == 1
     assert (season / 'one.csv').read_bytes() == (season / 'table.csv').read_bytes()

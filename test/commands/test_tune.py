@@ -7,7 +7,10 @@ from pathlib import Path
 import re
 
 import pytest
+from rovid_core.trials.tuning.cross_validation import Change, Stage
+from rovid_core.trials.tuning.tune import Tuned
 from rovid_ros.commands.main import main
+from rovid_ros.commands.tune import tuned_text
 from rovid_ros.config.parameter_file import edited, load
 from rovid_ros.config.parameters import settings_from
 
@@ -52,6 +55,7 @@ def test_the_tuned_file_replays_better(
     first.write_text('/**: {ros__parameters: {max_wait: 0.2, surge.initial.mass: 1.0}}')
     assert main(['tune', f'{folder}/log.mcap', '--params-file', str(first), '--params-file',
                  str(mine), '-p', 'max_wait:=0.1', '-p', 'thrusters.delay:=0.0',
+                 '-p', 'surge.typical.velocity:=20.0',
                  '--output', str(tuned), '--json', f'{folder}/tune.json']) == 0
     said = capsys.readouterr()
     assert re.search(r'^thrusters.delay \[s\] .* 0.\d+', said.out, re.M)
@@ -61,6 +65,7 @@ def test_the_tuned_file_replays_better(
             f'--params-file {tuned}') in said.out
     assert f'-p thrusters.delay:=0.0 wins over what {tuned} says: leave it out' in said.err
     assert 'max_wait' not in said.err
+    assert 'typical' not in said.err  # it finds typical sizes itself
     assert mine.read_text() == SURGE
     text = tuned.read_text()
     assert '# mine' in text and '# one' in text
@@ -77,6 +82,12 @@ def test_the_tuned_file_replays_better(
                      '--json', f'{folder}/out.json']) == 0
         errors.append(json.loads((folder / 'out.json').read_text())['dofs']['surge']['mae'])
     assert errors[1] < 0.9 * errors[0]
+
+
+def test_where_nothing_gains_it_says_so() -> None:
+    stays = Stage({'thrusters.delay': Change(0.1, 0.1)}, gain=0.01, spread=0.02)
+    said = tuned_text(Tuned((stays,), (), {}, {}))
+    assert '\nnothing is clearly better, so these stay: thrusters.delay\n' in said
 
 
 @pytest.mark.parametrize(('more', 'code', 'says'), [

@@ -4,9 +4,12 @@ import json
 from pathlib import Path
 import re
 import subprocess
+from typing import Any
 
 import pytest
 from rovid_ros.commands.main import main
+
+TRUE = {'surge': 22.5, 'sway': 27.0, 'yaw': 0.52}
 
 
 def test_its_commands_run_and_do_what_it_says(
@@ -16,13 +19,17 @@ def test_its_commands_run_and_do_what_it_says(
     tutorial = guide.partition('\n## Ten minutes')[2].partition('\n## ')[0]
     commands = re.findall(r'^    (\S.*)$', tutorial, re.MULTILINE)
     assert [line.split()[1] for line in commands if line.startswith('rovid ')] == [
-        'simulate', 'init', 'check', 'check', 'replay', 'simulate', 'export', 'export']
+        'simulate', 'init', 'check', 'check', 'replay', 'tune', 'replay', 'simulate', 'export',
+        'export']
     monkeypatch.chdir(tmp_path)
-    said = []
+    said: list[str] = []
+    found: list[dict[str, Any]] = []
     for line in commands:
         program, *words = line.split()
         if program == 'rovid':
             assert main(words) == 0, line
+            if words[0] == 'replay':
+                found.append(json.loads((tmp_path / 'out.json').read_text())['dofs'])
         else:
             subprocess.run(line, shell=True, check=True)
         said.append(''.join(capsys.readouterr()))
@@ -30,7 +37,13 @@ def test_its_commands_run_and_do_what_it_says(
     warnings = re.findall(r'^WARNING (.*)$', mistaken, re.MULTILINE)
     assert warnings[0].removeprefix('data: ').startswith('attitude.yaw_offset: add -1.57')
     assert 'so the data would agree' not in checked
-    dofs = json.loads((tmp_path / 'out.json').read_text())['dofs']
-    assert min(dofs[dof]['fit'] for dof in ('surge', 'sway')) > 0.7
+    first, dofs = found
+    assert min(one[dof]['fit'] for one in found for dof in ('surge', 'sway')) > 0.7
+    assert all(one['status'] == 'converging' for one in first.values())
+    for dof, mass in TRUE.items():
+        assert dofs[dof]['mass'] < first[dof]['mass'], dof
+        low, high = dofs[dof]['intervals']['mass']
+        assert low < mass < high, dof
+    assert first['yaw']['intervals']['mass'][0] > TRUE['yaw']
     model = json.loads((tmp_path / 'model.json').read_text())
     assert model['M'][0][0] == pytest.approx(dofs['surge']['mass'])

@@ -16,6 +16,7 @@ from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.trials.tuning.cross_validation import choose, fold_bounds
 from rovid_core.trials.tuning.log import CommandedForce, TuningLog
+from rovid_core.trials.tuning.searches import around_the_best
 from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningError
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
@@ -194,3 +195,13 @@ def test_a_clear_gain_is_taken() -> None:
     assert choice.index == 7
     assert choice.is_better
     assert choice.gain == pytest.approx(0.2, abs=0.05)
+
+
+def test_what_is_as_good_is_near_the_best() -> None:
+    values = [0.0, -0.3, -0.2, -0.1, 0.1, 0.2, 1.6]
+    scores = np.full((len(values), 8), 0.05)
+    scores[[1, 2, 5]] += 0.1  # clearly worse
+    scores[6, 2:5] = 1.0, 0.8, 0.3  # far worse, on few blocks
+    choice = choose(scores, 0)
+    assert 6 in choice.as_good  # its scatter is as large as its mean
+    assert around_the_best(values, choice) == [-0.1, 0.0, 0.1]

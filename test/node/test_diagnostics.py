@@ -198,6 +198,22 @@ def test_what_comes_and_goes_all_the_time_is_told_once(messages: list[Raw]) -> N
     assert len(told) - len(gone) in (2, 3)
 
 
+def test_what_goes_again_soon_and_stays_away_is_told(messages: list[Raw]) -> None:
+    run, events = Watched(), Events()
+    run.feed(messages)
+    events.lines(run.health)
+    told = []
+    for k in range(40):  # gone for 3 s, back for 1 s, and gone for good
+        run.later(0.5)
+        for topic in TYPES:
+            if topic != '/position' or k in (6, 7):
+                run.arrivals.add(topic, run.now)
+        told += [line.text for line in events.lines(run.health)
+                 if line.text.startswith(('position: ', 'surge: '))]
+    assert len([line for line in told if line.startswith('position: silent for')]) == 2
+    assert len([line for line in told if line.startswith('position: back')]) == 1
+
+
 def test_what_the_graph_forbids_is_an_error(messages: list[Raw]) -> None:
     run = Watched()
     run.topics['/current'] = TopicState(

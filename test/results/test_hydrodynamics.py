@@ -196,6 +196,14 @@ def test_wrong_usage(export: Callable[..., str], arguments: list[str], says: str
     assert says in export(*arguments, code=2)
 
 
-def test_unknown_dry_mass_is_named(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_dry_masses_are_named(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['export', str(files / 'out.json'), '--format', 'fossen']) == 1
-    assert 'surge.dry_mass: is unknown' in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert 'surge.dry_mass: is unknown' in said
+    assert said.rstrip().endswith('yaw.dry_mass')  # all at once
+
+
+def test_what_was_not_identified_is_said(files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(['export', str(files / 'out.json'), '--params-file', str(files / 'rov.yaml'),
+                 '--format', 'fossen']) == 0
+    assert 'not identified: roll, pitch: 0\n' in capsys.readouterr().err

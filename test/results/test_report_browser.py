@@ -242,6 +242,23 @@ def test_fits_a_phone(phone: Browser, width: int) -> None:
     clean(phone)
 
 
+def test_a_phone_shows_two_logs_of_coupled_dofs(started: Browser, tmp_path: Path) -> None:
+    data = report_data(('all_axes.mcap', 'surge_sway_heave.mcap'), points=1000)
+    for dof in data['dofs'].values():
+        for model in dof['models']:
+            for score in model['scores'].values():
+                score['fit_joint'] = 0.766
+    path = tmp_path / 'report.html'
+    write_report(path, data)
+    started.resize(390, 844, phone=True)
+    started.open(path)
+    wait(started, 'document.documentElement.dataset.ready')
+    widest = started.evaluate('Math.max(...[...document.querySelectorAll('
+                              '".matrix tr > :nth-child(3)")]'
+                              '.map(cell => cell.getBoundingClientRect().right))')
+    assert 300 < widest <= 390
+
+
 def test_dark_and_print(shown: Browser) -> None:
     colour = 'getComputedStyle(document.body).backgroundColor'
     dark = [{'name': 'prefers-color-scheme', 'value': 'dark'}]

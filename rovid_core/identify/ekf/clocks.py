@@ -39,8 +39,7 @@ def clocks_in_doubt(verdict: Verdict | None, k: int, delay: float) -> str:
                 'that it causes, see thrusters.latency')
     if wanted > DELAYS[1] + beyond:
         return f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust'
-    for bound in DELAYS:
+    for bound, key in zip(DELAYS, ('thrusters.latency', 'thrusters.delay')):
         if abs(delay - bound) < AT_BOUND:
-            return (f'the delay of the thrust stands at its bound of {bound:g} s: '
-                    'see thrusters.latency')
+            return f'the delay of the thrust stands at its bound of {bound:g} s: see {key}'
     return ''

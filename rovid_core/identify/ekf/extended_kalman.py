@@ -248,7 +248,7 @@ class ExtendedKalman(Identifier):
         if self._usable:
             return ''
         if self._bank.best.verdict is None:
-            return 'there are no independent pieces of data yet to judge the intervals by'
+            return 'it takes a minute of thrust before its intervals can be judged'
         if self._clocks:
             return 'the delay is out of range'
         if is_coupling(self._bank.best.verdict.missing):

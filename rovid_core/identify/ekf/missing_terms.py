@@ -56,7 +56,7 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
             return (f'{_percent(missing)} of the error follows small commands, which push more '
                     'than the model of the thrusters says')
         width = -kappa / alpha * DEAD_BAND * scales.force
-        said = f'a dead band of the thrusters of about {width:.2g}'
+        said = f'a dead band of the thrusters of about {width:.2g} in units of force'
     elif missing.name == 'lag':
         if kappa >= 0.0:
             return (f'{_percent(missing)} of the error follows quick changes of the thrust, which '

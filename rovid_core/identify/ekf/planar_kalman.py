@@ -453,7 +453,7 @@ class PlanarKalman:
         if self._current.status != 'known':
             return why_not_known(self._current)
         if self._bank.best.verdict is None:
-            return 'there are no independent pieces of data yet to judge the intervals by'
+            return 'it takes a minute of thrust before its intervals can be judged'
         if self._clocks(k):
             return 'the delay is out of range'
         if is_coupling(self._missing(k)):

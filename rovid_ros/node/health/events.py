@@ -31,14 +31,15 @@ class _Seen:
     since: float = math.nan  # when it became not good
     changed: bool = False
     told: float = -math.inf  # when its last line was told that it is not good
-    silenced: bool = False  # whether that was not told
+    silenced: bool = False  # whether that is not told yet
 
 
 class Events:
     """
     Tells of each change once; what comes and goes all the time is told once per ``REPEAT``.
 
-    An input is silent or back. A DOF is valid, is so no more, or its vehicle has changed.
+    An input is silent or back. A DOF is valid, is so no more, or its vehicle has changed. What
+    went too soon after the last time and stays away is told when that time has passed.
     """
 
     def __init__(self) -> None:
@@ -54,9 +55,9 @@ class Events:
     def _of_input(self, data: HealthData, name: str) -> list[Line]:
         level, message = input_level(data, name)
         seen = self._inputs.setdefault(name, _Seen())
-        if seen.good and level == STALE:
+        if level == STALE:
             return _gone(seen, data.steady, f'{name}: {message}')
-        if not seen.good and level != STALE:
+        if not seen.good:
             return _back(seen, data.steady,
                          f'{name}: back after {data.steady - seen.since:.0f} s')
         return []
@@ -75,17 +76,17 @@ class Events:
         valid = dof.valid and level != STALE
         if valid and not seen.good:
             found += _back(seen, data.steady, f'{name}: valid, {model_text(dof)}')
-        elif seen.good and not valid:
+        elif not valid:
             found += _gone(seen, data.steady, f'{name}: no longer valid: {message}')
         return found
 
 
 def _gone(seen: _Seen, now: float, text: str) -> list[Line]:
-    seen.good, seen.since = False, now
-    seen.silenced = now - seen.told < REPEAT
-    if seen.silenced:
+    if seen.good:
+        seen.good, seen.since, seen.silenced = False, now, True
+    if not seen.silenced or now - seen.told < REPEAT:
         return []
-    seen.told = now
+    seen.told, seen.silenced = now, False
     return [Line(text, True)]
 
 

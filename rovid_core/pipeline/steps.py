@@ -440,7 +440,7 @@ class Pipeline:
                 self._scorer.begin_run(dof, motion.time, v, self._axis(dof, motion.time))
 
     def _tell_others(self, planar: PlanarSteps, time: int, heave: float) -> None:
-        """Tell the scorer the current, and other DOFs' couplings the velocity through the water."""
+        """Tell the scorer the current, and the couplings the velocity through the water."""
         current, velocity = planar.filter.current, planar.filter.water_velocity
         if self._scorer is not None and current.is_seen:
             self._scorer.add_current(time, current.x, current.y)

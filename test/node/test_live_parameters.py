@@ -50,13 +50,6 @@ def given(tmp_path: Path) -> dict[str, Any]:
 
 
 @pytest.fixture
-def ros() -> Iterator[None]:
-    rclpy.init(args=[])
-    yield
-    rclpy.shutdown()
-
-
-@pytest.fixture
 def node(ros: None, given: dict[str, Any]) -> Iterator[IdentifierNode]:
     node = IdentifierNode(given)
     yield node

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from test.support.fault_cases import BY_NAME, Fault, FAULTS
-from test.support.fault_edits import Recording
+from test.support.fault_edits import Messages, Recording
 from test.support.fault_outcomes import Outcome
 from test.support.fault_runs import Bench, replayed, simulated, tank
 
@@ -58,15 +58,20 @@ def test_what_is_harmless_changes_nothing(name: str, bench: Bench) -> None:
         assert outcome.models[dof] == pytest.approx(model, rel=1e-9)
 
 
-def test_faults_in_the_tank(data: Path) -> None:
-    """Three at once: each is said, and together they are got over."""
-    bench = tank(data / 'bluerov2_tank')
-    settings, recording = bench.method('aid'), bench.recording  # what it costs the filter: above
-    faults = [BY_NAME[name] for name in ('outliers 5 %', 'thrusters nan', 'messages cut short')]
+def at_once(recording: Recording, faults: list[Fault]) -> Messages:
+    """Return messages with several faults."""
     for fault in faults:
         messages = fault.edit(recording, fault.span(recording))
         recording = Recording(recording.settings, messages, recording.on)
-    outcome = replayed(recording.messages, settings)
+    return recording.messages
+
+
+def test_faults_in_the_tank(data: Path) -> None:
+    """Three at once: each is said, and together they are got over."""
+    bench = tank(data / 'bluerov2_tank')
+    settings = bench.method('aid')  # what it costs the filter: above
+    faults = [BY_NAME[name] for name in ('outliers 5 %', 'thrusters nan', 'messages cut short')]
+    outcome = replayed(at_once(bench.recording, faults), settings)
     refused, said = outcome.beyond(bench.usual(settings), faults[0].span(bench.recording))
     assert not outcome.failed
     for fault in faults:
@@ -74,21 +79,17 @@ def test_faults_in_the_tank(data: Path) -> None:
     assert bench.ratio(outcome, bench.usual(settings))[0] < 1.2
 
 
-@pytest.fixture(scope='module')
-def short() -> Bench:
+def test_live_gives_the_steps_of_a_replay() -> None:
     pytest.importorskip('rclpy')
-    return simulated(30.0, 8.0)
-
-
-@pytest.mark.parametrize('name', ['position nan', 'everything twice', 'random bytes'])
-def test_live_gives_the_steps_of_a_replay(name: str, short: Bench) -> None:
     from test.support.fault_live import live, WAIT
-    fault = BY_NAME[name]
-    messages = fault.edit(short.recording, fault.span(short.recording))
+    short = simulated(30.0, 8.0)
+    faults = [BY_NAME[name] for name in ('thrusters nan', 'everything twice', 'random bytes')]
+    messages = at_once(short.recording, faults)
     expected = replayed(messages, short.method('ekf', WAIT))
     outcome = live(messages, short, expected)
     assert not outcome.failed
     assert not outcome.not_finite
     assert len(outcome.steps) > 500
     assert outcome.steps == expected.steps
-    assert re.search(fault.says, '\n'.join([*outcome.rejected, *outcome.warnings]))
+    for fault in faults:
+        assert re.search(fault.says, '\n'.join([*outcome.rejected, *outcome.warnings]))

@@ -62,9 +62,9 @@ def test_the_errors_after_5_minutes_are_those_of_the_cramer_rao_bound(clean):
 
 
 def test_the_errors_after_a_minute_are_those_of_the_cramer_rao_bound():
-    # of 20 at the bound one rms in a thousand is above 1.51
-    errors = np.array([identified(MINUTE, seed)[0].parameters for seed in range(20)]) - TRUE
-    assert max(np.sqrt(np.mean(errors**2, axis=0)) / bound(60.0, True)) < 1.51
+    # of 12 at the bound one rms in a thousand is above 1.66
+    errors = np.array([identified(MINUTE, seed)[0].parameters for seed in range(12)]) - TRUE
+    assert max(np.sqrt(np.mean(errors**2, axis=0)) / bound(60.0, True)) < 1.66
 
 
 def test_the_intervals_hold_the_truth(clean):
@@ -273,7 +273,7 @@ def test_a_coupling_predicts_the_tank_s_yaw_better(data):
 def test_the_intervals_hold_for_every_dof_with_held_commands():
     settings = at_rates(settings_from(load(CONFIG / 'jhurov.yaml')), depth=10.0, attitude=10.0)
     errors = []
-    for seed in range(6):
+    for seed in range(4):
         stream = Stream(settings)
         for time, name, value in simulate(settings, 60.0, seed):
             if name in stream.inputs:
@@ -285,9 +285,9 @@ def test_the_intervals_hold_for_every_dof_with_held_commands():
             found = stream.identifier(dof)
             assert 'changed' not in found.note
             errors.append((np.array(found.parameters) - np.array(truth)) / np.array(found.std))
-    rms = np.sqrt(np.mean(np.array(errors).reshape(6, -1, 4)**2, axis=0))
-    # 1 for exact intervals; of six seeds it is above 1.93 once in a thousand
-    assert rms.max() < 1.93
+    rms = np.sqrt(np.mean(np.array(errors).reshape(4, -1, 4)**2, axis=0))
+    # 1 for exact intervals; of four seeds it is above 2.15 once in a thousand
+    assert rms.max() < 2.15
 
 
 def test_fixes_that_come_fast_are_taken_together_at_no_loss():

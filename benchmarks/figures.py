@@ -4,14 +4,17 @@ Make every table of docs/measurements/ again; ``make figures`` runs this.
 ``python -m benchmarks.figures [PART | PART.SECTION ...] [--quick] [--output FOLDER]``
 
 Each part is a file, and each section of it what one module prints, with the command, the commit,
-the date and the machine below it. ``--quick`` tries everything with small sizes. The tank
-recordings are looked for in ``ROVID_DATA`` and in ``../shared/data``.
+the date and the machine below it. Two sections are made at a time, except where time is measured:
+nothing runs beside those. Of a section that fails, what was made before stays. ``--quick`` tries
+everything with small sizes. The tank recordings are looked for in ``ROVID_DATA`` and in
+``../shared/data``.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import as_completed, ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime, timezone
 import os
@@ -41,9 +44,11 @@ class Section:
     arguments, quick : str
         Of a run whose result is kept, and of one that only tries whether it works.
     minutes : float
-        That the former takes on two cores.
+        That the former takes by itself on two idle cores.
     recordings : bool
         Whether the module takes the folder of the tank recordings.
+    alone : bool
+        Whether nothing may run beside it, because it measures time or drives a live node.
 
     """
 
@@ -53,73 +58,104 @@ class Section:
     quick: str
     minutes: float
     recordings: bool = False
+    alone: bool = False
 
 
 PARTS: dict[str, tuple[str, dict[str, Section]]] = {
     'accuracy': ('How right the models are', {
         'adaptive': Section('The adaptive identifier', 'accuracy.adaptive_identifier',
-                            '--seeds 20', '--seeds 1', 1.5, recordings=True),
-        'online': Section('The online methods', 'accuracy.online_methods', '--seeds 60',
-                          '--seeds 2', 6.0, recordings=True),
+                            '--seeds 12', '--seeds 1', 1.0, recordings=True),
+        'online': Section('The online methods', 'accuracy.online_methods', '--seeds 40',
+                          '--seeds 2', 2.0, recordings=True),
         'real': Section('Vehicles that are not the model', 'accuracy.real_vehicles', '--seeds 20',
-                        '--seeds 1 --duration 60', 5.0),
-        'real_aid': Section('The same by aid', 'accuracy.real_vehicles',
+                        '--seeds 1 --duration 60', 2.0),
+        'real_configured': Section(
+            'The same with what they have configured', 'accuracy.real_vehicles',
+            '--configured --seeds 20', '--configured --seeds 1 --duration 60', 1.0),
+        'real_aid': Section('Vehicles that are not the model, by aid', 'accuracy.real_vehicles',
                             '--method aid --seeds 40', '--method aid --seeds 1 --duration 60',
-                            3.0),
+                            0.8),
         'recordings': Section('Real recordings, each alone', 'accuracy.recordings', '',
-                              '--only pool', 5.0, recordings=True),
+                              '--only pool', 2.0, recordings=True),
         'first_hour': Section('From a log that nobody has configured', 'accuracy.first_hour', '',
-                              '--seeds 1 --only lbl', 6.0, recordings=True),
+                              '--seeds 1 --only lbl', 4.0, recordings=True),
         'between': Section('Whether recordings of one vehicle agree', 'accuracy.between', '', '',
-                           0.3, recordings=True),
-        'unchanged': Section('Vehicles that do not change', 'accuracy.unchanged', '--hours 5',
-                             '--hours 1 --only exact', 5.0),
+                           0.2, recordings=True),
+        'unchanged': Section('Vehicles that do not change', 'accuracy.unchanged', '--hours 3',
+                             '--hours 1 --only exact', 3.2),
         'coupled': Section('Vehicles that move in all axes at once', 'accuracy.coupled_vehicles',
-                           '', '--seeds 1 --duration 60', 4.0),
-        'control': Section('A controller with feed-forward', 'accuracy.feed_forward', '',
-                           '--seeds 1 --duration 90', 4.0),
+                           '', '--seeds 1 --duration 60', 2.0),
+        'control': Section('A controller with feed-forward', 'accuracy.feed_forward',
+                           '--seeds 6', '--seeds 1 --duration 90', 2.8),
         'coupled_aid': Section('All axes at once, by aid', 'accuracy.coupled_vehicles',
                                '--method aid', '--method aid --seeds 1 --duration 60', 1.0),
         'current': Section('In water that moves, and with slow fixes', 'accuracy.current',
-                           '--seeds 8', '--seeds 1 --short --only tide', 45.0,
-                           recordings=True),
-        'offline': Section('The offline methods', 'accuracy.offline_methods', '--seeds 20',
-                           '--seeds 2', 3.0, recordings=True),
+                           '--seeds 4', '--seeds 1 --short --only tide', 6.5, recordings=True),
+        'offline': Section('The offline methods', 'accuracy.offline_methods', '--seeds 12',
+                           '--seeds 2', 1.8, recordings=True),
     }),
     'speed': ('What it costs', {
-        'replay': Section('Replay', 'speed.replay', '--runs 1', '--runs 1', 6.0),
+        'replay': Section('Replay', 'speed.replay', '--runs 1', '--runs 1', 6.5, alone=True),
         'odometry': Section('A vehicle with everything', 'speed.odometry', '--runs 3',
-                            '--runs 1 --seconds 5', 2.0),
+                            '--runs 1 --seconds 5', 2.0, alone=True),
         'dataflash': Section("A log of ArduSub's", 'speed.dataflash', '--runs 3',
-                             '--runs 1 --seconds 20', 1.5),
-        'long': Section('A long replay', 'speed.replay', '--long 4 --runs 1', '', 4.0),
-        'step': Section('One step', 'speed.step', '', '--runs 1', 0.5),
+                             '--runs 1 --seconds 20', 1.8, alone=True),
+        'long': Section('A long replay', 'speed.replay', '--long 3 --runs 1', '', 3.0,
+                        alone=True),
+        'step': Section('One step', 'speed.step', '', '--runs 1', 0.2, alone=True),
         'route': Section('The route of a message', 'speed.trace_message', '', '', 0.2),
-        'start': Section('Start', 'speed.start', '', '--runs 2', 0.3),
-        'report': Section('The HTML report', 'speed.report', '', '--runs 1 --duration 60', 1.5),
-        'survey': Section('A survey of many dives', 'speed.survey', '', '--dives 4 --duration 20',
-                          12.0),
-        'tune': Section('Tuning', 'speed.tune', '--runs 3', '--runs 1', 1.5),
-        'live': Section('The live node', 'speed.latency', '--runs 3', '--runs 1 --seconds 1', 3.0),
-        'load': Section('Load', 'speed.load', '--duration 5', '--duration 1 --rates 50', 2.5),
+        'start': Section('Start', 'speed.start', '', '--runs 2', 0.2, alone=True),
+        'report': Section('The HTML report', 'speed.report', '', '--runs 1 --duration 60', 0.6,
+                          alone=True),
+        'survey': Section('A survey of many dives', 'speed.survey', '--dives 50',
+                          '--dives 4 --duration 20', 3.5, alone=True),
+        'tune': Section('Tuning', 'speed.tune', '--runs 3', '--runs 1', 1.5, alone=True),
+        'live': Section('The live node', 'speed.latency', '--runs 3', '--runs 1 --seconds 1', 3.0,
+                        alone=True),
+        'load': Section('Load', 'speed.load', '--duration 5', '--duration 1 --rates 50', 2.5,
+                        alone=True),
     }),
     'faults': ('What goes wrong, and what comes of it', {
         'campaign': Section('Faults in the messages', 'faults.campaign', '--live',
-                            '--only nan --live', 9.0, recordings=True),
+                            '--only nan --live', 11.0, recordings=True, alone=True),
         'mistakes': Section('Mistakes in a configuration', 'faults.mistakes', '--seeds 2',
-                            '--seeds 1 --right 1 --duration 30', 5.0, recordings=True),
+                            '--seeds 1 --right 1 --duration 30', 3.0, recordings=True),
         'kills': Section('kill -9 at random moments', 'faults.kills', '--count 15', '--count 2',
-                         2.0),
+                         2.0, alone=True),
     }),
     'endurance': ('Long runs', {
-        'simulated': Section('Simulated time', 'endurance.soak', '--hours 1', '--hours 0.02', 4.0),
-        'live': Section('The node on DDS', 'endurance.soak', '--live 180', '--live 10', 3.5),
+        'simulated': Section('Simulated time', 'endurance.soak', '--hours 0.3', '--hours 0.02',
+                             2.7),
+        'live': Section('The node on DDS', 'endurance.soak', '--live 120', '--live 10', 2.3,
+                        alone=True),
     }),
 }
 
 
-def made(section: Section, quick: bool) -> tuple[str, bool]:
-    """Run a module; return what it printed and how that was made, and whether it failed."""
+def all_made(names: Iterable[tuple[str, str]], quick: bool) -> Iterator[tuple[str, str, str]]:
+    """
+    Make sections, two at a time and in the end one by one those that have to be alone.
+
+    Yields
+    ------
+    part, section, text : str
+        As soon as it is there; no text if it has failed.
+
+    """
+    sections = {name: PARTS[name[0]][1][name[1]] for name in names}
+    for alone in (False, True):
+        with ThreadPoolExecutor(1 if alone else 2) as pool:
+            runs = {pool.submit(made, section, quick): name
+                    for name, section in sections.items() if section.alone is alone}
+            try:
+                for run in as_completed(runs):
+                    yield *runs[run], run.result()
+            finally:
+                pool.shutdown(cancel_futures=True)  # of an interrupt: begin no more of them
+
+
+def made(section: Section, quick: bool) -> str:
+    """Run a module; return what it printed and how that was made, and nothing if it failed."""
     arguments = shlex.split(section.quick if quick else section.arguments)
     if section.recordings and (logs := recordings()):
         arguments.insert(0, str(logs))
@@ -129,15 +165,16 @@ def made(section: Section, quick: bool) -> tuple[str, bool]:
         [sys.executable, '-m', f'benchmarks.{section.module}', *arguments], cwd=ROOT,
         env={**os.environ, 'PYTHONPATH': str(ROOT), 'OPENBLAS_NUM_THREADS': '1'},
         stdout=subprocess.PIPE, text=True, check=False)
+    if done.returncode:
+        print(f'{done.stdout}\nexit code {done.returncode}', file=sys.stderr)
+        return ''
     command = ' '.join(['python', '-m', f'benchmarks.{section.module}', *(
         'bluerov2_tank' if one == str(recordings()) else one for one in arguments)])
     notes = [f'`{command}`, commit {commit()}, {datetime.now(timezone.utc):%Y-%m-%d}, '
              f'{(time.monotonic() - began) / 60:.1f} min on {machine()}.']
     if section.recordings and not recordings():
         notes.append('The tank recordings were not there.')
-    if done.returncode:
-        notes.append(f'It ended with exit code {done.returncode}.')
-    return f'{done.stdout.strip()}\n\n{" ".join(notes)}', bool(done.returncode)
+    return f'{done.stdout.strip()}\n\n{" ".join(notes)}'
 
 
 def recordings() -> Path | None:
@@ -211,7 +248,7 @@ def chosen(names: Iterable[str]) -> dict[str, list[str]]:
 
 
 def main() -> None:
-    """Make what is asked for, one after the other, and write each as soon as it is there."""
+    """Make what is asked for, and write each as soon as it is there."""
     parser = argparse.ArgumentParser(description=__doc__.strip().splitlines()[0])
     parser.add_argument('parts', nargs='*', metavar='PART[.SECTION]',
                         help=f'{", ".join(PARTS)}; default: all')
@@ -222,25 +259,23 @@ def main() -> None:
         asked = chosen(given.parts or PARTS)
     except ValueError as error:
         parser.error(str(error))
+    names = [(part, name) for part, sections in asked.items() for name in sections
+             if PARTS[part][1][name].quick or not given.quick]
     failed = []
-    for part, names in asked.items():
-        page = given.output / f'{part}.md'
-        for name in names:
-            section = PARTS[part][1][name]
-            if given.quick and not section.quick:
-                continue
-            print(f'{part}.{name} ...', file=sys.stderr, flush=True)
-            text, has_failed = made(section, given.quick)
-            write(page, part, {**sections_of(page), section.title: text})
-            print(text.splitlines()[-1], file=sys.stderr, flush=True)
-            if has_failed:
-                failed.append(f'{part}.{name}')
+    for part, name, text in all_made(names, given.quick):
+        if text:
+            page = given.output / f'{part}.md'
+            write(page, part, {**sections_of(page), PARTS[part][1][name].title: text})
+        else:
+            failed.append(f'{part}.{name}')
+        print(f'{part}.{name}: {text.splitlines()[-1] if text else "failed"}', file=sys.stderr,
+              flush=True)
     if not given.parts and not given.quick:  # all are made: what no command makes goes
         for page in given.output.glob('*.md'):
             if page.stem not in PARTS:
                 page.unlink()
     if failed:
-        raise SystemExit(f'failed: {", ".join(failed)}')
+        raise SystemExit(f'failed, so what was there before stays: {", ".join(failed)}')
 
 
 if __name__ == '__main__':

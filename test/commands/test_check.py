@@ -354,7 +354,7 @@ def test_it_refuses_what_a_replay_refuses(tmp_path: Path, log: Path) -> None:
 
 def test_the_tank_logs_fit_their_file(data: Path, repository: Path) -> None:
     for log in sorted((data / 'bluerov2_tank').glob('*.mcap')):
-        outcome = check(repository / 'config' / 'bluerov2_tank.yaml', [log])
+        outcome = check(repository / 'config' / 'bluerov2_tank.yaml', [log], duration=60.0)
         assert outcome.errors == 0, outcome.text
         warned = {one.subject for one in findings(outcome, WARNING)}
         # one log never turns, and in one the vehicle turns faster than velocity.max; what the

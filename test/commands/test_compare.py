@@ -109,13 +109,13 @@ def test_averages_leave_out_logs_that_do_not_push() -> None:
 def test_a_log_that_hardly_pushes_judges_no_model(
         folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     config, weak = str(folder / 'rov.yaml'), folder / 'weak.mcap'
-    assert main(['simulate', '--params-file', config, '--duration', '60', '--output', str(weak),
+    assert main(['simulate', '--params-file', config, '--duration', '40', '--output', str(weak),
                  '--profile', f'surge=15@0.06{STILL}']) == 0
     for validate, said in ((weak, 't1.mcap, on which it was trained,'),
                            (folder / 't2.mcap', 't2.mcap to')):
         capsys.readouterr()
         assert main(['compare', str(folder / 't1.mcap'), '--validate', str(validate),
-                     '--params-file', config, '--duration', '60']) == 0
+                     '--params-file', config, '--duration', '40']) == 0
         text = capsys.readouterr().out
         assert f'predicts the velocity of {said}' in ' '.join(text.split())
         assert max(map(len, text.partition('\nown: ')[2].splitlines())) < 100
@@ -143,7 +143,7 @@ def test_a_term_that_is_not_there_is_left_out(
         folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = (folder / 'rov.yaml').read_text().replace('        bias: 2.9', '        bias: 0.0')
     (folder / 'level.yaml').write_text(text)
-    assert main(['simulate', '--params-file', str(folder / 'level.yaml'), '--duration', '80',
+    assert main(['simulate', '--params-file', str(folder / 'level.yaml'), '--duration', '60',
                  '--output', str(folder / 'level{}.mcap'), '--profile', f'surge=150@0.05{STILL}',
                  '--profile', f'surge=100@0.08{STILL}']) == 0
     capsys.readouterr()
@@ -189,7 +189,7 @@ def test_a_log_without_steps_of_a_dof(
 
 
 @pytest.mark.parametrize(('values', 'duration'), [
-    ({'simulation.position_rate': 0.5, 'max_gap': 5.0}, 120.0),  # slower than velocity.cutoff
+    ({'simulation.position_rate': 0.5, 'max_gap': 5.0}, 90.0),  # slower than velocity.cutoff
     ({}, 0.9)])  # too short for any method
 def test_few_fixes(values: dict[str, float], duration: float, folder: Path) -> None:
     few = {'/**': {'ros__parameters': {**load(folder / 'rov.yaml'), **values}}}

@@ -60,7 +60,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     config.write_text(VEHICLE)
     simulate = ['simulate', '--params-file', str(config)]
     assert main([*simulate, '--duration', '180', '--output', str(folder / 'a.mcap')]) == 0
-    assert main([*simulate, '--duration', '40', '--output', str(folder / 'b.mcap'),
+    assert main([*simulate, '--duration', '20', '--output', str(folder / 'b.mcap'),
                  '--profile', OTHER]) == 0
     assert main(['replay', str(folder / 'a.mcap'), '--params-file', str(config), '--output',
                  str(folder / 'out.mcap'), '--json', str(folder / 'out.json')]) == 0

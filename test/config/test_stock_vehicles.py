@@ -64,7 +64,7 @@ def bluerov2() -> Settings:
 def dive(bluerov2: Settings, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the log of a simulated dive of it."""
     path = tmp_path_factory.mktemp('dive') / 'dive.mcap'
-    simulate_log(bluerov2, path, 120.0, seed=1)
+    simulate_log(bluerov2, path, 60.0, seed=1)
     return path
 
 
@@ -160,9 +160,9 @@ def test_a_type_is_read_as_its_log_defines_it(
             data = with_port(data, [*map(int, decoded.channels), *[0, 65535] * 4])
         rows.append((topic, type_name, data, time))
     path = rewritten(dive, tmp_path / 'other.mcap', rows)
-    found = identified(path, bluerov2, 30.0)
-    assert found.dofs['surge']['steps'] > 200
-    assert found.dofs == identified(dive, bluerov2, 30.0).dofs
+    found = identified(path, bluerov2, 15.0)
+    assert found.dofs['surge']['steps'] > 100
+    assert found.dofs == identified(dive, bluerov2, 15.0).dofs
 
 
 def test_outputs_that_are_off_are_no_commands(
@@ -183,14 +183,14 @@ def test_outputs_that_are_off_are_no_commands(
 
 def test_odometry_and_a_wrench_are_enough(tmp_path: Path) -> None:
     settings = settings_from(load(ODOMETRY))
-    simulate_log(settings, tmp_path / 'log.mcap', 80.0, seed=2)
+    simulate_log(settings, tmp_path / 'log.mcap', 60.0, seed=2)
     check_truth(identified(tmp_path / 'log.mcap', settings), settings, within=0.02)
 
 
 def test_the_twist_of_an_odometry_is_a_body_velocity(tmp_path: Path) -> None:
     settings = settings_from({
         **load(ODOMETRY), 'velocity.topic': '/odometry', 'angular_velocity.topic': '/odometry'})
-    simulate_log(settings, tmp_path / 'log.mcap', 120.0, seed=2)
+    simulate_log(settings, tmp_path / 'log.mcap', 60.0, seed=2)
     result = identified(tmp_path / 'log.mcap', settings)
     assert {settings.source(dof) for dof in DOFS} == {'velocity', 'angular_velocity'}
     check_truth(result, settings, within=0.03)

@@ -78,13 +78,6 @@ def test_the_clock_of_one_input_after_the_other_steps_for_20_s(by):
     assert stream.estimate.dofs[0].steps > 0.7 * DURATION * 10.0
 
 
-def test_the_filter_gets_over_it_too():
-    events = clean()
-    for by, start in ((10.0, 40.0), (-10.0, 100.0), (-SINCE_1970, 160.0)):
-        events = stepped(('position',), start, start + 20.0, by, events)
-    assert worse(run(vehicle('ekf'), events)) < 1.1
-
-
 @pytest.mark.parametrize('by', EXPECTED)
 def test_all_clocks_step_for_20_s(by):
     stream = run(vehicle(), stepped(ALL, 60.0, 80.0, by))

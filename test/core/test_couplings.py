@@ -217,7 +217,7 @@ def guessed(couplings: bool) -> Settings:
 
 def test_the_filter_finds_masses_and_couplings_of_a_vehicle_that_moves_in_all_axes() -> None:
     settings = guessed(couplings=True)
-    estimate, scores = identified(settings, 150.0)
+    estimate, scores = identified(settings, 120.0)
     for dof in estimate.dofs:
         assert dof.status == 'converged', dof.judgement
         assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.02)
@@ -233,7 +233,7 @@ def test_the_filter_finds_masses_and_couplings_of_a_vehicle_that_moves_in_all_ax
 
 
 def test_without_couplings_no_wrong_mass_is_said_to_have_converged() -> None:
-    estimate, _ = identified(guessed(couplings=False), 150.0)
+    estimate, _ = identified(guessed(couplings=False), 100.0)
     off = {dof.dof: abs(1.0 / dof.parameters[0] / TRUTH[dof.dof].mass - 1.0)
            for dof in estimate.dofs}
     assert max(off.values()) > 0.5  # it is such a vehicle

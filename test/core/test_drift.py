@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rovid_core.trials.drift import holm, trend
-from scipy.stats import binom, linregress
+import scipy  # of which parts are imported when they are needed
 
 DIVES = 12
 
@@ -28,9 +28,9 @@ def p_of(seed: int, slope: float = 0.0, scatter: float = 1.0) -> float:
 def test_a_drift_is_claimed_by_chance_in_one_of_twenty_seasons_at_most(scatter: float) -> None:
     seasons = 400
     claimed = sum(p_of(seed, scatter=scatter) < 0.05 for seed in range(seasons))
-    assert binom.cdf(claimed, seasons, 0.05) < 0.999
+    assert scipy.stats.binom.cdf(claimed, seasons, 0.05) < 0.999
     if scatter:  # without scatter the test is on the safe side
-        assert binom.cdf(claimed, seasons, 0.05) > 0.001
+        assert scipy.stats.binom.cdf(claimed, seasons, 0.05) > 0.001
 
 
 def test_intervals_that_are_too_narrow_make_no_drift() -> None:
@@ -40,13 +40,13 @@ def test_intervals_that_are_too_narrow_make_no_drift() -> None:
         assert found is not None
         return found.p
 
-    assert binom.cdf(sum(p(seed) < 0.05 for seed in range(400)), 400, 0.05) < 0.999
+    assert scipy.stats.binom.cdf(sum(p(seed) < 0.05 for seed in range(400)), 400, 0.05) < 0.999
 
 
 def test_a_drift_is_found_and_its_interval_holds() -> None:
     found = [trend(*season(seed, slope=0.1)) for seed in range(100)]
     covered = sum(one.low <= 0.1 <= one.high for one in found if one)
-    assert binom.cdf(covered, 100, 0.95) > 0.001
+    assert scipy.stats.binom.cdf(covered, 100, 0.95) > 0.001
     assert sum(one.p < 0.05 for one in found if one) > 80
 
 
@@ -58,7 +58,7 @@ def test_the_scatter_between_dives_is_estimated() -> None:
 
 def test_without_intervals_it_is_an_ordinary_regression() -> None:
     times, values, _ = season(3)
-    found, expected = trend(times, values, [0.0] * DIVES), linregress(times, values)
+    found, expected = trend(times, values, [0.0] * DIVES), scipy.stats.linregress(times, values)
     assert found is not None
     assert found.slope == pytest.approx(expected.slope)
     assert found.p == pytest.approx(expected.pvalue)

@@ -46,8 +46,14 @@ def identified(case, seed, guess=HEAVY, marks=(inf,)):
 
 @pytest.fixture(scope='module')
 def clean():
-    """Return a dozen runs of the clean case."""
-    return [run(CLEAN, 'ekf', seed) for seed in range(12)]
+    """Return some runs of the clean case."""
+    return [run(CLEAN, 'ekf', seed) for seed in range(8)]
+
+
+@pytest.fixture(scope='module')
+def honest():
+    """Return some runs with outliers, dropouts and a delay."""
+    return [run(HONEST, 'ekf', seed) for seed in range(5)]
 
 
 def test_the_errors_after_5_minutes_are_those_of_the_cramer_rao_bound(clean):
@@ -56,14 +62,14 @@ def test_the_errors_after_5_minutes_are_those_of_the_cramer_rao_bound(clean):
 
 
 def test_the_errors_after_a_minute_are_those_of_the_cramer_rao_bound():
-    # of 20 at the bound one rms in a thousand is above 1.51
-    errors = np.array([identified(MINUTE, seed)[0].parameters for seed in range(20)]) - TRUE
-    assert max(np.sqrt(np.mean(errors**2, axis=0)) / bound(60.0, True)) < 1.51
+    # of 12 at the bound one rms in a thousand is above 1.66
+    errors = np.array([identified(MINUTE, seed)[0].parameters for seed in range(12)]) - TRUE
+    assert max(np.sqrt(np.mean(errors**2, axis=0)) / bound(60.0, True)) < 1.66
 
 
 def test_the_intervals_hold_the_truth(clean):
     inside = np.mean([one.covered for one in clean])
-    assert inside > 0.88  # of 192, which hang together in fours
+    assert inside > 0.88  # of 128, which hang together in fours
 
 
 def test_no_run_takes_the_vehicle_for_changed(clean):
@@ -74,10 +80,8 @@ def test_the_model_predicts_another_profile(clean):
     assert max(one.error for one in clean) < 2e-4
 
 
-@pytest.mark.parametrize('case', [HONEST, FAULTS], ids=['honest', 'gains'])
-def test_outliers_dropouts_delay_and_gains_cost_next_to_nothing(case):
-    for seed in range(3):
-        one = run(case, 'ekf', seed)
+def test_outliers_dropouts_delay_and_gains_cost_next_to_nothing(honest):
+    for one in (*honest, run(FAULTS, 'ekf', 0)):
         assert one.error < 5e-4
         assert not one.changed
 
@@ -93,8 +97,8 @@ def test_outliers_in_the_first_seconds_cost_nothing(wrong, missing):
     assert max(abs(np.array(found.parameters) - TRUE) / bound(60.0, True)) < 5.0
 
 
-def test_the_intervals_hold_with_outliers_dropouts_and_delay():
-    assert np.mean([run(HONEST, 'ekf', seed).covered for seed in range(6)]) > 0.85
+def test_the_intervals_hold_with_outliers_dropouts_and_delay(honest):
+    assert np.mean([one.covered for one in honest]) > 0.85
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.1, 0.3])
@@ -115,10 +119,9 @@ def test_clocks_that_disagree_are_named_with_their_size():
 
 @pytest.mark.parametrize('case', [CLEAN, HONEST], ids=['clean', 'honest'])
 def test_a_payload_is_noticed_and_followed(case):
-    for seed in range(2):
-        payload = followed_payload(case, seed)
-        assert payload.after < 60.0
-        assert abs(payload.alpha) < 0.2
+    payload = followed_payload(case, 0)
+    assert payload.after < 60.0
+    assert abs(payload.alpha) < 0.2
 
 
 def test_a_payload_is_said_in_the_status():
@@ -140,11 +143,10 @@ def test_rest_moves_nothing(rest):
     assert max(moved(rest, 'ekf', 0, hour=300.0)) < 1.0
 
 
-@pytest.mark.parametrize('name', [
-    'kN', 'a command: 150 N is 1', '10 kg, same motion', '10 t, same motion'])
-def test_units_and_size_change_nothing(name):
+def test_units_and_size_change_nothing():
     usual, _ = scaled_error('290 kg, N', 0)
-    assert scaled_error(name, 0)[0] == pytest.approx(usual, rel=0.01)
+    for name in ('kN', '10 t, same motion'):
+        assert scaled_error(name, 0)[0] == pytest.approx(usual, rel=0.01), name
 
 
 @pytest.mark.parametrize('name', ['both x 4', 'both / 4', 'mass x 4, drags / 4'])
@@ -271,7 +273,7 @@ def test_a_coupling_predicts_the_tank_s_yaw_better(data):
 def test_the_intervals_hold_for_every_dof_with_held_commands():
     settings = at_rates(settings_from(load(CONFIG / 'jhurov.yaml')), depth=10.0, attitude=10.0)
     errors = []
-    for seed in range(6):
+    for seed in range(4):
         stream = Stream(settings)
         for time, name, value in simulate(settings, 60.0, seed):
             if name in stream.inputs:
@@ -283,9 +285,9 @@ def test_the_intervals_hold_for_every_dof_with_held_commands():
             found = stream.identifier(dof)
             assert 'changed' not in found.note
             errors.append((np.array(found.parameters) - np.array(truth)) / np.array(found.std))
-    rms = np.sqrt(np.mean(np.array(errors).reshape(6, -1, 4)**2, axis=0))
-    # 1 for exact intervals; of six seeds it is above 1.93 once in a thousand
-    assert rms.max() < 1.93
+    rms = np.sqrt(np.mean(np.array(errors).reshape(4, -1, 4)**2, axis=0))
+    # 1 for exact intervals; of four seeds it is above 2.15 once in a thousand
+    assert rms.max() < 2.15
 
 
 def test_fixes_that_come_fast_are_taken_together_at_no_loss():

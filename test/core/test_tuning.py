@@ -60,7 +60,7 @@ def read(settings: Settings, duration: float, noise: np.random.Generator | None 
 def delayed(surge: Settings) -> Tuned:
     """Return what is found where delay, lag and 5 degrees of heading are missing."""
     wrong = replace(surge, yaw_offset=math.radians(-5.0))
-    log = read(wrong, 180.0, delay=DELAY, time_constant=LAG)
+    log = read(wrong, 120.0, delay=DELAY, time_constant=LAG)
     return tune(log, wrong)
 
 
@@ -104,13 +104,13 @@ def test_finds_the_heading(delayed: Tuned) -> None:
 
 
 def test_finds_the_dead_band(surge: Settings) -> None:
-    log = read(surge, 120.0, deadband=0.5)
+    log = read(surge, 90.0, deadband=0.5)
     tuned = tune(log, surge)
     assert tuned.changes()['thrusters.deadband'] == pytest.approx(0.5, abs=0.15)
 
 
 def test_finds_the_reverse_thrust(surge: Settings) -> None:
-    tuned = tune(read(surge, 120.0, reverse=0.8), surge)
+    tuned = tune(read(surge, 90.0, reverse=0.8), surge)
     assert tuned.changes()['thrusters.reverse'] == pytest.approx(0.8, abs=0.05)
     before, after = tuned.errors['surge']
     assert after < 0.8 * before
@@ -139,13 +139,13 @@ def test_a_term_that_a_log_can_do_without_stays(surge: Settings) -> None:
     truth = surge.simulation.dofs['surge']
     without = replace(surge, simulation=replace(surge.simulation, dofs={
         'surge': replace(truth, linear_drag=0.0, bias=0.0)}))
-    tuned = tune(read(without, 120.0), without)
+    tuned = tune(read(without, 90.0), without)
     assert tuned.changes() == {}
 
 
 def test_a_term_that_is_missing_is_added(surge: Settings) -> None:
     settings = replace(surge, dof={'surge': replace(surge.dof['surge'], terms=('alpha', 'gamma'))})
-    tuned = tune(read(settings, 120.0), settings)
+    tuned = tune(read(settings, 90.0), settings)
     assert 'beta' in tuned.changes()['surge.terms']  # type: ignore[operator]
     before, after = tuned.errors['surge']
     assert after < 0.8 * before
@@ -157,7 +157,7 @@ def test_says_what_was_gained(delayed: Tuned) -> None:
 
 
 def test_what_is_right_stays(surge: Settings) -> None:
-    tuned = tune(read(surge, 120.0), surge)
+    tuned = tune(read(surge, 90.0), surge)
     assert not tuned.changes().keys() & {
         'thrusters.delay', 'thrusters.time_constant', 'attitude.yaw_offset',
         'thrusters.deadband'}

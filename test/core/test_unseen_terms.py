@@ -79,7 +79,7 @@ def test_a_term_that_is_there_is_counted_with_its_size():
 def test_what_data_say_of_a_term_is_bayes(coefficient, information, sign):
     std = 0.8
     found = judged([1.0], coefficient, information, std, sign)
-    x = np.linspace(-12.0, 12.0, 2_000_001)
+    x = np.linspace(-12.0, 12.0, 1_000_001)
     prior = np.exp(-0.5 * (x / std)**2)
     if sign:
         prior[sign * x < 0.0] = 0.0

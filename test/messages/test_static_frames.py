@@ -56,7 +56,7 @@ def log(config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a log of a vehicle whose sensors are neither in the middle nor straight."""
     path = tmp_path_factory.mktemp('log') / 'log.mcap'
     assert main(['simulate', '--params-file', str(config), *in_yaml(), '--output', str(path),
-                 '--duration', '25']) == 0
+                 '--duration', '12']) == 0
     return path
 
 

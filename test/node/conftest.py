@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip('rclpy')
+rclpy = pytest.importorskip('rclpy')
 
 from test.support.live_drive import ros_peer, Start, starting
 from test.support.live_node import Peer, Raw, simulated
@@ -23,6 +23,14 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def messages(log: Path) -> list[Raw]:
     """Return the messages of the log, in order."""
     return simulated(log.with_name('again.mcap'))
+
+
+@pytest.fixture
+def ros() -> Iterator[None]:
+    """Start ROS in this process, for nodes of its own."""
+    rclpy.init(args=[])
+    yield
+    rclpy.shutdown()
 
 
 @pytest.fixture

@@ -28,6 +28,7 @@ from test.support.live_drive import (
     assert_same,
     drive,
     replayed_record,
+    running,
     Start,
     UNSTAMPED,
     UNSTAMPED_TYPES,
@@ -132,11 +133,7 @@ def parameters(estimate: Any) -> list[float]:
 def test_shut_down_while_active(messages: list[Raw], peer: Peer, start: Start,
                                 tmp_path: Path) -> None:
     record = tmp_path / 'record.mcap'
-    estimates = peer.listen_to_steps()
-    node = start({'record.path': str(record)})
-    peer.advertise(TYPES)
-    peer.publish(messages[:300])
-    peer.settle(estimates, 50)
+    node, estimates = running(peer, start, messages[:300], {'record.path': str(record)})
     assert ask(peer, 'shutdown')
     assert state(peer) == 'finalized'
     peer.settle(estimates)
@@ -269,13 +266,6 @@ def test_requests_that_fail_or_do_not_fit_the_state(
 def entities(node: IdentifierNode) -> tuple[int, ...]:
     return tuple(len(list(kind)) for kind in (
         node.publishers, node.subscriptions, node.services, node.timers, node.waitables))
-
-
-@pytest.fixture
-def ros() -> Iterator[None]:
-    rclpy.init(args=[])
-    yield
-    rclpy.shutdown()
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """The node object: conversion of its inputs, parameters, and what it does when fed by hand."""
 
-from collections.abc import Iterator
 import math
 import os
 from pathlib import Path
@@ -48,13 +47,6 @@ from test.support.live_node import (
     VALUES,
 )
 from test.support.ros_messages import fill
-
-
-@pytest.fixture
-def ros() -> Iterator[None]:
-    rclpy.init(args=[])
-    yield
-    rclpy.shutdown()
 
 
 class Running:

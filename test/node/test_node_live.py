@@ -41,6 +41,7 @@ from test.support.live_drive import (
     assert_same,
     drive,
     replayed_record,
+    running,
     Start,
     starting,
     UNSTAMPED,
@@ -205,11 +206,7 @@ def test_save_without_a_path(quiet: NodeProcess, peer: Peer) -> None:
 def test_a_clean_end(signals: tuple[int, ...], messages: list[Raw], peer: Peer, start: Start,
                      tmp_path: Path) -> None:
     record = tmp_path / 'record.mcap'
-    estimates = peer.listen_to_steps()
-    node = start({'record.path': str(record)})
-    peer.advertise(TYPES)
-    peer.publish(messages[:300])
-    peer.settle(estimates, 50)
+    node, estimates = running(peer, start, messages[:300], {'record.path': str(record)})
     before = len(estimates)
     assert node.stop(*signals) == 0
     peer.settle(estimates)
@@ -250,12 +247,8 @@ def test_a_killed_node_leaves_a_record(messages: list[Raw], peer: Peer, start: S
                                        tmp_path: Path) -> None:
     record = tmp_path / 'record.mcap'
     record.write_bytes(b'older')
-    estimates = peer.listen_to_steps()
     diagnostics = peer.listen('/diagnostics', DIAGNOSTIC_TYPE)
-    node = start({'record.path': str(record)})
-    peer.advertise(TYPES)
-    peer.publish(messages[:300])
-    peer.settle(estimates, 50)
+    node, estimates = running(peer, start, messages[:300], {'record.path': str(record)})
     seconds = len(diagnostics)
     peer.until(lambda: len(diagnostics) >= seconds + 2)  # it is flushed behind each of them
     node.kill()
@@ -268,11 +261,7 @@ def test_a_killed_node_leaves_a_record(messages: list[Raw], peer: Peer, start: S
 def test_save_and_go_on(messages: list[Raw], peer: Peer, start: Start, tmp_path: Path) -> None:
     path = tmp_path / 'state' / 'checkpoint.json'
     changes = {'checkpoint.path': str(path)}
-    estimates = peer.listen_to_steps()
-    node = start(changes)
-    peer.advertise(TYPES)
-    peer.publish(messages[:300])
-    peer.settle(estimates, 50)
+    node, _ = running(peer, start, messages[:300], changes)
     answer = peer.call(Trigger, '/identifier_node/save')
     assert answer.success, answer.message
     first = json.loads(path.read_text())

@@ -20,7 +20,7 @@ from test.support.live import write_parameters
 from test.support.live_drive import Start
 from test.support.live_node import changed, NodeProcess, Peer, Raw
 
-LEARNING = 100.0  # [s] that a replay learns the vehicle from
+LEARNING = 75.0  # [s] that a replay learns the vehicle from
 CHANGES: dict[str, Any] = {
     'max_wait': 0.1, 'identifier.method': 'ekf', 'current.prior': 0.0,
     'angular_velocity.topic': '/gyro', 'angular_velocity.type': 'sensor_msgs/msg/Imu',

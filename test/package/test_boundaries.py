@@ -1,6 +1,7 @@
 """Who may import whom, and that everything but the node does without ROS."""
 
 import ast
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 import subprocess
@@ -60,10 +61,16 @@ sys.meta_path.insert(0, NoRos())
 """
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    """Return the tree of a file."""
+    return ast.parse(path.read_text(encoding='utf8'))
+
+
 def imports(path: Path) -> set[str]:
     """Return the full name of every module that a file imports, inside functions too."""
     names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding='utf8'))):
+    for node in ast.walk(parsed(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -135,7 +142,7 @@ def test_the_online_path_does_without_scipy(
 
 def test_core_draws_no_random_numbers(repository: Path) -> None:
     for path in module_files(repository, 'rovid_core'):
-        random = [node for node in ast.walk(ast.parse(path.read_text(encoding='utf8')))
+        random = [node for node in ast.walk(parsed(path))
                   if isinstance(node, ast.Attribute) and node.attr in ('random', 'default_rng')]
         random += [name for name in imports(path) if name.startswith('numpy.random')]
         assert not random or SEEDED in path.parts, f'{path} uses numpy.random'
@@ -144,7 +151,7 @@ def test_core_draws_no_random_numbers(repository: Path) -> None:
 def test_rclpy_only_in_the_node(repository: Path) -> None:
     for path in module_files(repository, 'rovid_ros'):
         if 'node' not in path.parts:
-            tree = ast.parse(path.read_text(encoding='utf8'))
+            tree = parsed(path)
             top = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
             assert 'rclpy' not in ast.unparse(ast.Module(top, [])), f'{path} imports rclpy'
 
@@ -178,7 +185,7 @@ def test_simulate_and_replay_without_ros(
 
 def imported_at_once(path: Path) -> list[str]:
     """Return the names that a file imports when it is itself imported."""
-    body = ast.parse(path.read_text(encoding='utf8')).body
+    body = parsed(path).body
     return [name for node in body if isinstance(node, ast.Import | ast.ImportFrom)
             for name in ([alias.name for alias in node.names] if isinstance(node, ast.Import)
                          else [f'{node.module}.{alias.name}' for alias in node.names])]

@@ -1,5 +1,6 @@
 """The command that makes the tables of docs/measurements/ again."""
 
+from dataclasses import replace
 import importlib.util
 from pathlib import Path
 import sys
@@ -36,13 +37,21 @@ def test_a_section_is_put_in_its_place_and_the_others_stay(tmp_path: Path) -> No
     assert text.index('## Simulated time') < text.index('## The node on DDS')
 
 
-def test_what_is_printed_is_kept_with_how_it_was_made(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+def test_what_is_printed_is_kept_with_how_it_was_made_and_a_failure_loses_nothing(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
 ) -> None:
+    start = figures.PARTS['speed'][1]['start']
+    monkeypatch.setitem(figures.PARTS, 'speed', ('What it costs', {
+        'broken': replace(start, title='Broken', quick='--walks 2', alone=False),
+        'start': start}))
+    figures.write(tmp_path / 'speed.md', 'speed', {'Broken': 'as it was', 'Start': 'old'})
     monkeypatch.setattr(sys, 'argv', [
-        'figures', 'speed.start', '--quick', '--output', str(tmp_path)])
-    figures.main()
-    text = (tmp_path / 'speed.md').read_text()
-    assert '| import numpy |' in text
-    assert '`python -m benchmarks.speed.start --runs 2`, commit ' in text
-    assert figures.machine() in text
+        'figures', 'speed', '--quick', '--output', str(tmp_path)])
+    with pytest.raises(SystemExit, match='failed.*: speed.broken$'):
+        figures.main()
+    assert 'unrecognized arguments: --walks 2' in capfd.readouterr().err
+    made = figures.sections_of(tmp_path / 'speed.md')
+    assert made['Broken'] == 'as it was'
+    assert '| import numpy |' in made['Start']
+    assert '`python -m benchmarks.speed.start --runs 2`, commit ' in made['Start']
+    assert figures.machine() in made['Start']

@@ -1,7 +1,7 @@
 """The package's metadata agree with each other and with what the code imports."""
 
 import ast
-from collections.abc import Iterator
+from functools import cache
 from importlib import import_module
 from importlib.metadata import distribution
 from pathlib import Path
@@ -36,8 +36,10 @@ def manifest(repository: Path) -> ElementTree.Element:
     return ElementTree.parse(repository / 'package.xml').getroot()
 
 
-def imported(path: Path) -> Iterator[str]:
-    """Yield the top-level name of each module that a file imports."""
+@cache
+def imported(path: Path) -> set[str]:
+    """Return the top-level name of each module that a file imports."""
+    found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding='utf8'))):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -45,7 +47,8 @@ def imported(path: Path) -> Iterator[str]:
             names = [node.module or '']
         else:
             continue
-        yield from (name.partition('.')[0] for name in names)
+        found |= {name.partition('.')[0] for name in names}
+    return found
 
 
 def imports(repository: Path, folders: tuple[str, ...], names: dict[str, str]) -> set[str]:

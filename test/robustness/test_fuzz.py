@@ -31,7 +31,7 @@ from test.support import recorded_logs
 from test.support.outputs import message_of
 from test.support.sensors import at_rates, sensed
 
-EXAMPLES = int(os.environ.get('ROVID_EXAMPLES', '100'))
+EXAMPLES = int(os.environ.get('ROVID_EXAMPLES', '40'))
 PATIENCE = 60
 """[s] after which an example hangs."""
 

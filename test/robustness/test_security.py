@@ -3,10 +3,8 @@
 from collections.abc import Callable
 import io
 from pathlib import Path
-import resource
 import struct
 import subprocess
-import sys
 from tempfile import TemporaryDirectory
 
 import lz4.frame
@@ -24,6 +22,8 @@ from rovid_ros.messages.field_paths import FieldError, parse
 from rovid_ros.messages.types import build, MAX_MESSAGE_SIZE, typestore, TypeUnknownError
 import yaml
 import zstandard
+
+from test.support.limited import run_limited
 
 REPOSITORY = Path(__file__).parents[2]
 CONFIG = REPOSITORY / 'config/bluerov2_ardusub.yaml'
@@ -152,15 +152,8 @@ HOSTILE: dict[str, Callable[[], bytes]] = {
 }
 
 
-def limited() -> None:
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-
-
-def replay(log: Path, config: Path = CONFIG) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, '-m', 'rovid_ros.commands', 'replay', str(log), '--params-file',
-         str(config)],
-        cwd=REPOSITORY, capture_output=True, text=True, timeout=120, preexec_fn=limited)
+def replay(log: Path) -> subprocess.CompletedProcess[str]:
+    return run_limited(['replay', log, '--params-file', CONFIG], MEMORY, log.parent / 'stderr')
 
 
 def check_refused(run: subprocess.CompletedProcess[str]) -> str:

@@ -113,12 +113,18 @@ def undisturbed(method: str = 'aid') -> tuple[ScoreLog, Estimate]:
     return log, stream.estimate
 
 
+@cache
+def _usual_errors(method: str) -> list[float]:
+    return _errors(*undisturbed(method))
+
+
+def _errors(log: ScoreLog, estimate: Estimate) -> list[float]:
+    return [log.score(dof.dof, dof.parameters).mae for dof in estimate.dofs]
+
+
 def worse(stream: Stream) -> float:
     """Return the largest mae of a DOF's model over that of the undisturbed run."""
-    log, usual = undisturbed(stream.settings.identifier.method)
+    method = stream.settings.identifier.method
     assert stream.estimate is not None
-
-    def mae(estimate: Estimate) -> list[float]:
-        return [log.score(dof.dof, dof.parameters).mae for dof in estimate.dofs]
-
-    return max(now / before for now, before in zip(mae(stream.estimate), mae(usual)))
+    return max(now / before for now, before in zip(
+        _errors(undisturbed(method)[0], stream.estimate), _usual_errors(method)))

@@ -21,6 +21,7 @@ from test.support.live_node import (
     heard,
     NodeProcess,
     Peer,
+    Raw,
     Status,
     TYPES,
     write_parameters,
@@ -70,6 +71,17 @@ def starting(environment: dict[str, str], folder: Path, repository: Path) -> Ite
         for node in started:
             node.kill()
             print(node.output)  # for who reads why a test failed
+
+
+def running(peer: Peer, start: Start, messages: Sequence[Raw], changes: dict[str, Any]
+            ) -> tuple[NodeProcess, list[Any]]:
+    """Start a node that takes messages; return it and what it says of its steps, some of them."""
+    estimates = peer.listen_to_steps()
+    node = start(changes)
+    peer.advertise(TYPES)
+    peer.publish(messages)
+    peer.settle(estimates, 50)
+    return node, estimates
 
 
 def assert_same(got: list[list[Status]], expected: list[list[Status]]) -> None:

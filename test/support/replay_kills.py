@@ -123,7 +123,7 @@ def replay_kills(folder: Path, count: int, seed: int, duration: float = 60.0) ->
     folder : Path
         An empty one to work in.
     count : int
-        How many kills.
+        How many kills; more if none of them has left a log with messages.
     seed : int
         Of the moments.
     duration : float
@@ -131,7 +131,8 @@ def replay_kills(folder: Path, count: int, seed: int, duration: float = 60.0) ->
 
     """
     chance, replays = random.Random(seed), Replays(folder, duration)
-    while replays.tally.kills < count:
+    tally = replays.tally
+    while tally.kills < count or not tally.messages and tally.kills < 10 * count:
         replays.kill(chance.uniform(0.3, 0.9) * replays.duration)
     replays.finish()
-    return replays.tally
+    return tally

@@ -278,7 +278,7 @@ MUTANTS = [
           'if vertical is None else vertical)', 'if True else vertical)')),
     *_of('rovid_core/velocity/velocity_source.py', 'test/core/test_attitude_history.py',
          ('the time of a mean is its end',
-          'time=middle,', 'time=end,'),
+          'Motion(start, end, middle,', 'Motion(start, end, end,'),
          ('what is refused reaches the others',
           'if not (self._is_slow(measured, dt) and self._is_slow(velocity, dt)):', 'if False:')),
     *_of('rovid_core/ordering/event_order.py', 'test/core/test_ordering.py '

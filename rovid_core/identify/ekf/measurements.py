@@ -128,18 +128,16 @@ class MeasurementClock:
     def _mean(self, start: float, i: int) -> Measurement:
         """Return the mean of the fixes that came together, which is one of less noise."""
         group, self._group = self._group, []
-        n, columns = len(group), 5 + self.couplings + self.watched
-        at = value = turn = slip = dt = 0.0
+        n, sums = len(group), [0.0] * len(group[0])
+        turn = slip = 0.0
         for row in group:
-            at += row[0]
-            value += row[1]
+            sums = [x + y for x, y in zip(sums, row)]
             turn += row[2] * row[2]
             slip += row[3] * row[3]
-            dt += row[4]
-        regressors = [math.fsum([row[k] for row in group]) / n for k in range(5, columns)]
+        means = [x / n for x in sums]
         return Measurement(
-            start, at / n, i, value / n, math.sqrt(turn), math.sqrt(slip) / self._velocity, dt,
-            regressors[:self.couplings], regressors[self.couplings:])
+            start, means[0], i, means[1], math.sqrt(turn), math.sqrt(slip) / self._velocity,
+            sums[4], means[5:5 + self.couplings], means[5 + self.couplings:])
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

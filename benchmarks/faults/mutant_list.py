@@ -357,13 +357,13 @@ MUTANTS = [
           'math.sqrt(self._entry(-1, -1))', '1.5 * math.sqrt(self._entry(-1, -1))'),
          ('the deviations of the couplings are in other units',
           'self._unit[3] * math.sqrt(', 'math.sqrt(')),
-    *_of('rovid_core/identify/ekf/score_blocks.py', 'test/core/test_ekf_honesty.py '
+    *_of('rovid_core/identify/ekf/evidence/score_blocks.py', 'test/core/test_ekf_honesty.py '
          'the_variance_that_blocks_state_is_that_of_a_mean',
          ('the covariance of the blocks is doubled',
           'self.c @ (mixed + self.prior)', '2.0 * self.c @ (mixed + self.prior)'),
          ('the covariance of the blocks is halved',
           'self.c @ (mixed + self.prior)', '0.5 * self.c @ (mixed + self.prior)')),
-    *_of('rovid_core/identify/ekf/unseen_terms.py', 'test/core/test_unseen_terms.py',
+    *_of('rovid_core/identify/ekf/evidence/unseen_terms.py', 'test/core/test_unseen_terms.py',
          ('a dead band is of no size', "'dead_band': (alpha,", "'dead_band': (0.0,"),
          ('a term that data exclude is as likely as before',
           '- math.log1p(power))', '+ 0.0 * power)')),

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 import math
 
+from rovid_core.identify.ekf.planar.layout import DOFS
 from rovid_core.identify.ekf.planar_kalman import PlanarKalman
-from rovid_core.identify.ekf.planar_layout import DOFS
 from rovid_core.model.dofs import HEADING
 from rovid_core.model.samples import Motion, PlanarPiece, PlanarStart, PlanarStep, Step
 from rovid_core.settings.run import Scales, Settings

@@ -6,11 +6,11 @@ from math import isfinite
 
 import numpy as np
 import pytest
+from rovid_core.identify.ekf.evidence.innovations import Innovations
+from rovid_core.identify.ekf.evidence.missing_terms import described
+from rovid_core.identify.ekf.evidence.score_blocks import f_tail, Missing, ScoreBlocks
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member
-from rovid_core.identify.ekf.innovations import Innovations
-from rovid_core.identify.ekf.missing_terms import described
-from rovid_core.identify.ekf.score_blocks import f_tail, Missing, ScoreBlocks
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step

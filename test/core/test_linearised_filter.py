@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.linearised_filter import LinearisedFilter
-from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter
+from rovid_core.identify.ekf.single.recent_force import RecentForce
 
 
 def parabola(times, values, i, time):

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.linearised_filter import CANDIDATES, DEAD_BAND
-from rovid_core.identify.ekf.planar_filter import PlanarFilter
-from rovid_core.identify.ekf.planar_layout import Noise, Row
-from rovid_core.identify.ekf.recent_force import RecentForce
-from rovid_core.identify.ekf.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.planar.filter import PlanarFilter
+from rovid_core.identify.ekf.planar.layout import Noise, Row
+from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, DEAD_BAND
+from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.model.samples import PlanarPiece
 
 ROWS = (Row(0, 6, 0.5, 4, ()), Row(6, 13, 0.4, 10, ((11, 0),)))

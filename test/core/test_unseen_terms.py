@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from rovid_core.identify.ekf.evidence.unseen_terms import averaged, expected, judged, summed
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
-from rovid_core.identify.ekf.recent_force import RecentForce
-from rovid_core.identify.ekf.unseen_terms import averaged, expected, judged, summed
+from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step

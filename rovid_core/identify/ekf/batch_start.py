@@ -9,10 +9,10 @@ from statistics import median
 from typing import Any, Generic, Protocol, TypeVar
 
 from rovid_core.identify.ekf.divergence import DivergenceError
-from rovid_core.identify.ekf.innovations import CLIPPED, HUBER, Innovations
-from rovid_core.identify.ekf.measurements import LEAST_INTERVAL
+from rovid_core.identify.ekf.evidence.innovations import CLIPPED, HUBER, Innovations
+from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.saved_steps import finite_number
-from rovid_core.identify.ekf.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.samples import PlanarStep, Step
 

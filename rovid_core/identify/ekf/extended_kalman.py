@@ -22,7 +22,15 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
-from rovid_core.identify.ekf.clocks import clocks_in_doubt
+from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
+from rovid_core.identify.ekf.evidence.innovations import SOON
+from rovid_core.identify.ekf.evidence.missing_terms import (
+    COUPLING_MISSING,
+    described,
+    is_coupling,
+    UNTOLD,
+)
+from rovid_core.identify.ekf.evidence.score_blocks import Verdict
 from rovid_core.identify.ekf.filter_bank import (
     BLOCK,
     FilterBank,
@@ -31,18 +39,10 @@ from rovid_core.identify.ekf.filter_bank import (
     OUTLIER,
     SAID,
 )
-from rovid_core.identify.ekf.innovations import SOON
-from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
-from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.missing_terms import (
-    COUPLING_MISSING,
-    described,
-    is_coupling,
-    UNTOLD,
-)
 from rovid_core.identify.ekf.normalised_model import CHANGE, FilterUncertainty, NormalisedModel
 from rovid_core.identify.ekf.saved_steps import read_step
-from rovid_core.identify.ekf.score_blocks import Verdict
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
+from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty

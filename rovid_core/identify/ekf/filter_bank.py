@@ -9,17 +9,17 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import BatchStart, Learner, LONGEST, PASSES
-from rovid_core.identify.ekf.free_prediction import FreePrediction
-from rovid_core.identify.ekf.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.linearised_filter import (
+from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
+from rovid_core.identify.ekf.evidence.score_blocks import SCATTERED, ScoreBlocks, Verdict
+from rovid_core.identify.ekf.single.free_prediction import FreePrediction
+from rovid_core.identify.ekf.single.linearised_filter import (
     Bounds,
     CANDIDATES,
     floats,
     LinearisedFilter,
     POSITION,
 )
-from rovid_core.identify.ekf.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.score_blocks import SCATTERED, ScoreBlocks, Verdict
+from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.unmodelled import UNMODELLED, Unmodelled
 
 MARGIN = 10.0

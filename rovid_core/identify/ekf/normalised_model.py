@@ -8,8 +8,8 @@ from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.clocks import DELAYS
-from rovid_core.identify.ekf.linearised_filter import ALPHA
+from rovid_core.identify.ekf.evidence.clocks import DELAYS
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA
 from rovid_core.model.dofs import COUPLING_PRIORS, Four, RESTORING
 from rovid_core.settings.run import Scales
 

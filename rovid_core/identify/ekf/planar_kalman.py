@@ -24,12 +24,20 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
-from rovid_core.identify.ekf.clocks import clocks_in_doubt
-from rovid_core.identify.ekf.current_status import (
+from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
+from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
     unseen_current,
     why_not_known,
 )
+from rovid_core.identify.ekf.evidence.innovations import SOON
+from rovid_core.identify.ekf.evidence.missing_terms import (
+    COUPLING_MISSING,
+    described,
+    is_coupling,
+    UNTOLD,
+)
+from rovid_core.identify.ekf.evidence.score_blocks import Missing, Verdict
 from rovid_core.identify.ekf.extended_kalman import (
     CORRELATION,
     FIRST_NOISE,
@@ -41,24 +49,16 @@ from rovid_core.identify.ekf.extended_kalman import (
     UNEXPLAINED,
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, SAID
-from rovid_core.identify.ekf.innovations import SOON
-from rovid_core.identify.ekf.linearised_filter import ALPHA, floats
-from rovid_core.identify.ekf.missing_terms import (
-    COUPLING_MISSING,
-    described,
-    is_coupling,
-    UNTOLD,
-)
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty
-from rovid_core.identify.ekf.planar_filter import Array
-from rovid_core.identify.ekf.planar_layout import AXES, CURRENT, DOFS
-from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement, PlanarMember
-from rovid_core.identify.ekf.planar_model import PlanarModel
-from rovid_core.identify.ekf.planar_prediction import PlanarPrediction
-from rovid_core.identify.ekf.planar_row import PlanarRow
+from rovid_core.identify.ekf.planar.filter import Array
+from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS
+from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement, PlanarMember
+from rovid_core.identify.ekf.planar.model import PlanarModel
+from rovid_core.identify.ekf.planar.prediction import PlanarPrediction
+from rovid_core.identify.ekf.planar.row import PlanarRow
+from rovid_core.identify.ekf.planar.turning import Turning
 from rovid_core.identify.ekf.saved_steps import read_planar_step
-from rovid_core.identify.ekf.score_blocks import Missing, Verdict
-from rovid_core.identify.ekf.turning import Turning
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from rovid_core.identify.ekf.linearised_filter import floats
+from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep, Step
 
 LARGEST_NUMBER = 1e18

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import Any, Final
 
-from rovid_core.identify.ekf.linearised_filter import floats, POSITION, VELOCITY
-from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.single.linearised_filter import floats, POSITION, VELOCITY
+from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.model.samples import Step
 
 LEAST_INTERVAL: Final = 0.039

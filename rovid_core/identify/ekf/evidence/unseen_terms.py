@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.linearised_filter import ALPHA, BETA, GAMMA
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA, BETA, GAMMA
 from rovid_core.identify.intervals import Z95
 
 Array = NDArray[np.float64]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from rovid_core.identify.ekf.linearised_filter import DEAD_BAND, LAG
-from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.single.linearised_filter import DEAD_BAND, LAG
+from rovid_core.identify.ekf.single.recent_force import RecentForce
 
 
 class Push:

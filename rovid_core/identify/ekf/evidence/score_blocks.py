@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.linearised_filter import ALPHA, CANDIDATES, floats
-from rovid_core.identify.ekf.unseen_terms import (
+from rovid_core.identify.ekf.evidence.unseen_terms import (
     averaged,
     expected,
     foremost,
@@ -25,6 +24,7 @@ from rovid_core.identify.ekf.unseen_terms import (
     summed,
     UnseenTerm,
 )
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA, CANDIDATES, floats
 from rovid_core.model.dofs import HEADING
 
 Array = NDArray[np.float64]

@@ -20,8 +20,8 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.divergence import DivergenceError
-from rovid_core.identify.ekf.recent_force import RecentForce
-from rovid_core.identify.ekf.sensitivities import Parameter, Regressor
+from rovid_core.identify.ekf.single.recent_force import RecentForce
+from rovid_core.identify.ekf.single.sensitivities import Parameter, Regressor
 
 ALPHA: Final = 0
 BETA: Final = 1

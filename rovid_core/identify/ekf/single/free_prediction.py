@@ -6,9 +6,9 @@ from collections.abc import Mapping
 import math
 from typing import Any, Final
 
-from rovid_core.identify.ekf.linearised_filter import floats, LinearisedFilter
-from rovid_core.identify.ekf.measurements import Measurement
-from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.single.linearised_filter import floats, LinearisedFilter
+from rovid_core.identify.ekf.single.measurements import Measurement
+from rovid_core.identify.ekf.single.recent_force import RecentForce
 
 SPAN: Final = 1.0
 """[s] over which velocities are taken from the path."""

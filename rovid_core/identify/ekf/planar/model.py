@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from rovid_core.identify.ekf.linearised_filter import CANDIDATES
 from rovid_core.identify.ekf.normalised_model import CHANGE, NormalisedModel
-from rovid_core.identify.ekf.planar_layout import AXES, DOFS, Row
+from rovid_core.identify.ekf.planar.layout import AXES, DOFS, Row
+from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
 from rovid_core.settings.run import Scales
 
 TURNING = {'surge': 'vr', 'sway': 'ur'}

@@ -7,12 +7,16 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from rovid_core.identify.ekf.alternatives import Alternative, better_than_a_current, NOT_JUDGED
+from rovid_core.identify.ekf.evidence.alternatives import (
+    Alternative,
+    better_than_a_current,
+    NOT_JUDGED,
+)
+from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
+from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks, Verdict
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
-from rovid_core.identify.ekf.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.linearised_filter import Bounds, floats
-from rovid_core.identify.ekf.planar_filter import PlanarFilter
-from rovid_core.identify.ekf.planar_layout import (
+from rovid_core.identify.ekf.planar.filter import PlanarFilter
+from rovid_core.identify.ekf.planar.layout import (
     ALTERNATIVES,
     AXES,
     DOFS,
@@ -21,8 +25,8 @@ from rovid_core.identify.ekf.planar_layout import (
     PlanarInnovation,
     Row,
 )
-from rovid_core.identify.ekf.recent_force import RecentForce
-from rovid_core.identify.ekf.score_blocks import ScoreBlocks, Verdict
+from rovid_core.identify.ekf.single.linearised_filter import Bounds, floats
+from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
 

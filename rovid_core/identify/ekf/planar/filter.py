@@ -21,7 +21,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.ekf.divergence import DivergenceError
-from rovid_core.identify.ekf.linearised_filter import (
+from rovid_core.identify.ekf.planar.layout import (
+    ALTERNATIVES,
+    CURRENT,
+    Looks,
+    Noise,
+    PlanarInnovation,
+    Row,
+    SIZE,
+)
+from rovid_core.identify.ekf.planar.push import Push
+from rovid_core.identify.ekf.single.linearised_filter import (
     Bounds,
     CANDIDATES,
     felt,
@@ -31,17 +41,7 @@ from rovid_core.identify.ekf.linearised_filter import (
     LARGEST_SUBSTEPS,
     LONGEST,
 )
-from rovid_core.identify.ekf.planar_layout import (
-    ALTERNATIVES,
-    CURRENT,
-    Looks,
-    Noise,
-    PlanarInnovation,
-    Row,
-    SIZE,
-)
-from rovid_core.identify.ekf.push import Push
-from rovid_core.identify.ekf.recent_force import RecentForce
+from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.model.samples import PlanarPiece
 
 Array = NDArray[np.float64]

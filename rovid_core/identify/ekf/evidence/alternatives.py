@@ -13,8 +13,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from rovid_core.identify.ekf.planar_layout import AXES
-from rovid_core.identify.ekf.score_blocks import f_tail, Regression, ScoreBlocks, Verdict
+from rovid_core.identify.ekf.evidence.score_blocks import f_tail, Regression, ScoreBlocks, Verdict
+from rovid_core.identify.ekf.planar.layout import AXES
 
 FALSE_ALARM = 1e-5
 """Probability that one of both is found at the end of a block where there is neither."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import math
 
 from rovid_core.identify.ekf.batch_start import PERIOD
-from rovid_core.identify.ekf.linearised_filter import floats
+from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.estimate import TURN
 from rovid_core.model.samples import PlanarPiece
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from rovid_core.identify.ekf.alternatives import Alternative
-from rovid_core.identify.ekf.planar_layout import Array
+from rovid_core.identify.ekf.evidence.alternatives import Alternative
+from rovid_core.identify.ekf.planar.layout import Array
 from rovid_core.identify.estimate import Current
 
 KNOWN, SEEN = 0.02, 1.0 / 3.0

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from rovid_core.identify.ekf.linearised_filter import (
+from rovid_core.identify.ekf.evidence.score_blocks import Missing
+from rovid_core.identify.ekf.single.linearised_filter import (
     ALPHA,
     BETA,
     CANDIDATES,
@@ -13,7 +14,6 @@ from rovid_core.identify.ekf.linearised_filter import (
     GAMMA,
     LAG,
 )
-from rovid_core.identify.ekf.score_blocks import Missing
 from rovid_core.model.dofs import RESTORING
 from rovid_core.settings.run import Scales
 

@@ -7,11 +7,11 @@ import math
 from typing import Any
 
 from rovid_core.identify.ekf.divergence import DivergenceError
-from rovid_core.identify.ekf.free_prediction import KEPT, SPAN
-from rovid_core.identify.ekf.linearised_filter import floats
-from rovid_core.identify.ekf.planar_filter import PlanarFilter
-from rovid_core.identify.ekf.planar_layout import Noise, Row
-from rovid_core.identify.ekf.planar_member import PlanarClock, PlanarMeasurement
+from rovid_core.identify.ekf.planar.filter import PlanarFilter
+from rovid_core.identify.ekf.planar.layout import Noise, Row
+from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement
+from rovid_core.identify.ekf.single.free_prediction import KEPT, SPAN
+from rovid_core.identify.ekf.single.linearised_filter import floats
 
 
 class PlanarPrediction:

@@ -1,0 +1,1 @@
+"""The filter of surge and sway together, in water that moves."""

@@ -1,0 +1,1 @@
+"""The filter of one degree of freedom."""

@@ -226,20 +226,20 @@ def test_a_reset_forgets_the_current(known):
 
 
 def test_after_a_change_the_vehicle_is_found_anew_and_the_current_stays():
-    of = Run(rate=5.0, weak=(200.0, 0.6), duration=250.0)
+    of = Run(rate=5.0, weak=(200.0, 0.6), duration=255.0)
     stream = Stream(settings(of))
     before = followed(stream, of, 200.0)[-1]
-    said = followed(stream, of, 220.0, 200.0)[-1]
+    said = followed(stream, of, 232.0, 200.0)[-1]
     assert 'the vehicle changed' in ' '.join(said.dofs[0].reasons)
     second = Stream(settings(of))
     stream.interrupt()  # the state has no histories of the inputs
     second.restore(json.loads(json.dumps(stream.state())))
-    last, other = [followed(one, of, start=220.0)[-1] for one in (stream, second)]
+    last, other = [followed(one, of, start=232.0)[-1] for one in (stream, second)]
     assert repr(last.current) == repr(other.current)
     assert all(masses_held(before))
     for dof in last.dofs:
         true = TRUTH[dof.dof].mass / 0.6
         assert 1.0 / dof.parameters[0] == pytest.approx(true, rel=0.04)
-        assert dof.std[0] < 0.02 * dof.parameters[0]
+        assert dof.std[0] < 0.025 * dof.parameters[0]
     assert last.current.status == 'known'
     assert away(last.current[:2]) < 0.02

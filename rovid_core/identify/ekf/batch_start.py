@@ -23,7 +23,7 @@ LONGEST = 5.9 * PERIOD
 """[s] after which the filter goes on by itself."""
 
 KNOWN = 0.2
-"""Relative std of alpha that is knowing it: what is kept is gone through half as often."""
+"""Relative std of alpha that is knowing it: what is kept is gone through when it has doubled."""
 
 USED, OUTLIER, UNLEARNED = range(3)
 """What a step is: a measurement, one that does not count, one that tells the motion alone."""
@@ -121,6 +121,12 @@ class BatchStart(Generic[M]):
         self._pieces.append((piece, use))
         if isinstance(piece, STEPS) and use != UNLEARNED:
             self.duration += piece.dt
+
+    def wait(self, known: bool) -> None:
+        """Find when all is to be gone through again; ``known`` tells whether alpha is."""
+        self.next = self.duration + PERIOD
+        if known:
+            self.next = max(self.next, min(2.0 * self.duration, LONGEST) + PERIOD)
 
     def accept_last_outliers(self, count: int) -> None:
         """Let the last outliers count: they were the vehicle."""

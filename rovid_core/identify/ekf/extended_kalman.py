@@ -303,7 +303,7 @@ class ExtendedKalman(Identifier):
         if start.duration > LONGEST:
             self._start = None
         else:
-            start.next = start.duration + (2.0 * PERIOD if known else PERIOD)
+            start.wait(known)
 
     def _end_blocks(self, found: Sequence[int], step: Step) -> None:
         """Look at the blocks that are complete."""

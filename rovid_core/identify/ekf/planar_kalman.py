@@ -275,7 +275,7 @@ class PlanarKalman:
             if not self._free:
                 turning.wait(start.duration)
             # once more when there is more of it
-            start.next = start.duration + PERIOD
+            start.wait(False)
             return
         if not self._free and start.duration > WINDOW:
             start.clear()
@@ -294,7 +294,7 @@ class PlanarKalman:
         filter = self._bank.best.filter
         known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in (
             self._model.rows[DOFS.index(dof)].first for dof in self._model.identified))
-        start.next = start.duration + (2.0 * PERIOD if known else PERIOD)
+        start.wait(known)
         if self._free and start.duration > LONGEST:
             self._start = None
 

@@ -357,7 +357,7 @@ MUTANTS = [
           'math.sqrt(self._entry(-1, -1))', '1.5 * math.sqrt(self._entry(-1, -1))'),
          ('the deviations of the couplings are in other units',
           'self._unit[3] * math.sqrt(', 'math.sqrt(')),
-    *_of('rovid_core/identify/ekf/evidence/score_blocks.py', 'test/core/test_ekf_honesty.py '
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'the_variance_that_blocks_state_is_that_of_a_mean',
          ('the covariance of the blocks is doubled',
           'self.c @ (mixed + self.prior)', '2.0 * self.c @ (mixed + self.prior)'),

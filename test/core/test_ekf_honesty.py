@@ -6,9 +6,11 @@ from math import isfinite
 
 import numpy as np
 import pytest
+from rovid_core.identify.ekf.evidence.block_fit import Missing
+from rovid_core.identify.ekf.evidence.f_distribution import f_tail
 from rovid_core.identify.ekf.evidence.innovations import Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import described
-from rovid_core.identify.ekf.evidence.score_blocks import f_tail, Missing, ScoreBlocks
+from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member
 from rovid_core.identify.intervals import intervals

@@ -22,6 +22,7 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
+from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
 from rovid_core.identify.ekf.evidence.innovations import SOON
 from rovid_core.identify.ekf.evidence.missing_terms import (
@@ -30,7 +31,6 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     is_coupling,
     UNTOLD,
 )
-from rovid_core.identify.ekf.evidence.score_blocks import Verdict
 from rovid_core.identify.ekf.filter_bank import (
     BLOCK,
     FilterBank,

@@ -9,8 +9,10 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import BatchStart, Learner, LONGEST, PASSES
+from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.evidence.score_blocks import SCATTERED, ScoreBlocks, Verdict
+from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.evidence.vehicle_change import SCATTERED
 from rovid_core.identify.ekf.single.free_prediction import FreePrediction
 from rovid_core.identify.ekf.single.linearised_filter import (
     Bounds,

@@ -24,6 +24,7 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
+from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
 from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
@@ -37,7 +38,6 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     is_coupling,
     UNTOLD,
 )
-from rovid_core.identify.ekf.evidence.score_blocks import Missing, Verdict
 from rovid_core.identify.ekf.extended_kalman import (
     CORRELATION,
     FIRST_NOISE,

@@ -13,7 +13,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from rovid_core.identify.ekf.evidence.score_blocks import f_tail, Regression, ScoreBlocks, Verdict
+from rovid_core.identify.ekf.evidence.block_fit import Regression, Verdict
+from rovid_core.identify.ekf.evidence.f_distribution import f_tail
+from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.planar.layout import AXES
 
 FALSE_ALARM = 1e-5

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rovid_core.identify.ekf.evidence.score_blocks import Verdict
+from rovid_core.identify.ekf.evidence.block_fit import Verdict
 
 DELAYS = (-0.05, 0.6)
 """Range of the delay [s]; far below 0 the force would have to be known ahead."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 
-from rovid_core.identify.ekf.evidence.score_blocks import Missing
+from rovid_core.identify.ekf.evidence.block_fit import Missing
 from rovid_core.identify.ekf.single.linearised_filter import (
     ALPHA,
     BETA,

@@ -12,8 +12,9 @@ from rovid_core.identify.ekf.evidence.alternatives import (
     better_than_a_current,
     NOT_JUDGED,
 )
+from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks, Verdict
+from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.planar.filter import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import (

@@ -1,0 +1,309 @@
+"""
+What some blocks of data give: parameters, honest intervals, and what the model lacks.
+
+The score of a block is the derivative of its log likelihood by the parameters. Where the model
+is right the scores of blocks scatter as their information says; where it is not they scatter
+more, and the covariance of the parameters follows from that scatter (the sandwich of H. White,
+Econometrica 50(1), 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.identify.ekf.evidence.unseen_terms import (
+    averaged,
+    expected,
+    foremost,
+    judged,
+    summed,
+    UnseenTerm,
+)
+
+Array = NDArray[np.float64]
+
+LEAST_COUNT = 6
+"""Blocks below which they say nothing."""
+
+REPEATED = 2.0
+"""Excess scatter above which an error repeats from block to block and does not average out."""
+
+NAMED_T, NAMED_GAIN = 4.0, 0.01
+"""Significance, and share of the squared innovations, from which a regressor is named."""
+
+NAMED_LEFT, TOLD = 1e-6, 1e-8
+"""
+Share of a regressor that the parameters cannot take the place of, from which it is named, and
+from which the data say anything of it; less is what rounding and the steps of the filter make.
+"""
+
+
+@dataclass(frozen=True)
+class Missing:
+    """
+    A regressor that the model lacks.
+
+    Attributes
+    ----------
+    name : str
+        One of the watched ones, or ``current``.
+    coefficient : float
+        What it would have, in typical velocities per second; of a current its size.
+    share : float
+        Of the squared innovations that it explains.
+
+    """
+
+    name: str
+    coefficient: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Regression:
+    """
+    What further regressors would explain.
+
+    Attributes
+    ----------
+    kappa : ndarray, shape (k,)
+        Their coefficients.
+    power : float
+        By how much -2 log of the likelihood would fall; chi-squared if there is nothing.
+    t_squared : float
+        The same by the scatter of the blocks, whatever the model says (Hotelling).
+    moved : ndarray, shape (active parameters,)
+        By how much the parameters fall short of what they would be, with the other sign.
+
+    """
+
+    kappa: Array
+    power: float
+    t_squared: float
+    moved: Array
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """
+    What the blocks say.
+
+    Attributes
+    ----------
+    covariance : p lists of p floats
+        Of the parameters.
+    scatter : float
+        Of the scores, relative to what the model says; 1 where it is right.
+    missing : Missing or None
+        The regressor that explains most of what the model does not.
+    count : int
+        Of the blocks.
+    theta : list of p floats
+        The parameters that fit all of them best, also beyond their bounds.
+    untold : tuple of str
+        The term of each DOF that it may have and that makes most of its alpha's variance.
+
+    """
+
+    covariance: list[list[float]]
+    scatter: float
+    missing: Missing | None
+    count: int
+    theta: list[float]
+    untold: tuple[str, ...]
+
+
+class BlockFit:
+    """
+    The parameters that some blocks give, and how their scores scatter.
+
+    Parameters
+    ----------
+    active : sequence of a ints
+        The parameters that are found, of all that the blocks tell of.
+    theta, variances : sequence of floats
+        What was known of all parameters before.
+    information : ndarray, shape (n, q, q)
+        Of the blocks.
+    score : ndarray, shape (n, q)
+        Theirs.
+    free : int
+        How many of the active ones the data alone have to tell, the first ones; the others have
+        priors of the size that they may have. 0 for all.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (a,)
+        The parameters that fit best.
+    h, c : ndarray, shape (a, a)
+        Their information with the prior, and its inverse.
+    total : ndarray, shape (q, q)
+        Information of all blocks.
+    u, v : ndarray, shapes (n, a) and (a, a)
+        What is left of each score, and the sum of its squares; once ``scatter`` was asked for.
+
+    """
+
+    def __init__(self, active: Sequence[int], theta: Sequence[float],
+                 variances: Sequence[float], information: Array, score: Array,
+                 free: int = 0) -> None:
+        self.active, self._p = list(active), len(theta)
+        self.free = free or len(active)
+        a = np.array(self.active)
+        self.n, self.information, self.score = len(information), information, score
+        prior, start = 1.0 / np.array(variances)[a], np.array(theta)[a]
+        self.total = information.sum(axis=0)
+        self.prior = np.diag(prior)
+        self.h = self.total[a[:, None], a] + self.prior
+        self.c = np.linalg.inv(self.h)
+        self.theta = self.c @ (score[:, a].sum(axis=0) + prior * start)
+
+    def scatter(self) -> float:
+        """Find how much more the scores scatter than the model says, 1 where it is right."""
+        return max(1.0, self._excess() * self.n / max(self.n - self.free, 0.5))
+
+    def _excess(self) -> float:
+        a = np.array(self.active)
+        self.own = self.information[:, a[:, None], a]
+        self.u = self.score[:, a] - self.own @ self.theta
+        self.v = self.u.T @ self.u
+        return float(np.trace(self.c @ self.v)) / len(a)
+
+    def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
+                considered: Mapping[int, float], rows: Sequence[tuple[str, int]]) -> Verdict:
+        n, a, scatter = self.n, self.active, self.scatter()
+        known, seen = scatter * self.total[np.ix_(a, a)], n / max(n - len(a), 0.5) * self.v
+        # how far what is seen lies from what the model says, and how far chance alone puts it;
+        # what is no more than chance is left out (O. Ledoit and M. Wolf, Journal of Multivariate
+        # Analysis 88(2), 2004)
+        off = self.c @ seen - scatter * np.eye(len(a))
+        chance = scatter * scatter * len(a) * (len(a) + 1) / n
+        share = min(chance / max(float(np.einsum('ij,ji', off, off)), chance), 1.0)
+        mixed = share * known + (1.0 - share) * seen
+        covariance = self.c @ (mixed + self.prior) @ self.c
+        if wrong_model or scatter > REPEATED:
+            covariance = covariance * max(1.0, n / LEAST_COUNT)
+        missing, moved = None, np.zeros(len(a))
+        for name, columns in candidates.items():
+            found = self._test(columns, float(counts.sum()))
+            if found is not None and found[1] > (missing.share if missing else NAMED_GAIN):
+                kappa, share, moved = found
+                missing = Missing(name, kappa, share)
+        covariance = covariance + np.outer(moved, moved)
+        more, untold = np.zeros_like(covariance), []
+        for begin, first in rows:
+            if missing is not None and missing.name.startswith(begin):
+                continue
+            terms = self._unseen(candidates, 1.0, begin, first)
+            if terms:
+                added, alpha = averaged(list(terms.values()), covariance), a.index(first)
+                if added[alpha, alpha] > covariance[alpha, alpha]:
+                    untold.append(foremost(terms, alpha))
+                more = more + added
+        covariance = covariance + more
+        for k, variance in considered.items():
+            # after S. F. Schmidt: what it moves the parameters by
+            leaning = self.c @ self.total[a, k]
+            covariance = covariance + variance * np.outer(leaning, leaning)
+        return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
+                       tuple(untold))
+
+    def unseen(self, candidates: Mapping[str, list[int]],
+               rows: Sequence[tuple[str, int]]) -> list[list[float]]:
+        """
+        Return what terms that nothing tells yet add to the covariance.
+
+        Each is there or not by itself: a few blocks cannot weigh one against the other.
+        """
+        excess = self._excess()
+        # one block alone tells nothing of the scatter
+        scatter = max(1.0, excess * self.n / (self.n - 1)) if self.n > 1 else math.inf
+        terms = [term for begin, first in rows
+                 for term in self._unseen(candidates, scatter, begin, first).values()]
+        return self._full(summed(terms, len(self.active)))
+
+    def _unseen(self, candidates: Mapping[str, list[int]], scatter: float, begin: str,
+                first: int) -> dict[str, UnseenTerm]:
+        """Return what the blocks say of terms that a DOF may have, by name."""
+        terms: dict[str, UnseenTerm] = {}
+        for term, (std, sign) in expected(self.all_parameters()[first:]).items():
+            name = begin + term
+            if name not in candidates:
+                continue
+            w, rest, s, i, left = self._remainder(candidates[name])
+            coefficient = information = 0.0
+            if left > TOLD and self.n > 1:
+                known = float(rest[0, 0])
+                coefficient = float(s.sum()) / known
+                off = s[:, 0] - coefficient * i[:, 0, 0]
+                spread = self.n / (self.n - 1) * float(np.einsum('n,n', off, off))
+                # no better known than the scatter of the blocks says
+                information = known / max(1.0, spread / known) / scatter
+            terms[name] = judged(w[:, 0].tolist(), coefficient, information, std, sign)
+        return terms
+
+    def _full(self, covariance: Array) -> list[list[float]]:
+        """Return a covariance with zeros for the parameters that are left out."""
+        full = np.zeros((self._p, self._p))
+        full[np.ix_(self.active, self.active)] = 0.5 * (covariance + covariance.T)
+        return list(full.tolist())
+
+    def all_parameters(self) -> list[float]:
+        """Return the parameters, with zeros for those that are left out."""
+        theta = np.zeros(self._p)
+        theta[self.active] = self.theta
+        return list(theta.tolist())
+
+    def _remainder(self, columns: Sequence[int]) -> tuple[Array, Array, Array, Array, float]:
+        """
+        Return what is left of regressors that the parameters cannot take the place of.
+
+        Returns
+        -------
+        ndarrays of shape (a, k), (k, k), (n, k) and (n, k, k), and a float
+            What they move the parameters by; their information, in all; score and information
+            of each block; and what is left, as a share.
+
+        """
+        a, k = np.array(self.active)[:, None], np.array(columns)
+        to, own = self.information[:, a, k], self.information[:, k[:, None], k]
+        w = self.c @ to.sum(axis=0)
+        rest = own.sum(axis=0) - to.sum(axis=0).T @ w
+        s = self.score[:, k] - self.theta @ to - self.u @ w
+        mixed = np.einsum('ak,nal->nkl', w, to)
+        i = own - mixed - mixed.transpose(0, 2, 1) + np.einsum(
+            'ak,nab,bl->nkl', w, self.own, w)
+        most = float(np.diag(own.sum(axis=0)).max())
+        left = float(np.diag(rest).min()) / most if most > 0.0 else 0.0
+        return w, rest, s, i, left
+
+    def _test(self, columns: Sequence[int],
+              count: float) -> tuple[float, float, Array] | None:
+        """
+        Return coefficient and gain of a regressor, and what the parameters would move by.
+
+        None where it is not significant. Of several columns the coefficient is their size.
+        """
+        found = self.regression(columns)
+        if found is None or not min(found.power, found.t_squared) > NAMED_T * NAMED_T:
+            return None
+        kappa = found.kappa
+        size = float(kappa[0]) if len(kappa) == 1 else float(np.linalg.norm(kappa))
+        # with the regressor the squared innovations are as many as there are of them
+        return size, found.power / (found.power + count), found.moved
+
+    def regression(self, columns: Sequence[int]) -> Regression | None:
+        """Return what regressors would explain, None where it cannot be told."""
+        w, rest, s, i, left = self._remainder(columns)
+        if not left > NAMED_LEFT or (len(columns) > 1 and np.linalg.cond(rest) > 1e6):
+            return None
+        total = s.sum(axis=0)
+        kappa = np.linalg.solve(rest, total)
+        scatter = s - i @ kappa
+        spread = self.n / (self.n - 1) * np.einsum('nk,nl->kl', scatter, scatter)
+        return Regression(kappa, float(total @ kappa), float(
+            total @ np.linalg.pinv(spread, hermitian=True) @ total), w @ kappa)

@@ -1,0 +1,75 @@
+"""Whether the vehicle has changed: newer blocks of data that contradict the older ones."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from rovid_core.identify.ekf.evidence.block_fit import BlockFit
+from rovid_core.identify.ekf.evidence.f_distribution import f_tail
+
+Array = NDArray[np.float64]
+
+WEIGHT = 6.0
+"""Blocks that the model's own covariance counts as where newer ones are compared."""
+
+FALSE_ALARM = 1e-6
+"""Probability that one test takes an unchanged vehicle for changed."""
+
+MATTERS = 0.05
+"""Least change of the force that is one, in what the model says."""
+
+SCATTERED = 1.5
+"""Excess scatter above which the newest blocks are taken to scatter as the old ones."""
+
+
+def contradicts(information: Array, score: Array, fit: BlockFit, largest_scatter: float) -> bool:
+    """
+    Tell whether newer blocks contradict what older ones gave, in a way that matters.
+
+    Parameters
+    ----------
+    information : ndarray, shape (w, q, q)
+        Of the newer blocks.
+    score : ndarray, shape (w, q)
+        Theirs.
+    fit : BlockFit
+        Of the older ones.
+    largest_scatter : float
+        Of the older ones, from which they do not tell.
+
+    """
+    a, n, w, m = fit.active, fit.n, len(information), fit.free
+    own = information[:, np.array(a)[:, None], a].sum(axis=0)
+    u = score[:, a].sum(axis=0) - own @ fit.theta
+    of_model, theta = own[:m, :m], fit.theta[:m]
+    step = np.linalg.solve(of_model + fit.prior[:m, :m], u[:m])
+    if not float(step @ of_model @ step) >= MATTERS**2 * float(theta @ of_model @ theta):
+        return False
+    scatter = fit.scatter()
+    if scatter > largest_scatter:
+        return False
+    mean = WEIGHT * scatter * fit.total[np.ix_(a, a)] / n
+    b = (mean + fit.v) / (WEIGHT + n)
+    known = fit.c @ ((WEIGHT * scatter * fit.h + n * fit.v) / (WEIGHT + n)) @ fit.c
+    if scatter > SCATTERED:
+        spread = 0.5 * scatter * own + 0.5 * w * b
+    else:
+        spread = scatter * own
+    s = spread + own @ known @ own
+    # not that of one number, though it is one: blocks of a wrong model scatter unevenly
+    freedom = n - m
+    inverse = np.linalg.pinv(s, hermitian=True)
+    by_model = own[:, :m]
+    told = by_model.T @ inverse @ u
+    t = float(told @ np.linalg.pinv(by_model.T @ inverse @ by_model, hermitian=True)
+              @ told) / m
+    if f_tail(t, m, freedom) < FALSE_ALARM:
+        return True
+    for g in (theta, np.eye(m)[0]):
+        row = by_model @ g
+        bottom = float(row @ inverse @ row)
+        if bottom > 0.0:
+            t = float(row @ inverse @ u)**2 / bottom
+            if f_tail(t, 1, freedom) < FALSE_ALARM:
+                return True
+    return False

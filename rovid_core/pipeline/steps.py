@@ -166,6 +166,8 @@ class Pipeline:
         """Go back to the initial parameters; filters and histories stay."""
         for dof in self.dofs:
             dof.identifier.reset()
+        if self._couplings is not None:
+            self._couplings.forget_filtered()
         self.refresh()
         for source in self._sources:
             source.last = None
@@ -324,7 +326,7 @@ class Pipeline:
         """
         span = source.coupling_span(motion)
         if source.couplings and self._couplings is not None and span is not None:
-            # surge and sway themselves do not wait for their filter
+            # what the filter of surge and sway waits for cannot wait for it
             missing = self._couplings.missing(
                 source.couplings, *span, self._planar_of(source) is not None)
             if missing:
@@ -350,6 +352,8 @@ class Pipeline:
             source.note_gap()
         if reason != 'too_fast':  # one wild fix costs one step; the state is still good
             source.interrupt()
+            if self._couplings is not None and self._planar_of(source) is not None:
+                self._couplings.forget_filtered()
 
     def _make_step(self, source: FilteredSource, motion: Motion, now: int,
                    estimates: list[Estimate]) -> None:
@@ -444,7 +448,11 @@ class Pipeline:
         current, velocity = planar.filter.current, planar.filter.water_velocity
         if self._scorer is not None and current.is_seen:
             self._scorer.add_current(time, current.x, current.y)
-        if self._couplings is not None and velocity is not None:
+        if self._couplings is None:
+            return
+        if velocity is None:
+            self._couplings.forget_filtered()
+        else:
             self._couplings.add_filtered(time, (velocity[0], velocity[1], heave))
 
     def _axis(self, dof: str, time: int) -> tuple[float, ...]:

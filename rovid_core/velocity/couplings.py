@@ -6,10 +6,11 @@ How the other degrees of freedom act on one: measured regressors of the coupled 
 A regressor x_j is a product of the *other* DOFs' mean velocities over the interval between two
 measurements, or a restoring term of the attitude. The means are not low-passed, because a
 low-pass of v r is not the product of the low-passed v and r, and because the noise of one mean
-is independent of that of the other. Where surge and sway are estimated in moving water, others are
-coupled with what their filter makes of the measurements: it is through the water, and has a small
-part of the noise of a difference of fixes, which a single velocity such as ``v`` of yaw would hand
-on to the parameters as a bias.
+is independent of that of the other. Where surge and sway are estimated in moving water, DOFs of
+other inputs are coupled with what their filter makes of the measurements: it is through the water
+as far as the current is known, and has a small part of the noise of a difference of fixes, which
+a single velocity such as ``v`` of yaw would hand on to the parameters as a bias. What is only
+watched takes the measured ones.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ class MeanVelocities:
         self._point: tuple[int, Vector] | None = None
 
     def begins_by(self, time: int) -> bool:
-        """Tell whether a velocity is known at a time [ns] or was before it."""
+        """Tell whether velocities are known from a time [ns] on, or from before it."""
         return bool(self._means) and self._means[0][0] <= time
 
     @property
@@ -186,6 +187,10 @@ class CouplingRegressors:
             history.add_point(motion.end, motion.body, self._timeouts[input])
         else:
             history.add_mean(motion.start, motion.end, motion.body)
+
+    def forget_filtered(self) -> None:
+        """Go back to velocities as they are measured: the filter has none for now."""
+        self._filtered.restart()
 
     def _linear_from(self, start: int, measured: bool) -> MeanVelocities:
         """Return the linear velocities that count from a time [ns] on."""

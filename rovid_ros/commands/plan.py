@@ -271,7 +271,7 @@ def plan_text(proposal: Proposal, params_file: ParameterSource) -> str:
     parts.append('Half the width of the 95 % intervals at best (Cramer-Rao), in percent of the '
                  'value. Worst: of\nthe model and of vehicles whose mass and drags are up to '
                  f'{proposal.request.factor:g} times off, all of which keep the limits.\n'
-                 'AMPLITUDE@FREQUENCY: the same of one sinusoid, for comparison.')
+                 'AMPLITUDE@FREQUENCY: the same for one sinusoid, for comparison.')
     if proposal.turn:
         parts.append(
             f'Turn by 90 degrees, 45 at least, every {proposal.turn:g} s: at one heading a '

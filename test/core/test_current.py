@@ -69,16 +69,29 @@ def test_a_vehicle_that_turns_finds_the_current_and_itself(turning):
         assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.03)
 
 
-def test_yaw_is_coupled_with_the_velocity_through_the_water():
+def with_yaw():
+    """Return settings that identify yaw, too, with its couplings."""
     known, true = settings(FIXES), TRUTH['yaw']
-    stream = Stream(replace(known, dofs=('surge', 'sway', 'yaw'), dof={
+    return replace(known, dofs=('surge', 'sway', 'yaw'), dof={
         **known.dof, 'yaw': DofSettings(1.5 * true.mass, true.quadratic_drag / 1.8,
-                                        couplings=('v', 'uv'))}))
-    yaw = followed(stream, FIXES)[-1].dofs[2]
+                                        couplings=('v', 'uv'))})
+
+
+def test_yaw_is_coupled_with_the_velocity_through_the_water():
+    true = TRUTH['yaw']
+    yaw = followed(Stream(with_yaw()), FIXES)[-1].dofs[2]
     # over ground, and with the noise of single fixes, the mass was more than twice the true one
     assert 1.0 / yaw.parameters[0] == pytest.approx(true.mass, rel=0.2)
     assert yaw.couplings[1] == pytest.approx(
         (TRUTH['surge'].mass - TRUTH['sway'].mass) / true.mass, rel=0.2)
+
+
+def test_yaw_goes_on_when_the_filter_of_surge_and_sway_begins_anew():
+    stream = Stream(with_yaw())
+    followed(stream, FIXES, 40.0)
+    stream.control('reset', '')
+    assert followed(stream, FIXES, 50.0, 40.0)[-1].dofs[2].steps > 195  # at 20 Hz
+    assert not stream.rejected_by_reason().get('no_coupling')
 
 
 def test_the_interval_of_the_current_holds_it(turning):

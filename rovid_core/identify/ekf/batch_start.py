@@ -23,7 +23,7 @@ LONGEST = 5.9 * PERIOD
 """[s] after which the filter goes on by itself."""
 
 KNOWN = 0.2
-"""Relative std of alpha that is knowing it: what is kept is gone through when it has doubled."""
+"""Relative std of alpha that is knowing it: what is kept may double before it is gone through."""
 
 USED, OUTLIER, UNLEARNED = range(3)
 """What a step is: a measurement, one that does not count, one that tells the motion alone."""

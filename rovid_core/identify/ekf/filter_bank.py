@@ -252,15 +252,14 @@ class FilterBank(Generic[M]):
     @property
     def tracker(self) -> M:
         """
-        Return the best member whose velocity the measurements correct.
+        Return the member whose velocity follows the measurements.
 
         Where the path slips by itself they say nothing of it, and it is what the model makes of
-        the thrust alone.
+        the thrust alone; with an unknown force it follows them whatever the model is worth.
         """
-        if not self.best.unmodelled.slip:
-            return self.best
-        return min([member for member in self.members if not member.unmodelled.slip],
-                   key=lambda member: member.innovations.likelihood)
+        best = self.best
+        return best if not best.unmodelled.slip else next(
+            member for member in self.members if member.unmodelled.force_std)
 
     def choose(self) -> None:
         """Choose the likeliest member, one that takes the model to be wrong only if it has to."""

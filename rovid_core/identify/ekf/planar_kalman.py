@@ -92,8 +92,8 @@ class PlanarKalman:
     newest : int or None
         Time of the end of the last step [ns].
     water_velocity : tuple of 2 floats or None
-        Of surge and sway through the water at that time [m/s], as far as it is known; None before
-        the parameters have been found from the first data.
+        Of surge and sway through the water at that time [m/s], over ground while nothing is known
+        of a current; None before the parameters have been found from the first data.
 
     """
 
@@ -180,7 +180,7 @@ class PlanarKalman:
         self.refused = ''
         if not self._in_range(step):
             self._moving = False
-            self.refused = 'out_of_range'
+            self.refused, self.water_velocity = 'out_of_range', None
             return
         if not self._moving:
             self.restart(_start_of(step))
@@ -271,7 +271,8 @@ class PlanarKalman:
         turning = self._turning
         if not self._free and turning.has_turned and not turning.lacks(start.duration):
             self._free = True
-            self._free = self._is_found = self._bank.go_through_again(start, self._theta, True)
+            self._free = self._bank.go_through_again(start, self._theta, True)
+            self._is_found |= self._free
             if not self._free:
                 turning.wait(start.duration)
             # once more when there is more of it

@@ -132,8 +132,8 @@ class BlockFit:
     score : ndarray, shape (n, q)
         Theirs.
     free : int
-        How many of the active ones the data alone have to tell, the first ones; the others have
-        priors of the size that they may have. 0 for all.
+        How many of the active ones belong to the model, the first ones; the others are what the
+        vehicle may have besides, with priors of that size. 0 for all.
 
     Attributes
     ----------
@@ -171,7 +171,9 @@ class BlockFit:
         self.own = self.information[:, a[:, None], a]
         self.u = self.score[:, a] - self.own @ self.theta
         self.v = self.u.T @ self.u
-        return float(np.trace(self.c @ self.v)) / len(a)
+        # a parameter that its prior holds adds nothing to the trace, nor to what it is shared by
+        known = float(np.trace(self.c @ self.total[a[:, None], a]))
+        return float(np.trace(self.c @ self.v)) / max(known, 1.0)
 
     def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                 considered: Mapping[int, float], rows: Sequence[tuple[str, int]]) -> Verdict:

@@ -228,12 +228,13 @@ class ScoreBlocks:
             for name, columns in self._candidates.items():
                 if not name.startswith(begin):
                     continue
-                std, _ = sizes.get(name[len(begin):], (0.0, 0))
+                term = name[len(begin):]
                 for k in columns:
-                    if information[k] > 0.0:
+                    if term in sizes:
+                        variances[k] = sizes[term][0]**2 if information[k] > 0.0 else 0.0
+                    elif information[k] > 0.0:
                         # a coupling may move the vehicle as much as the thrust does
-                        variances[k] = std * std or (
-                            theta[ALPHA]**2 * information[first] / information[k])
+                        variances[k] = theta[ALPHA]**2 * information[first] / information[k]
         theta = [*self._theta, *[0.0] * (self._q - len(self._theta))]
         active = [k for k, variance in enumerate(variances) if variance > 0.0]
         return BlockFit(active, theta, variances, fit.information, fit.score, len(self._active))

@@ -33,6 +33,9 @@ LARGEST_Z = 30.0
 CLOSE = 1e-12
 """Relative step at which the end of an interval is found."""
 
+MOST_SECANTS = 100
+"""Steps of that search at most; it takes about ten."""
+
 
 def expected(theta: Sequence[float]) -> dict[str, tuple[float, int]]:
     """
@@ -167,16 +170,17 @@ def _half_width(parts: Sequence[tuple[float, float, float]]) -> float:
     low, high = 0.0, max(mean + Z95 * std for _, mean, std in parts)
     # a secant between both sides; of the side that stays the error is halved (Illinois)
     above, below = 0.95, _beyond(high, parts) - 0.05
-    while True:
+    for _ in range(MOST_SECANTS):
         middle = high - below * (high - low) / (below - above)
         error = _beyond(middle, parts) - 0.05
         step = min(middle - low, high - middle) if error else 0.0
         if step <= CLOSE * high:
-            return middle
+            break
         if error > 0.0:
             low, above, below = middle, error, 0.5 * below
         else:
             high, below, above = middle, error, 0.5 * above
+    return middle
 
 
 def _beyond(width: float, parts: Sequence[tuple[float, float, float]]) -> float:

@@ -456,9 +456,9 @@ class PlanarFilter:
             for i, low, high in bounds:
                 theta[i] = min(max(theta[i], low), high)
             self.set_theta(theta)
-        least = min([*self.covariance.diagonal().tolist(),
-                     *self.theta_covariance.diagonal().tolist()])
-        if not -1e-12 <= least < math.inf:
+        if not all(-1e-12 <= variance < math.inf for variance in (
+                *self.covariance.diagonal().tolist(),
+                *self.theta_covariance.diagonal().tolist())):
             raise DivergenceError('the covariance is not positive')
 
     def widen_motion(self, path: float, velocity: float) -> None:

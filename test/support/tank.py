@@ -59,7 +59,8 @@ def tank_scores(logs: Path) -> tuple[Estimate, dict[str, Score]]:
     _, trained = replayed(logs, 'surge_sway_heave.mcap', settings)
     validation = measured(logs, 'all_axes.mcap', settings)
     return trained, {
-        d.dof: validation.score(d.dof, (*d.parameters, *d.couplings)) for d in trained.dofs}
+        d.dof: validation.score(d.dof, (*d.parameters, *d.couplings), d.delay)
+        for d in trained.dofs}
 
 
 def offline_fits(logs: Path) -> dict[str, tuple[float, float]]:

@@ -23,7 +23,7 @@ LONGEST = 5.9 * PERIOD
 """[s] after which the filter goes on by itself."""
 
 KNOWN = 0.2
-"""Relative std of alpha that is knowing it: what is kept may double before it is gone through."""
+"""Relative std of alpha that is knowing it: what is kept is gone through half as often."""
 
 USED, OUTLIER, UNLEARNED = range(3)
 """What a step is: a measurement, one that does not count, one that tells the motion alone."""
@@ -124,9 +124,7 @@ class BatchStart(Generic[M]):
 
     def wait(self, known: bool) -> None:
         """Find when all is to be gone through again; ``known`` tells whether alpha is."""
-        self.next = self.duration + PERIOD
-        if known:
-            self.next = max(self.next, min(2.0 * self.duration, LONGEST) + PERIOD)
+        self.next = self.duration + (2.0 * PERIOD if known else PERIOD)
 
     def accept_last_outliers(self, count: int) -> None:
         """Let the last outliers count: they were the vehicle."""

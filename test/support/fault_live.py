@@ -89,7 +89,7 @@ class _Live:
         file = write_parameters(folder / 'parameters.yaml', values)
         self.node = NodeProcess(
             ['--ros-args', '--params-file', file, '-r', f'__ns:={namespace}'],
-            child_environment(), folder, REPOSITORY)
+            child_environment(), folder, REPOSITORY, 'test.support.patient_node')
         self.peer.advertise(topics)
 
     def publish(self, messages: Messages, expected: Outcome) -> None:

@@ -5,8 +5,8 @@ import pytest
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.planar.filter import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Noise, Row
-from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, DEAD_BAND
-from rovid_core.identify.ekf.single.recent_force import RecentForce
+from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
+from rovid_core.identify.ekf.single.recent_force import DEAD_BAND, RecentForce
 from rovid_core.model.samples import PlanarPiece
 
 ROWS = (Row(0, 6, 0.5, 4, ()), Row(6, 13, 0.4, 10, ((11, 0),)))
@@ -83,14 +83,16 @@ def test_a_current_that_nobody_saw_may_have_changed():
     assert filter.current()[1] == pytest.approx(1e-3 * np.eye(2))
 
 
+COMMANDS = np.array([0.9, -0.7, 0.1, -0.1, 0.6, -1.0, 0.15, 0.8, -0.3, -0.9, 0.5, 0.05])
+BEND = DEAD_BAND * (abs(COMMANDS)**3).sum() / (COMMANDS**2).sum()
+
+
 @pytest.mark.parametrize('k', [0, 1])
 @pytest.mark.parametrize(('column', 'bent'), [
     (0, lambda force: np.minimum(force, 0.0)),
-    (2, lambda force: np.clip(force, -DEAD_BAND, DEAD_BAND))])
+    (2, lambda force: DEAD_BAND * np.clip(force / BEND, -1.0, 1.0))])
 def test_what_bends_with_the_thrust_is_taken_of_each_command(k, column, bent):
     """Weaker reverse thrust and a dead band, where commands jump within a measurement."""
-    commands = np.array([0.9, -0.7, 0.1, -0.1, 0.6, -1.0, 0.15, 0.8, -0.3, -0.9, 0.5, 0.05])
-
     def moved(size):
         filter = PlanarFilter(ROWS, THETA, [0.0] * 15, Noise(0.0, 0.0))
         filter.set_motion((0.3, -0.1), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
@@ -98,7 +100,7 @@ def test_what_bends_with_the_thrust_is_taken_of_each_command(k, column, bent):
         recent = RecentForce(), RecentForce()
         for i, one in enumerate(recent):
             alpha = THETA[ROWS[i].first]
-            forces = commands + (size / alpha * bent(commands) if i == k else 0.0)
+            forces = COMMANDS + (size / alpha * bent(COMMANDS) if i == k else 0.0)
             one.add([(0.07, force) for force in forces], held=True)
         for i in range(3):
             filter.move(recent, 0.1 + 0.2 * i, 0.3 + 0.2 * i,

@@ -120,11 +120,11 @@ def test_a_force_that_bends_is_taken_of_each_command():
     for start, end in ((0.05, 0.95), (0.31, 0.45), (-0.5, 0.4), (0.45, 1.3), (1.2, 1.4)):
         time = np.linspace(start, end, 200_001)
         force = np.select([time < 0.3, time < 0.5, time < 0.6], [2.0, -1.0, 0.05], -0.5)
-        for got, bent in zip(recent.bent(start, end, 0.2), (
+        for got, bent in zip(recent.bent(start, end), (
                 np.minimum(force, 0.0), np.clip(force, -0.2, 0.2))):
             assert got[0] == pytest.approx(np.trapezoid(bent, time), abs=1e-4)
             assert got[1] == pytest.approx(np.trapezoid(bent * (end - time), time), abs=1e-4)
-    assert RecentForce().bent(0.0, 1.0, 0.2) == ((0.0, 0.0), (0.0, 0.0))
+    assert RecentForce().bent(0.0, 1.0) == ((0.0, 0.0), (0.0, 0.0))
 
 
 def test_what_nothing_tells_yet_goes_on_after_a_restore():

@@ -10,10 +10,10 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     ALPHA,
     BETA,
     CANDIDATES,
-    DEAD_BAND,
     GAMMA,
     LAG,
 )
+from rovid_core.identify.ekf.single.recent_force import DEAD_BAND
 from rovid_core.model.dofs import RESTORING
 from rovid_core.settings.run import Scales
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rovid_core.identify.ekf.single.linearised_filter import DEAD_BAND, LAG
+from rovid_core.identify.ekf.single.linearised_filter import LAG
 from rovid_core.identify.ekf.single.recent_force import RecentForce
 
 
@@ -21,7 +21,7 @@ class Push:
     lagged, lag : float
         The force behind a lag at the end of the last step, and how it differs over it.
     reverse, reverse_moment, cut, cut_moment : float
-        Impulse and moment of the force in reverse, and of that up to ``DEAD_BAND``.
+        Impulse and moment of the force in reverse, and of what a dead band takes of it.
 
     """
 
@@ -49,4 +49,4 @@ class Push:
         self.lag = (force - self.lagged) * gone * LAG / h
         self.lagged += gone * (force - self.lagged)
         (self.reverse, self.reverse_moment), (self.cut, self.cut_moment) = recent.bent(
-            start, end, DEAD_BAND)
+            start, end)

@@ -20,7 +20,7 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.divergence import DivergenceError
-from rovid_core.identify.ekf.single.recent_force import RecentForce
+from rovid_core.identify.ekf.single.recent_force import DEAD_BAND, RecentForce
 from rovid_core.identify.ekf.single.sensitivities import Parameter, Regressor
 
 ALPHA: Final = 0
@@ -35,9 +35,6 @@ VELOCITY: Final = 1
 
 CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', 'lag')
 """Regressors that are watched: what a vehicle often has and the model has not."""
-
-DEAD_BAND: Final = 0.2
-"""Thrust up to which a dead-band is looked for, in typical forces."""
 
 LAG: Final = 0.15
 """[s] of the thruster lag that is looked for."""
@@ -210,10 +207,10 @@ class LinearisedFilter:
         of_alpha, alpha_way = felt(impulse, moment, h, rate, s)
         if first == last and abs(force - first) < STEADY:
             of_reverse, reverse_way = (of_alpha, alpha_way) if force < 0.0 else (0.0, 0.0)
-            share = DEAD_BAND / max(abs(force), DEAD_BAND)
+            share = DEAD_BAND / max(abs(force), recent.bend)
             of_cut, cut_way = share * of_alpha, share * alpha_way
         else:
-            reverse, cut = recent.bent(start, end, DEAD_BAND)
+            reverse, cut = recent.bent(start, end)
             of_reverse, reverse_way = felt(reverse[0], reverse[1], h, rate, s)
             of_cut, cut_way = felt(cut[0], cut[1], h, rate, s)
         drag = w * size

@@ -5,10 +5,13 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 import math
-from typing import Any
+from typing import Any, Final
 
 KEPT = 4.0
 """[s] that are kept, at least."""
+
+DEAD_BAND: Final = 0.2
+"""Thrust up to which a dead-band is looked for, in the size that thrust has."""
 
 
 class RecentForce:
@@ -19,6 +22,14 @@ class RecentForce:
     between two. Of a force that changes smoothly only the means over spans are known; there the
     line leans by what the means on either side say. After the newest span, and before the
     oldest, the force is the mean of that span.
+
+    Attributes
+    ----------
+    bend : float
+        Below which the force that ``bent`` returns is in proportion: ``DEAD_BAND`` of the force
+        so far, which counts by its square, and of 1 at most. A force that never gets beyond it
+        would tell nothing of a dead band.
+
     """
 
     def __init__(self) -> None:
@@ -27,6 +38,8 @@ class RecentForce:
         self._slopes: list[float] = []
         self._held = False  # the newest span
         self._near = 0  # the span that was asked for last
+        self._squares = self._cubes = 0.0  # integrals of the force's
+        self.bend = DEAD_BAND
 
     @property
     def end(self) -> float:
@@ -55,6 +68,11 @@ class RecentForce:
             if not time > begin:
                 continue
             mean = force / unit
+            size, square = abs(mean), mean * mean * length
+            self._squares += square
+            self._cubes += size * square
+            if self._cubes:
+                self.bend = DEAD_BAND * min(self._cubes / self._squares, 1.0)
             if held and self._held and mean == means[-1]:
                 times[-1] = time
                 continue
@@ -121,12 +139,12 @@ class RecentForce:
             start, slope, mean = stop, slopes[i], means[i]
         return impulse, moment, first, mean + 0.5 * slope * length
 
-    def bent(self, start: float, end: float,
-             width: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    def bent(self, start: float, end: float) -> tuple[tuple[float, float], tuple[float, float]]:
         """
-        Return impulse and moment of the force in reverse, and of the force cut to +-``width``.
+        Return impulse and moment of the force in reverse, and of what a dead band takes of it.
 
-        Of each span by itself: the mean of commands that jump is none of the forces that acted.
+        The latter is ``DEAD_BAND`` and has the sign of the force, and is less below ``bend``. Of
+        each span by itself: the mean of commands that jump is none of the forces that acted.
         ``start`` is before ``end`` [s].
         """
         times, means, slopes = self._times, self._means, self._slopes
@@ -143,7 +161,7 @@ class RecentForce:
             if force < 0.0:
                 reverse += force * length
                 reverse_moment += force * length * left
-            part = (width if force > width else -width if force < -width else force) * length
+            part = DEAD_BAND * force / max(abs(force), self.bend) * length
             cut += part
             cut_moment += part * left
             if stop == end:
@@ -171,7 +189,8 @@ class RecentForce:
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'times': list(self._times), 'means': list(self._means),
-                'slopes': list(self._slopes), 'held': self._held}
+                'slopes': list(self._slopes), 'held': self._held,
+                'squares': self._squares, 'cubes': self._cubes, 'bend': self.bend}
 
     def restore(self, state: Any) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -180,5 +199,10 @@ class RecentForce:
         if not len(times) - 1 == len(means) == len(slopes) or sorted(set(times)) != times or (
                 not all(map(math.isfinite, (*times, *means, *slopes)))):
             raise ValueError('the recent force does not fit')
+        squares, cubes, bend = (float(state[name]) for name in ('squares', 'cubes', 'bend'))
+        if not (0.0 <= squares < math.inf and 0.0 <= cubes < math.inf
+                and 0.0 < bend <= DEAD_BAND):
+            raise ValueError('the size of the force does not fit')
+        self._squares, self._cubes, self.bend = squares, cubes, bend
         self._times, self._means, self._slopes = times, means, slopes
         self._held, self._near = bool(state['held']), 0

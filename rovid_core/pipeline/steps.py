@@ -454,6 +454,18 @@ class Pipeline:
             self._couplings.forget_filtered()
         else:
             self._couplings.add_filtered(time, (velocity[0], velocity[1], heave))
+        if planar.filter.current_is_new:
+            self._begin_anew_in_water(self._couplings)
+
+    def _begin_anew_in_water(self, couplings: CouplingRegressors) -> None:
+        """Forget what DOFs have learned that were coupled with velocities over ground."""
+        for source in self._sources:
+            for i in source.indices if self._planar_of(source) is None else ():
+                dof = self.dofs[i]
+                if couplings.has_velocity(self._settings.couplings(self._settings.dofs[i])):
+                    dof.identifier.reset()
+                    dof.refresh()
+                    source.last = None
 
     def _axis(self, dof: str, time: int) -> tuple[float, ...]:
         """Return x and y of the axis of surge or sway in the world, () where no current shows."""

@@ -212,6 +212,10 @@ class CouplingRegressors:
             found = self._missing_attitude(start, end)
         return 'no_coupling' if found == 'no_attitude' else found
 
+    def has_velocity(self, names: tuple[str, ...]) -> bool:
+        """Tell whether a linear velocity is in any of some regressors."""
+        return self._needed(names).linear
+
     def _needed(self, names: tuple[str, ...]) -> Needed:
         known = self._known_needs.get(names)
         if known is None:

@@ -28,6 +28,7 @@ from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
 from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
+    flows,
     unseen_current,
     why_not_known,
 )
@@ -94,6 +95,8 @@ class PlanarKalman:
     water_velocity : tuple of 2 floats or None
         Of surge and sway through the water at that time [m/s], over ground while nothing is known
         of a current; None before the parameters have been found from the first data.
+    current_is_new : bool
+        Whether the last step made known, for the first time, a current that is not 0.
 
     """
 
@@ -111,7 +114,7 @@ class PlanarKalman:
     def _begin(self, theta: Sequence[float]) -> None:
         self._theta = [*list(theta)[:-2], 0.0, 0.0]
         self._variances = list(self._model.variances)
-        self._free = self._is_found = False
+        self._free = self._is_found = self._knew_current = self.current_is_new = False
         self.water_velocity: tuple[float, float] | None = None
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
@@ -177,7 +180,7 @@ class PlanarKalman:
             False leaves the parameters as they are; the current goes on.
 
         """
-        self.refused = ''
+        self.refused, self.current_is_new = '', False
         if not self._in_range(step):
             self._moving = False
             self.refused, self.water_velocity = 'out_of_range', None
@@ -232,6 +235,8 @@ class PlanarKalman:
         self.water_velocity = (self._water_velocity(0, step), self._water_velocity(1, step)) if (
             self._is_found) else None
         self._publish()
+        if self._current.status == 'known' and not self._knew_current:
+            self._knew_current, self.current_is_new = True, flows(self._current)
 
     def _update(self, member: PlanarMember, span: PlanarMeasurement, adapt: bool,
                 beginning: bool) -> int:
@@ -468,7 +473,8 @@ class PlanarKalman:
         """Return all that is needed to go on from here."""
         return {
             'theta': list(self._theta), 'variances': list(self._variances),
-            'free': self._free, 'found': self._is_found, 'bank': self._bank.state(),
+            'free': self._free, 'found': self._is_found,
+            'knew_current': self._knew_current, 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'prediction': self._prediction.state(), 'time': self._time,
@@ -492,7 +498,8 @@ class PlanarKalman:
         self._begin(theta)
         self._theta = theta
         self._variances = floats(state['variances'], self._model.size)
-        self._free, self._is_found = bool(state['free']), bool(state['found'])
+        self._free, self._is_found, self._knew_current = (
+            bool(state[name]) for name in ('free', 'found', 'knew_current'))
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._bank.restore(state['bank'])
         self._clock.restore(state['clock'])

@@ -27,7 +27,7 @@ PREDICTS = (0.9, 0.85)
 # What a vehicle often has and the model has not, each an acceleration with one regressor.
 CANDIDATES = (
     'a dead band of the thrusters', 'reverse thrust', 'reverse drag', 'a lag of the thrusters')
-DEAD_BAND = 0.2  # thrust up to which a dead-band is looked for, in typical forces
+DEAD_BAND = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
 LAG = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
 # of the model's acceleration that it is.
@@ -36,7 +36,11 @@ KNOWN = 0.05  # relative standard deviation of alpha up to which the minute show
 MASS_OFF = 0.1  # relative difference from the minute's own mass that is too much
 SIGNIFICANT = 2.0  # standard deviations of that mass that are left to chance
 NEAR = 0.5  # relative change of alpha up to which one step of Gauss-Newton is a good one
+TINY = 1e-300  # variance of a path without any errors
 ALONE = 1e-6  # least share of a candidate's square that the parameters must not explain
+
+UNTOLD_DEAD_BAND = (
+    'a dead band of the thrusters cannot be told from the mass yet: push at several sizes')
 
 
 @dataclass(frozen=True)
@@ -131,20 +135,34 @@ class LastMinute:
         if not fit >= PREDICTS[converged]:  # True for NaN
             return ('without corrections it predicts '
                     f'{100.0 * fit if fit > 0.0 else 0.0:.0f} % of the motion')
-        count = sum(b.count for b in self._blocks)
-        std = math.sqrt(left / max(count - len(on), 1) * inverse[0, 0]) / alpha
+        variance = left / max(sum(b.count for b in self._blocks) - len(on), 1)
+        std = math.sqrt(variance * inverse[0, 0]) / alpha
         if not std < KNOWN:
             return 'the mass does not show'
+        # a dead band that may be there as far as the minute tells; before it, as wide as the one
+        # that is looked for
+        i = len(self._size)
+        by_own = inverse @ normal[on, i]
+        told = max(float(normal[i, i] - normal[on, i] @ by_own), 0.0)
+        if by_own[0] > MASS_OFF * math.sqrt(1.0 + alpha * alpha * told / max(variance, TINY)):
+            return UNTOLD_DEAD_BAND
         if abs(off) <= MASS_OFF + SIGNIFICANT * std:
             return ''
         other = 'smaller' if off > 0.0 else 'larger'
         return f'the last minute by itself asks for a {other} mass'
 
+    def _thrust(self) -> float:
+        """Return the size of the force over the block, which counts by its square; never 0."""
+        squares = [h * force * force for h, _, force, _ in self._steps]
+        total = sum(squares)
+        return sum(square * abs(one[2]) for square, one in zip(squares, self._steps)) / total if (
+            total > 0.0) else self._scales.force
+
     def _block(self) -> Block:
         """Simulate the model over the block and return the sums of its errors."""
         alpha, beta, gamma, delta = self._model[:4]
         force_scale, speed_scale = self._scales.force, self._scales.velocity
-        dead = DEAD_BAND * force_scale
+        dead = DEAD_BAND * min(self._thrust(), force_scale)
         k = len(self._size) + len(CANDIDATES)
         # derivatives of velocity and path with respect to the velocity at the start, and to the
         # accelerations; that of the path with respect to its own start is 1. There are so few
@@ -167,7 +185,7 @@ class LastMinute:
             lagged += gone * (force - lagged)
             phi = [y * size for y, size in zip((force, drag, w, 1.0, *others), self._size)]
             phi += (
-                max(-dead, min(dead, force)) / force_scale, min(force, 0.0) / force_scale,
+                DEAD_BAND * force / max(abs(force), dead), min(force, 0.0) / force_scale,
                 min(drag, 0.0) / speed_scale**2, late / force_scale)
             rest = 1.0 - half * (2.0 * beta * abs(w) + gamma)
             mean = [(y + half * z) / rest for y, z in zip(of_v, (0.0, *phi))]

@@ -1,9 +1,10 @@
 """What a model's errors over a minute follow, on vehicles that are not the model."""
 
+from dataclasses import replace
 from random import Random
 
 import pytest
-from rovid_core.identify.last_minute import LastMinute
+from rovid_core.identify.last_minute import LastMinute, UNTOLD_DEAD_BAND
 from rovid_core.model.plant import advance, lumped
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
@@ -20,8 +21,8 @@ from test.support.real_vehicles import (
 )
 
 
-def doubt(kind, model=TRUTH, duration=70.0):
-    minute = LastMinute(Scales.of(GUESS))
+def doubt(kind, model=TRUTH, duration=70.0, guess=GUESS):
+    minute = LastMinute(Scales.of(guess))
     for piece in pieces(VEHICLES[kind], 1, duration):
         if isinstance(piece, Step):
             minute.add_step(piece, model)
@@ -38,6 +39,17 @@ def test_the_truth_is_not_doubted_after_a_minute():
     ('reverse drag x 1.3', 'reverse drag'), ('lag 0.15 s', 'a lag of the thrusters')])
 def test_what_the_vehicle_has_and_the_model_has_not_is_named(kind, name):
     assert doubt(kind).endswith(f'of the error follows {name}, which the model does not have')
+
+
+def test_a_dead_band_is_named_also_where_the_guess_is_far_too_strong():
+    guess = replace(GUESS, typical_force=4.0 * Scales.of(GUESS).force)
+    assert 'a dead band of the thrusters' in doubt('dead-band 3 N', guess=guess)
+
+
+def test_a_dead_band_hides_behind_the_mass_where_thrust_has_one_size():
+    part = 20.0 / 17.0
+    seen = lumped(part * MASS, part * QUADRATIC, part * LINEAR, part * BIAS)
+    assert doubt('dead-band, 20 N or -20 N', seen) == UNTOLD_DEAD_BAND
 
 
 @pytest.mark.parametrize(('factor', 'asked'), [(1.2, 'smaller'), (0.8, 'larger')])

@@ -14,6 +14,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     LAG,
 )
 from rovid_core.identify.ekf.single.recent_force import DEAD_BAND
+from rovid_core.identify.last_minute import UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import RESTORING
 from rovid_core.settings.run import Scales
 
@@ -82,8 +83,7 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
 UNTOLD = {
     'reverse_thrust': 'weaker thrust in reverse cannot be told from the mass yet: push both ways',
     'reverse_drag': 'other drag in reverse cannot be told from the mass yet: move both ways',
-    'dead_band': 'a dead band of the thrusters cannot be told from the mass yet: push at several '
-                 'sizes',
+    'dead_band': UNTOLD_DEAD_BAND,
     'lag': 'a lag of the thrusters cannot be told from the mass yet: change the thrust more often'}
 """What to do about a term that a log does not tell, by its name."""
 

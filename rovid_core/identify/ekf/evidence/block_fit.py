@@ -190,8 +190,10 @@ class BlockFit:
         if wrong_model or scatter > REPEATED:
             covariance = covariance * max(1.0, n / LEAST_COUNT)
         missing, moved = None, np.zeros(len(a))
+        sizes = {begin + name: std for begin, first in rows
+                 for name, (std, _) in expected(self.all_parameters()[first:]).items()}
         for name, columns in candidates.items():
-            found = self._test(columns, float(counts.sum()))
+            found = self._test(columns, float(counts.sum()), sizes.get(name, math.inf))
             if found is not None and found[1] > (missing.share if missing else NAMED_GAIN):
                 kappa, share, moved = found
                 missing = Missing(name, kappa, share)
@@ -283,17 +285,21 @@ class BlockFit:
         left = float(np.diag(rest).min()) / most if most > 0.0 else 0.0
         return w, rest, s, i, left
 
-    def _test(self, columns: Sequence[int],
-              count: float) -> tuple[float, float, Array] | None:
+    def _test(self, columns: Sequence[int], count: float,
+              largest: float) -> tuple[float, float, Array] | None:
         """
         Return coefficient and gain of a regressor, and what the parameters would move by.
 
-        None where it is not significant. Of several columns the coefficient is their size.
+        None where it is not significant, or known less well than to ``largest``, which is what
+        it may be at all: chance makes some huge ones of a regressor that hardly acts. Of several
+        columns the coefficient is their size.
         """
         found = self.regression(columns)
         if found is None or not min(found.power, found.t_squared) > NAMED_T * NAMED_T:
             return None
         kappa = found.kappa
+        if len(kappa) == 1 and not kappa[0]**2 < found.power * largest**2:
+            return None
         size = float(kappa[0]) if len(kappa) == 1 else float(np.linalg.norm(kappa))
         # with the regressor the squared innovations are as many as there are of them
         return size, found.power / (found.power + count), found.moved

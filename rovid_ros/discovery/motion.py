@@ -54,7 +54,7 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
     Return the body velocities that follow from signals, by the name of their input.
 
     ``angles`` are heading [rad] in the world of the position, at the attitude's times, if the
-    attitude is not a quaternion of it.
+    attitude is not a quaternion of it; the body is taken to be level then.
     """
     seen = [used[name] for name in ('position', 'depth', 'attitude', 'angular_velocity',
                                     'velocity', 'thrusters') if name in used]
@@ -77,11 +77,14 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
     if 'position' in used:
         fixes = used['position']
         rates = [_rate(fixes.times, column, times, half) for column in fixes.values.T]
-        if heading is not None:
+        if heading is None:
+            velocities['heave'] = rates[2]
+        elif angles is None:
+            velocities.update(zip(DOFS, _in_body(used['attitude'], times, np.array(rates))))
+        else:
             turned = (rates[0] + 1j * rates[1]) * np.exp(-1j * np.interp(
                 times, used['attitude'].times, heading))
-            velocities['surge'], velocities['sway'] = turned.real, turned.imag
-        velocities['heave'] = rates[2]
+            velocities.update(surge=turned.real, sway=turned.imag, heave=rates[2])
     if 'velocity' in used:
         body = used['velocity']
         for dof, column in zip(DOFS, body.values.T):
@@ -103,6 +106,21 @@ def headings(q: Array) -> Array:
     """Return the headings [rad] of attitudes, x, y, z, w in each row."""
     x, y, z, w = q.T
     return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def _in_body(attitude: Signal, times: Array, velocity: Array) -> Array:
+    """Return velocities in the world, shape (3, n), along the axes of the body."""
+    lengths = np.linalg.norm(attitude.values, axis=1)
+    known = lengths > 0.5  # a driver that has none yet gives zeros
+    q = attitude.values[known] / lengths[known, np.newaxis]
+    # q and -q are one attitude, but nothing lies between them
+    signs = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
+    q[1:] *= np.cumprod(signs)[:, np.newaxis]
+    x, y, z, w = [np.interp(times, attitude.times[known], column) for column in q.T]
+    axis = np.array([x, y, z])
+    aside = np.cross(axis, velocity, axis=0)
+    return np.asarray(velocity + 2.0 * (
+        np.cross(axis, aside, axis=0) - w * aside) / (x * x + y * y + z * z + w * w))
 
 
 def _rate(times: Array, values: Array, grid: Array, half: float) -> Array:

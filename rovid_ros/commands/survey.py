@@ -13,7 +13,7 @@ import textwrap
 from typing import Any
 
 from rovid_core.settings.run import Settings
-from rovid_ros.commands.arguments import add_params_file, add_part, count
+from rovid_ros.commands.arguments import add_params_file, add_part, count, html
 from rovid_ros.commands.compare import check_plotly
 from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.replay import replay

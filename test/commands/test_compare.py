@@ -236,3 +236,12 @@ def test_a_report_without_plotly_is_refused_before_the_work(
     error, = capsys.readouterr().err.splitlines()
     assert "pip install 'rovid_ros[report]'" in error
     assert not out.exists()
+
+
+def test_a_report_is_called_html(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder / 'report.pdf'
+    assert main(['compare', str(folder / 't1.mcap'), '--params-file', str(folder / 'p.yaml'),
+                 '--report', str(out)]) == 2
+    error, = capsys.readouterr().err.splitlines()
+    assert f'got {str(out)!r}, takes a name that ends in .html' in error
+    assert not out.exists()

@@ -203,7 +203,7 @@ class Pipeline:
         known = [dof.sizes for dof in self.dofs if dof.sizes.duration >= after]
         if known:
             self._sizes_told = True
-            advice = [line for sizes in known for line in sizes.advice()]
+            advice = [line for sizes in known for line in sizes.advice(after >= LONG)]
             if advice:
                 self._hint('typical sizes, which decide what is rest and what are enough data, '
                            f'are far off: set {", ".join(advice)}')

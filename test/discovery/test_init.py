@@ -307,3 +307,18 @@ def test_what_no_configuration_can_be_made_of(
         error = capsys.readouterr().err
         assert says in error and error.count('\n') == 1
         assert not there.exists()
+
+
+def test_a_configuration_is_not_written_over_another(
+        logs: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, yaml = logs['odometry_wrench'], tmp_path / 'mine.yaml'
+    command = ['init', str(log), '--output', str(yaml)]
+    assert main(command) == 0
+    made = yaml.read_text()
+    assert main(command) == 0  # it is the same
+    yaml.write_text(made.replace('method: ekf', 'method: aid'))
+    capsys.readouterr()
+    assert main(command) == 1
+    error, = capsys.readouterr().err.splitlines()
+    assert error.startswith(f'rovid init: {yaml}: is there, and is another configuration')
+    assert 'method: aid' in yaml.read_text()

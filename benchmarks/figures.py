@@ -22,12 +22,16 @@ from pathlib import Path
 import platform
 import re
 import shlex
+import signal
 import subprocess
 import sys
 import time
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / 'docs' / 'measurements'
+PATIENCE = 10.0  # [s] that a module has to clean up after an interrupt
+
+_RUNNING: set[subprocess.Popen[str]] = set()
 
 
 @dataclass(frozen=True)
@@ -150,8 +154,12 @@ def all_made(names: Iterable[tuple[str, str]], quick: bool) -> Iterator[tuple[st
             try:
                 for run in as_completed(runs):
                     yield *runs[run], run.result()
-            finally:
-                pool.shutdown(cancel_futures=True)  # of an interrupt: begin no more of them
+            finally:  # of an interrupt: begin no more of them, and end those that run
+                pool.shutdown(wait=False, cancel_futures=True)
+                while not all(run.done() for run in runs):
+                    for process in [*_RUNNING]:
+                        _end(process)
+                    time.sleep(0.1)
 
 
 def made(section: Section, quick: bool) -> str:
@@ -161,12 +169,15 @@ def made(section: Section, quick: bool) -> str:
         arguments.insert(0, str(logs))
     began = time.monotonic()
     # on its own: a process that has imported much gives its peak memory to its children
-    done = subprocess.run(
-        [sys.executable, '-m', f'benchmarks.{section.module}', *arguments], cwd=ROOT,
-        env={**os.environ, 'PYTHONPATH': str(ROOT), 'OPENBLAS_NUM_THREADS': '1'},
-        stdout=subprocess.PIPE, text=True, check=False)
-    if done.returncode:
-        print(f'{done.stdout}\nexit code {done.returncode}', file=sys.stderr)
+    with subprocess.Popen(
+            [sys.executable, '-m', f'benchmarks.{section.module}', *arguments], cwd=ROOT,
+            env={**os.environ, 'PYTHONPATH': str(ROOT), 'OPENBLAS_NUM_THREADS': '1'},
+            stdout=subprocess.PIPE, text=True, start_new_session=True) as process:
+        _RUNNING.add(process)
+        printed, _ = process.communicate()
+        _RUNNING.remove(process)
+    if process.returncode:
+        print(f'{printed}\nexit code {process.returncode}', file=sys.stderr)
         return ''
     command = ' '.join(['python', '-m', f'benchmarks.{section.module}', *(
         'bluerov2_tank' if one == str(recordings()) else one for one in arguments)])
@@ -174,7 +185,19 @@ def made(section: Section, quick: bool) -> str:
              f'{(time.monotonic() - began) / 60:.1f} min on {machine()}.']
     if section.recordings and not recordings():
         notes.append('The tank recordings were not there.')
-    return f'{done.stdout.strip()}\n\n{" ".join(notes)}'
+    return f'{printed.strip()}\n\n{" ".join(notes)}'
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    """End a module and all that it has started, which is its process group."""
+    for signal_number, patience in ((signal.SIGINT, PATIENCE), (signal.SIGKILL, None)):
+        try:
+            os.killpg(process.pid, signal_number)
+            process.wait(patience)
+        except subprocess.TimeoutExpired:
+            pass
+        except ProcessLookupError:  # all of it is gone
+            return
 
 
 def recordings() -> Path | None:
@@ -261,6 +284,7 @@ def main() -> None:
         parser.error(str(error))
     names = [(part, name) for part, sections in asked.items() for name in sections
              if PARTS[part][1][name].quick or not given.quick]
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     failed = []
     for part, name, text in all_made(names, given.quick):
         if text:
@@ -279,4 +303,7 @@ def main() -> None:
 
 
 if __name__ == '__main__':
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        raise SystemExit('interrupted: what was made before stays') from None

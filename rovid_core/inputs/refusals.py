@@ -30,6 +30,7 @@ REASONS = {
     'no_sign': 'a command before the first message of thrusters.sign',
     'stale_sign': 'thrusters.sign has been silent for its timeout',
     'too_fast': 'it would mean a speed beyond velocity.max',
+    'burst': 'ten times sooner than the one before: their difference is mostly noise',
     'outlier': 'it does not follow from the measurements before (velocity.gate)',
     'stuck': 'the sensor repeats the very same value under thrust',
     'overflow': 'too many measurements wait for their attitude',

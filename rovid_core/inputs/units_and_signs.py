@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
-from operator import mul, sub
+from operator import lt, mul, sub
 
 from rovid_core.model.dofs import Vector
 from rovid_core.model.samples import Step
@@ -366,13 +366,19 @@ class TypicalSizeCheck:
         squares[1] += square * dt
         fourths[1] += square * square * dt
 
-    def advice(self) -> list[str]:
-        """Return the keys that are far off, each with what it could be."""
+    def advice(self, is_long: bool) -> list[str]:
+        """
+        Return the keys that are far off, each with what it could be.
+
+        Where little pushes and moves a DOF in a short log, it may not have been driven yet.
+        """
         if not all(self._squares):
             return []
         # the amplitude of a sinusoid
         sizes = [math.sqrt(4.0 / 3.0 * x / y) for x, y in zip(self._fourths, self._squares)]
+        typical = self._scales.force, self._scales.velocity
+        if not is_long and all(map(lt, sizes, typical)):
+            return []
         return [f'{self._dof}.typical.{name} {size:.2g} instead of {used:.2g}'
-                for name, size, used in zip(('force', 'velocity'), sizes,
-                                            (self._scales.force, self._scales.velocity))
+                for name, size, used in zip(('force', 'velocity'), sizes, typical)
                 if not used / FAR_OFF <= size <= used * FAR_OFF]

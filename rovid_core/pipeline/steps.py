@@ -203,7 +203,7 @@ class Pipeline:
         known = [dof.sizes for dof in self.dofs if dof.sizes.duration >= after]
         if known:
             self._sizes_told = True
-            advice = [line for sizes in known for line in sizes.advice()]
+            advice = [line for sizes in known for line in sizes.advice(after >= LONG)]
             if advice:
                 self._hint('typical sizes, which decide what is rest and what are enough data, '
                            f'are far off: set {", ".join(advice)}')
@@ -350,7 +350,7 @@ class Pipeline:
         self._reject(source.input, reason)
         if reason == 'gap':
             source.note_gap()
-        if reason != 'too_fast':  # one wild fix costs one step; the state is still good
+        if reason not in ('too_fast', 'burst'):  # it costs one step; the state is still good
             source.interrupt()
             if self._couplings is not None and self._planar_of(source) is not None:
                 self._couplings.forget_filtered()

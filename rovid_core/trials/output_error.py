@@ -172,7 +172,8 @@ class Residuals:
         full = np.zeros((len(self._active), len(self._active)))
         full[np.ix_(self._active, self._active)] = sigma**2 * scale[:, None] * own * scale
         spread = np.linalg.eigvalsh(own)
-        return Information(full, float(spread[-1] / max(spread[0], 1e-300)))
+        with np.errstate(over='ignore'):  # of what a log does not tell at all
+            return Information(full, float(spread[-1] / max(spread[0], 1e-300)))
 
     def inflation(self, parameters: Sequence[float]) -> float:
         """Return by how much correlated residuals raise the variance, at least 1."""

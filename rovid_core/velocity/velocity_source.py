@@ -24,6 +24,12 @@ SPEED_SPAN = 0.1
 SHORTEST = 0.001
 """[s] Least interval of which that holds; below, a burst was stamped as it came."""
 
+BURST = 10
+"""
+A fix that follows its predecessor this many times sooner than that one followed its own is of a
+burst. Their difference is mostly noise, which the low-pass would weigh by the long interval.
+"""
+
 Fix = tuple[int, tuple[float, ...]]
 """A measurement: time [ns] and value."""
 
@@ -36,8 +42,8 @@ class VelocitySource:
     the body with the attitude of its middle; a velocity or angular-velocity sensor gives
     point values. A difference waits until the attitude that it needs is known.
 
-    A measurement that would be too fast is refused, and the next is compared with the one
-    before it.
+    A measurement that would be too fast, or comes in a burst, is refused, and the next is
+    compared with the one before it.
 
     Parameters
     ----------
@@ -83,6 +89,7 @@ class VelocitySource:
         """Forget all measurements."""
         self.waiting: deque[tuple[int, tuple[float, ...], str]] = deque()
         self._last: Fix | None = None
+        self._interval = 0  # [ns] of the last difference
         self._attitude: Quaternion | None = None  # in the middle of the last interval
 
     def add_sample(self, time: int, value: tuple[float, ...], jumped: str = '') -> bool:
@@ -144,10 +151,13 @@ class VelocitySource:
                 self._shared.forget_depths()
             self._last = time, value
             return 'no_attitude' if missing == 'later' else missing
+        interval = time - last[0]
+        if BURST * interval < self._interval:
+            return 'burst'
         motion = self._difference(last, (time, value))
         if motion is None:
             return 'too_fast'
-        self._last = time, value
+        self._last, self._interval = (time, value), interval
         return motion
 
     def _missing_attitude(self, start: int, end: int) -> str:

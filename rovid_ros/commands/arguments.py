@@ -115,11 +115,13 @@ def count(text: str) -> int:
 
 
 def mcap(text: str) -> Path:
-    """Return the path of an MCAP file to write; one without a suffix can be a device."""
-    path = Path(text)
-    if path.suffix not in ('', '.mcap'):
-        raise argparse.ArgumentTypeError(f'got {text!r}, takes a name that ends in .mcap')
-    return path
+    """Return the path of an MCAP file to write."""
+    return _named(text, '.mcap')
+
+
+def html(text: str) -> Path:
+    """Return the path of a report to write."""
+    return _named(text, '.html')
 
 
 def dofs(text: str) -> tuple[str, ...]:
@@ -145,6 +147,14 @@ def factor(text: str) -> float:
     if value > 10.0:
         raise argparse.ArgumentTypeError(f'got {text!r}, takes a factor from 1 to 10')
     return value
+
+
+def _named(text: str, suffix: str) -> Path:
+    """Return the path of a file to write; one without a suffix can be a device."""
+    path = Path(text)
+    if path.suffix not in ('', suffix):
+        raise argparse.ArgumentTypeError(f'got {text!r}, takes a name that ends in {suffix}')
+    return path
 
 
 def _dof(name: str, text: str) -> str:

@@ -229,7 +229,8 @@ def check_data(seen: Observation, findings: Findings) -> None:
     _check_commands(seen, findings)
     _check_together(seen, findings)
     _check_refused(seen, findings)
-    _check_models(seen, findings)
+    if seen.steps:
+        _check_models(seen, findings)
 
 
 def _summary(one: SampleStatistics) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_core.settings.run import Settings
-from rovid_ros.commands.arguments import add_json, add_params_file, add_part
+from rovid_ros.commands.arguments import add_json, add_params_file, add_part, html
 from rovid_ros.commands.long_work import in_parallel_with_progress
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import (
@@ -42,7 +42,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument('--validate', nargs='+', type=Path, metavar='LOG',
                          help='logs to predict only, not to train on')
     command.add_argument(
-        '--report', type=Path, metavar='OUT.html', help='write a report to look at and to send')
+        '--report', type=html, metavar='OUT.html', help='write a report to look at and to send')
     add_json(command, 'models')
     add_part(command)
 

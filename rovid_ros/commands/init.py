@@ -51,13 +51,15 @@ def run(args: argparse.Namespace) -> None:
     """Run ``rovid init``."""
     output: Path = args.output or Path(f'{args.logs[0].name.partition(".")[0]}.yaml')
     check_written([output], args.logs)
-    if args.output is None and output.exists():
-        raise CommandError(f'{output}: is there already; name another with --output')
     if args.ask and not sys.stdin.isatty():
         raise CommandError('--ask: there is no terminal to ask on')
     made = discover(args.logs, args.start, args.duration, args.ask, args.prog)
     names = ' '.join(map(str, args.logs))
-    write_text(output, configuration(made, names))
+    text = configuration(made, names)
+    if output.is_file() and output.read_bytes() != text.encode():
+        raise CommandError(f'{output}: is there, and is another configuration; name another with '
+                           '--output')
+    write_text(output, text)
     read_settings(output)
     print(summary(made))
     print_written(output)

@@ -213,6 +213,10 @@ def check_written(written: Sequence[Path | None], read: Sequence[Path | None]) -
             raise CommandError(f'{path}: the directory {path.parent} does not exist')
         if place.is_dir():
             raise CommandError(f'{path}: is a directory, takes the name of a file')
+        # a device is written to, a file replaced in its directory
+        goes_to = place if place.exists() and not place.is_file() else place.parent
+        if not os.access(goes_to, os.W_OK):
+            raise CommandError(f'{path}: cannot be written: no permission')
         # a log may be a directory of files
         if place in sources or (place.exists() and place.parent in sources):
             raise CommandError(f'{path}: is read by this command; write to another file')

@@ -13,7 +13,7 @@ import textwrap
 from typing import Any
 
 from rovid_core.settings.run import Settings
-from rovid_ros.commands.arguments import add_params_file, add_part, count
+from rovid_ros.commands.arguments import add_params_file, add_part, count, html
 from rovid_ros.commands.compare import check_plotly
 from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.replay import replay
@@ -57,7 +57,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         '--method', default='', metavar='M', help="use this method, not the file's")
     command.add_argument('--output', type=_table, metavar='TABLE.csv|.parquet',
                          help='write the table: a row per dive and DOF')
-    command.add_argument('--report', type=Path, metavar='OUT.html',
+    command.add_argument('--report', type=html, metavar='OUT.html',
                          help='write the parameters over time as a page to look at and to send')
     command.add_argument('--workers', type=count, metavar='N',
                          help='so many dives at once (default: one per core)')

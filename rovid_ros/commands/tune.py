@@ -133,7 +133,9 @@ def tuned_text(tuned: Tuned) -> str:
     return '\n\n'.join([
         table(_keys(tuned)), _notes(tuned), table(errors),
         'mae = mean |v_sim - v| on blocks of the log that the model was not identified from, by\n'
-        'output error; better: by how much it falls there. as good: values that predict as well.'])
+        'output error; better: by how much it falls there. as good: values that predict as well.\n'
+        'A replay has the fit of its own method on all of the log: a bias that hardly shows can\n'
+        'lower it although the rest is better. rovid compare has both.'])
 
 
 def _keys(tuned: Tuned) -> list[list[str]]:

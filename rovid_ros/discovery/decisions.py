@@ -13,7 +13,7 @@ from rovid_core.settings.run import ThrusterSettings
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model
 from rovid_ros.discovery.ardusub import allocation, Frame, FRAMES, Motors
 from rovid_ros.discovery.candidates import Candidate, driven, NEUTRAL
-from rovid_ros.discovery.motion import answer, best_delay, headings, held, Motion, motion, Push
+from rovid_ros.discovery.motion import answer, best_delay, held, Motion, motion, Push
 from rovid_ros.discovery.signals import Array, part, Signal
 
 # A T200 near 12 V: force [N] of a command of -1 to 1 (J. Mar. Sci. Eng. 10(12), 2022, 1898).
@@ -229,8 +229,6 @@ def _moved(inputs: dict[str, Candidate], frames: str,
         angles = unit * attitude.signal.values[:, -1]
         if attitude.keys.get('heading') == 'ned' and frames == 'enu':
             angles = 0.5 * math.pi - angles
-    elif attitude is not None:
-        angles = headings(attitude.signal.values)
     depth = inputs.get('depth')
     scale = float(depth.keys.get('scale', 1.0)) if depth else 1.0
     moved = motion(used, angles, scale)

@@ -54,7 +54,7 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
     Return the body velocities that follow from signals, by the name of their input.
 
     ``angles`` are heading [rad] in the world of the position, at the attitude's times, if the
-    attitude is not a quaternion of it.
+    attitude is not a quaternion of it; the body is taken to be level then.
     """
     seen = [used[name] for name in ('position', 'depth', 'attitude', 'angular_velocity',
                                     'velocity', 'thrusters') if name in used]
@@ -66,22 +66,26 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
                   default=STEP)
     half = max(0.2, slowest)
     velocities: dict[str, Array] = {}
-    heading = None
-    if 'attitude' in used:
-        attitude = used['attitude']
-        heading = np.unwrap(headings(attitude.values) if angles is None else angles)
-        velocities['yaw'] = _rate(attitude.times, heading, times, half)
+    known, attitudes, heading = np.empty(0), np.empty((0, 4)), np.empty(0)
+    if 'attitude' in used and angles is None:
+        known, attitudes = _continuous(used['attitude'])
+        velocities['yaw'] = _rate(known, _turned(attitudes), times, half)
+    elif 'attitude' in used and angles is not None:
+        known, heading = used['attitude'].times, np.unwrap(angles)
+        velocities['yaw'] = _rate(known, heading, times, half)
     if 'angular_velocity' in used:
         gyro = used['angular_velocity']
         velocities['yaw'] = _mean(gyro.times, gyro.values[:, 2], times, half)
     if 'position' in used:
         fixes = used['position']
         rates = [_rate(fixes.times, column, times, half) for column in fixes.values.T]
-        if heading is not None:
-            turned = (rates[0] + 1j * rates[1]) * np.exp(-1j * np.interp(
-                times, used['attitude'].times, heading))
-            velocities['surge'], velocities['sway'] = turned.real, turned.imag
         velocities['heave'] = rates[2]
+        if len(attitudes):
+            at = np.array([np.interp(times, known, column) for column in attitudes.T])
+            velocities.update(zip(DOFS, _in_body(at, np.array(rates))))
+        elif len(heading):
+            turned = (rates[0] + 1j * rates[1]) * np.exp(-1j * np.interp(times, known, heading))
+            velocities['surge'], velocities['sway'] = turned.real, turned.imag
     if 'velocity' in used:
         body = used['velocity']
         for dof, column in zip(DOFS, body.values.T):
@@ -99,10 +103,31 @@ def _plausible(velocity: Array) -> Array:
     return np.where(np.abs(velocity) > max(most, 1e-9), np.nan, velocity)
 
 
-def headings(q: Array) -> Array:
-    """Return the headings [rad] of attitudes, x, y, z, w in each row."""
-    x, y, z, w = q.T
-    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+def _continuous(attitude: Signal) -> tuple[Array, Array]:
+    """Return the times of attitudes and their quaternions x, y, z, w without changes of sign."""
+    lengths = np.linalg.norm(attitude.values, axis=1)
+    known = lengths > 0.5  # a driver that has none yet gives zeros
+    q = attitude.values[known] / lengths[known, np.newaxis]
+    signs = np.where(np.sum(q[1:] * q[:-1], axis=1) < 0.0, -1.0, 1.0)
+    q[1:] *= np.cumprod(signs)[:, np.newaxis]
+    return attitude.times[known], q
+
+
+def _turned(q: Array) -> Array:
+    """Return how far a body has turned about its own z at each attitude [rad]."""
+    a, b = q[:-1].T, q[1:].T
+    axis = a[3] * b[:3] - b[3] * a[:3] - np.cross(a[:3], b[:3], axis=0)
+    sine = np.maximum(np.linalg.norm(axis, axis=0), 1e-12)
+    angle = 2.0 * np.arctan2(sine, np.sum(a * b, axis=0))
+    return np.concatenate([[0.0], np.cumsum(angle * axis[2] / sine)])
+
+
+def _in_body(q: Array, velocity: Array) -> Array:
+    """Return velocities in the world, shape (3, n), along the axes of bodies with attitudes."""
+    axis, w = q[:3], q[3]
+    aside = np.cross(axis, velocity, axis=0)
+    return np.asarray(velocity + 2.0 * (
+        np.cross(axis, aside, axis=0) - w * aside) / np.sum(q * q, axis=0))
 
 
 def _rate(times: Array, values: Array, grid: Array, half: float) -> Array:

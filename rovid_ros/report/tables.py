@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import math
+import re
 from typing import Any
 
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
@@ -40,7 +41,7 @@ def findings(data: Data) -> Html:
     for dof, values in data['dofs'].items():
         sentence = bound_to_units(
             values.get('sentence') or f'{capital(dof)}: nothing was identified.')
-        start, colon, rest = sentence.partition(':')
+        start, colon, rest = re.sub(r' -(?=\d)', ' −', sentence).partition(':')
         items.append(tag('li', tag('b', start + colon), rest) if colon and ' ' not in start
                      else tag('li', sentence))
     return tag('ul', *items, class_='findings')

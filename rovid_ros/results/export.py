@@ -201,8 +201,9 @@ def _sdf(models: Sequence[Identified], settings: Settings | None, link: str,
         origin: Path) -> tuple[str, list[str]]:
     """Return the plugin's element and what has to be said about it, one line each."""
     found = {model.dof: model for model in models}
-    dry = {dof: _dry_mass(dof, settings) for dof in found}
-    added = {dof: _added_mass(model, dry[dof]) for dof, model in found.items()}
+    whole = vehicle(models, dry_masses(settings))
+    dry, added = [{dof: masses[DOFS.index(dof)] for dof in found}
+                  for masses in (whole.dry, whole.added)]
     left_out = 'bias, which the plugin does not have: ' + ', '.join(
         f'{dof} {quantity(dof, "bias", model.physical)}' for dof, model in found.items())
     left_out += '; that of heave is weight less buoyancy' if 'heave' in found else ''
@@ -229,25 +230,6 @@ def _sdf(models: Sequence[Identified], settings: Settings | None, link: str,
         '</plugin>']
     notes = [f'left out: {left_out}', *_identified_notes(found), *_mass_notes(dry, added)]
     return '\n'.join(lines) + '\n', notes
-
-
-def _dry_mass(dof: str, settings: Settings | None) -> float:
-    """Return the mass of the link, or the moment of inertia of an angular DOF."""
-    known = settings.dof.get(dof) if settings else None
-    if known is None or not known.dry_mass:
-        how = f'set {dof}.dry_mass' if settings else f'give a --params-file with {dof}.dry_mass'
-        raise ExportError(f'{dof}.dry_mass: is unknown, and the added mass is the effective mass '
-                          f'less the dry mass: {how}')
-    return known.dry_mass
-
-
-def _added_mass(model: Identified, dry: float) -> float:
-    mass = model.physical['mass']
-    if mass < dry:
-        kg = unit(model.dof, 'mass')
-        raise ExportError(f'{model.dof}.dry_mass: {dry!r} {kg} is above the identified effective '
-                          f'mass {mass!r} {kg}: the added mass cannot be negative')
-    return mass - dry
 
 
 def _elements(dof: str, model: Identified | None, added: float) -> Iterator[str]:

@@ -122,9 +122,10 @@ def vehicle(models: Sequence[Identified], dry: Callable[[str], float]) -> Vehicl
             f'dry mass: give a --params-file with {", ".join(unknown)}')
     for dof, mass in zip(DOFS, known):
         if dof in found and found[dof]['mass'] < mass:
+            kg = unit(dof, 'mass')
             raise HydrodynamicsError(
-                f'{dof}.dry_mass: {mass!r} is above the identified effective mass '
-                f'{found[dof]["mass"]!r} {unit(dof, "mass")}: the added mass cannot be negative')
+                f'{dof}.dry_mass: {mass!r} {kg} is above the identified effective mass '
+                f'{found[dof]["mass"]!r} {kg}: the added mass cannot be negative')
 
     def each(name: str) -> tuple[float, ...]:
         return tuple([found[dof][name] if dof in found else 0.0 for dof in DOFS])

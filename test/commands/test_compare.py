@@ -1,6 +1,7 @@
 """``rovid compare`` on simulated trials: models, choice of terms, scores, files."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -236,3 +237,26 @@ def test_a_report_without_plotly_is_refused_before_the_work(
     error, = capsys.readouterr().err.splitlines()
     assert "pip install 'rovid_ros[report]'" in error
     assert not out.exists()
+
+
+def test_a_report_is_called_html(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder / 'report.pdf'
+    assert main(['compare', str(folder / 't1.mcap'), '--params-file', str(folder / 'p.yaml'),
+                 '--report', str(out)]) == 2
+    error, = capsys.readouterr().err.splitlines()
+    assert f'got {str(out)!r}, takes a name that ends in .html' in error
+    assert not out.exists()
+
+
+def test_a_report_that_cannot_be_written_is_refused_before_the_work(
+        folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr('rovid_ros.commands.compare.read_trials', pytest.fail)
+    tmp_path.chmod(0o555)
+    if os.access(tmp_path, os.W_OK):
+        pytest.skip('this user may write everywhere')
+    out = tmp_path / 'report.html'
+    assert main(['compare', str(folder / 't1.mcap'), '--params-file', str(folder / 'p.yaml'),
+                 '--report', str(out)]) == 1
+    error, = capsys.readouterr().err.splitlines()
+    assert error == f'rovid compare: {out}: cannot be written: no permission'

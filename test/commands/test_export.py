@@ -347,7 +347,7 @@ def test_drag_that_drives_is_told(exported: Exported, config: str) -> None:
 
 @pytest.mark.parametrize(('dofs', 'with_file', 'says'), [
     (TRUE, False, ['surge.dry_mass', 'unknown', '--params-file']),
-    ({'sway': (300.0, 1.0, 1.0, 0.0)}, True, ['sway.dry_mass', 'unknown']),
+    ({'roll': (30.0, 1.0, 1.0, 0.0)}, True, ['roll.dry_mass', 'unknown']),
     ({'surge': (139.0, 1.0, 1.0, 0.0)}, True, ['surge.dry_mass', '140.0 kg', '139.0']),
 ])
 def test_dry_mass_is_needed(run: Run, config: str,

@@ -139,6 +139,7 @@ def _tag(log: Path, to: Path, temperature: str) -> None:
 
 @pytest.mark.parametrize(('arguments', 'code', 'text'), [
     (['--output', 'table.xlsx'], 2, 'takes a name that ends in .csv or .parquet'),
+    (['--report', 'season.pdf'], 2, 'takes a name that ends in .html'),
     (['--workers', '0'], 2, 'takes a whole number from 1'),
     (['--workers', '2', '--scheduler', 'tcp://127.0.0.1:1'], 2, 'takes one of them'),
     (['-p', 'surge.initial.mass:=-1.0'], 1, 'surge.initial.mass'),

@@ -142,7 +142,20 @@ def test_a_burst_after_a_stall(stamped):
     stream = run(vehicle(), out)
     assert worse(stream) < 1.02
     reasons = {reason for input, reason in stream.rejected}
-    assert reasons <= ({'late', 'gap'} if stamped else {'gap', 'too_fast', 'outlier', 'shifted'})
+    assert reasons <= ({'late', 'gap'} if stamped else {
+        'gap', 'burst', 'too_fast', 'outlier', 'shifted'})
+
+
+def test_a_fix_right_after_the_first_one_of_a_pause_is_no_motion():
+    fixes = [e for e in clean(40.0) if not (
+        e.samples[0].input == 'position' and 30.0 < seconds(e) < 30.6)]
+    k = next(k for k, e in enumerate(fixes) if e.samples[0].input == 'position' and
+             seconds(e) > 30.0)
+    x, y, z = fixes[k].samples[0].value
+    again = Event(fixes[k].time + 20_000, (Sample('position', (x + 0.002, y, z)),))
+    stream = run(vehicle(), [*fixes[:k + 1], again, *fixes[k + 1:]])
+    assert stream.rejected == {('position', 'burst'): 1}
+    assert stream.estimate.dofs == run(vehicle(), fixes).estimate.dofs
 
 
 def test_values_that_are_no_numbers_cost_themselves():

@@ -527,6 +527,17 @@ def test_scales_far_from_the_data_are_told_with_what_to_set():
     assert stream.take_warnings() == []
 
 
+@pytest.mark.parametrize(('velocity', 'duration', 'told'), [
+    (5.0, 100.0, False),  # it may not have been driven yet
+    (0.3, 100.0, True), (5.0, 310.0, True)])
+def test_a_dof_that_hardly_moves_yet_has_no_wrong_sizes(velocity, duration, told):
+    settings = surge_settings(DofSettings(300.0, typical_force=2000.0, typical_velocity=velocity))
+    stream = Stream(settings)
+    feed(stream, events(settings, duration))
+    stream.finish()
+    assert any('set surge.typical.force' in w for w in stream.take_warnings()) is told
+
+
 def test_w_is_published_where_the_truth_is_known():
     settings = surge_settings()
     assert math.isnan(feed(Stream(settings), events(settings))[-1].dofs[0].W)

@@ -205,3 +205,13 @@ def test_what_is_as_good_is_near_the_best() -> None:
     choice = choose(scores, 0)
     assert 6 in choice.as_good  # its scatter is as large as its mean
     assert around_the_best(values, choice) == [-0.1, 0.0, 0.1]
+
+
+def test_what_is_as_good_goes_on_behind_half_a_turn() -> None:
+    degrees = [0, -180, -165, -150, 150, 165, 168, 172]
+    scores = np.full((len(degrees), 8), 0.05)
+    scores[[0, 3, 4]] += 0.1
+    choice = choose(scores, 0)
+    assert degrees[choice.index] == -180
+    found = around_the_best(np.radians(degrees).tolist(), choice)
+    assert np.degrees(found) == pytest.approx([-195, -192, -188, -180, -165])

@@ -215,6 +215,15 @@ def test_one_axis_that_is_driven_is_no_heading_offset(log: str, data: Path) -> N
     assert discover([data / 'subjugator' / f'{log}.bag']).yaw_offset == 0.0
 
 
+@pytest.mark.parametrize('name', ['subjugator/left2.bag', 'bluerov2_tank/short_all_axes.mcap'])
+def test_a_vehicle_that_lies_aside_has_the_sizes_that_check_sees(
+        name: str, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, yaml = data / name, tmp_path / 'aside.yaml'
+    assert main(['init', str(log), '--output', str(yaml)]) == 0
+    assert main(['check', str(yaml), str(log)]) == 0
+    assert 'typical sizes' not in capsys.readouterr().out
+
+
 def test_thrusters_that_do_nothing_are_left_out(
         data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, yaml = data / 'bluerov_pool' / 'yaw_2.bag', tmp_path / 'rov.yaml'
@@ -298,3 +307,18 @@ def test_what_no_configuration_can_be_made_of(
         error = capsys.readouterr().err
         assert says in error and error.count('\n') == 1
         assert not there.exists()
+
+
+def test_a_configuration_is_not_written_over_another(
+        logs: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, yaml = logs['odometry_wrench'], tmp_path / 'mine.yaml'
+    command = ['init', str(log), '--output', str(yaml)]
+    assert main(command) == 0
+    made = yaml.read_text()
+    assert main(command) == 0  # it is the same
+    yaml.write_text(made.replace('method: ekf', 'method: aid'))
+    capsys.readouterr()
+    assert main(command) == 1
+    error, = capsys.readouterr().err.splitlines()
+    assert error.startswith(f'rovid init: {yaml}: is there, and is another configuration')
+    assert 'method: aid' in yaml.read_text()

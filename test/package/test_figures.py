@@ -2,12 +2,17 @@
 
 from dataclasses import replace
 import importlib.util
+import os
 from pathlib import Path
+import signal
+import subprocess
 import sys
+import time
 
 import pytest
 
 from benchmarks import figures
+from test.support.processes import child_environment, patience
 
 
 def test_every_section_is_made_by_a_module() -> None:
@@ -55,3 +60,30 @@ def test_what_is_printed_is_kept_with_how_it_was_made_and_a_failure_loses_nothin
     assert '| import numpy |' in made['Start']
     assert '`python -m benchmarks.speed.start --runs 2`, commit ' in made['Start']
     assert figures.machine() in made['Start']
+
+
+def test_an_interrupt_leaves_no_process(tmp_path: Path, repository: Path) -> None:
+    with subprocess.Popen(
+            [sys.executable, '-m', 'benchmarks.figures', 'accuracy.real', '--output', tmp_path],
+            cwd=repository, env=child_environment(), stderr=subprocess.PIPE, text=True) as made:
+        try:
+            with patience(60.0):
+                while not (module := children(made.pid)) or len(children(module[0])) < 2:
+                    time.sleep(0.1)
+        finally:
+            made.send_signal(signal.SIGINT)
+        _, err = made.communicate()
+    assert err.splitlines()[-1] == 'interrupted: what was made before stays'
+    assert made.returncode == 1
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(ProcessLookupError):
+        os.killpg(module[0], 0)
+
+
+def children(process: int) -> list[int]:
+    """Return the processes that one has started."""
+    try:
+        return [int(found) for listed in Path(f'/proc/{process}/task').glob('*/children')
+                for found in listed.read_text().split()]
+    except OSError:  # one of its threads has just ended
+        return []

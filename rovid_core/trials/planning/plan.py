@@ -103,7 +103,7 @@ def plan(vehicles: Vehicles, sensor: Sensor, limits: Limits) -> Plan:
     offset = rounded(vehicles.bias, 5)
     if not abs(offset) < 0.9 * limits.force:
         raise PlanError(f'max_force: {limits.force:g} leaves nothing beside the bias of '
-                        f'{offset:g}, which it has to cancel')
+                        f'{offset:g}, which it has to cancel: give more, or leave this DOF out')
     shape, size = _searched(vehicles.hardest(), sensor, limits, offset)
     planned = _sized(shape, size, offset, vehicles, sensor, limits)
     peak = rounded(planned.force - abs(offset), 3)

@@ -62,27 +62,32 @@ def tune_heading(log: TuningLog, dofs: Sequence[Dof], commanded: CommandedForce,
         scores = np.concatenate([scores, found.scores(new)])
         choice = choose(scores, 0)
     turn = angles[choice.index] if choice.is_better else 0.0
-    good = [settings.yaw_offset + angle for angle in around_the_best(angles, choice)]
+    best = settings.yaw_offset + angles[choice.index]
+    begin = settings.yaw_offset + math.remainder(best, 2.0 * math.pi) - best
+    good = [begin + angle for angle in around_the_best(angles, choice)]
     after = math.remainder(settings.yaw_offset + turn, 2.0 * math.pi) if turn \
         else settings.yaw_offset
     return Stage({'attitude.yaw_offset': Change(
         settings.yaw_offset, after, min(good), max(good))}, choice.gain, choice.spread)
 
 
-def around_the_best(values: Sequence[float], choice: Choice) -> list[float]:
+def around_the_best(angles: Sequence[float], choice: Choice) -> list[float]:
     """
-    Return the values that are as good as the best, up to the next on either side that is not.
+    Return the angles [rad] that are as good as the best, up to the next each way that is not.
 
     Far from it a candidate is so much worse on a few blocks that its scatter hides that it is.
+    Behind half a turn the circle goes on from its other end.
     """
-    order = sorted(range(len(values)), key=lambda i: values[i])
+    best = angles[choice.index]
+    apart = [math.remainder(angle - best, 2.0 * math.pi) for angle in angles]
+    order = sorted(range(len(angles)), key=lambda i: apart[i])
     as_good = set(choice.as_good.tolist())
     low = high = order.index(choice.index)
     while low > 0 and order[low - 1] in as_good:
         low -= 1
     while high + 1 < len(order) and order[high + 1] in as_good:
         high += 1
-    return [values[i] for i in order[low:high + 1]]
+    return [best + apart[i] for i in order[low:high + 1]]
 
 
 class _Turned:

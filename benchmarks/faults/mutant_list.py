@@ -180,7 +180,7 @@ MUTANTS = [
          ('a step leads over a gap',
           'if last is not None and motion.time - last.time > source.timeout:', 'if False:'),
          ('a wild fix interrupts',
-          "if reason != 'too_fast':", 'if True:'),
+          "if reason not in ('too_fast', 'burst'):", 'if True:'),
          ('the thrust is not filtered',
           'forces = source.force.step(dt, tuple([(q - p) / dt for p, q in zip(first, third)]))',
           'forces = tuple([(q - p) / dt for p, q in zip(first, third)])'),

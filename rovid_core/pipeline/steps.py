@@ -455,10 +455,10 @@ class Pipeline:
         else:
             self._couplings.add_filtered(time, (velocity[0], velocity[1], heave))
         if planar.filter.current_is_new:
-            self._begin_anew_in_water(self._couplings)
+            self._begin_coupled_anew(self._couplings)
 
-    def _begin_anew_in_water(self, couplings: CouplingRegressors) -> None:
-        """Forget what DOFs have learned that were coupled with velocities over ground."""
+    def _begin_coupled_anew(self, couplings: CouplingRegressors) -> None:
+        """Forget what DOFs have learned that were coupled with a velocity that was not known."""
         for source in self._sources:
             for i in source.indices if self._planar_of(source) is None else ():
                 dof = self.dofs[i]

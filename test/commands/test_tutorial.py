@@ -41,9 +41,8 @@ def test_its_commands_run_and_do_what_it_says(
     assert min(one[dof]['fit'] for one in found for dof in ('surge', 'sway')) > 0.7
     assert all(one['status'] == 'converging' for one in first.values())
     for dof, mass in TRUE.items():
-        assert dofs[dof]['mass'] < first[dof]['mass'], dof
+        assert dofs[dof]['mass'] < 0.95 * first[dof]['mass'], dof
         low, high = dofs[dof]['intervals']['mass']
         assert low < mass < high, dof
-    assert first['yaw']['intervals']['mass'][0] > TRUE['yaw']
     model = json.loads((tmp_path / 'model.json').read_text())
     assert model['M'][0][0] == pytest.approx(dofs['surge']['mass'])

@@ -28,7 +28,6 @@ from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
 from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
-    flows,
     unseen_current,
     why_not_known,
 )
@@ -96,7 +95,7 @@ class PlanarKalman:
         Of surge and sway through the water at that time [m/s], over ground while nothing is known
         of a current; None before the parameters have been found from the first data.
     current_is_new : bool
-        Whether the last step made known, for the first time, a current that is not 0.
+        Whether the last step made the current known, for the first time.
 
     """
 
@@ -236,7 +235,7 @@ class PlanarKalman:
             self._is_found) else None
         self._publish()
         if self._current.status == 'known' and not self._knew_current:
-            self._knew_current, self.current_is_new = True, flows(self._current)
+            self._knew_current = self.current_is_new = True
 
     def _update(self, member: PlanarMember, span: PlanarMeasurement, adapt: bool,
                 beginning: bool) -> int:

@@ -12,9 +12,6 @@ from rovid_core.identify.estimate import Current
 KNOWN, SEEN = 0.02, 1.0 / 3.0
 """Standard deviation [m/s] of a known current, and share of the prior of one that is seen."""
 
-STILL = 9.21
-"""Square, in standard deviations, of 99 in 100 currents that are found in still water."""
-
 THRUST_ELSEWHERE = 'thrust on other headings'
 
 
@@ -47,12 +44,6 @@ def current_with_status(found: tuple[Array, Array], prior: float, better: Altern
     if better.advice:
         return current._replace(status='inconsistent', advice=better.advice)
     return current if std < KNOWN else current._replace(status='converging')
-
-
-def flows(current: Current) -> bool:
-    """Tell whether the water moves, beyond what chance makes of still water."""
-    x, y, (xx, xy, yy) = current.x, current.y, current.covariance
-    return x * x * yy - 2.0 * x * y * xy + y * y * xx > STILL * (xx * yy - xy * xy)
 
 
 def why_not_known(current: Current) -> str:

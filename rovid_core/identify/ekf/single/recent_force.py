@@ -62,17 +62,16 @@ class RecentForce:
 
         """
         times, means, slopes = self._times, self._means, self._slopes
+        squares, cubes = self._squares, self._cubes
         for length, force in spans:
             begin = times[-1]
             time = begin + length
             if not time > begin:
                 continue
             mean = force / unit
-            size, square = abs(mean), mean * mean * length
-            self._squares += square
-            self._cubes += size * square
-            if self._cubes:
-                self.bend = DEAD_BAND * min(self._cubes / self._squares, 1.0)
+            square = mean * mean * length
+            squares += square
+            cubes += abs(mean) * square
             if held and self._held and mean == means[-1]:
                 times[-1] = time
                 continue
@@ -84,6 +83,9 @@ class RecentForce:
             means.append(mean)
             slopes.append(slope)
             self._held = held
+        self._squares, self._cubes = squares, cubes
+        if cubes:
+            self.bend = DEAD_BAND * min(cubes / squares, 1.0)
         if times[-1] - times[0] > 2.0 * KEPT:
             cut = bisect_right(times, times[-1] - KEPT) - 1
             for column in (times, means, slopes):

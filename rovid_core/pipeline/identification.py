@@ -109,6 +109,14 @@ class Identification:
             judgement=Judgement('waiting', ('no step yet',)), delay=identifier.delay,
             couplings=identifier.couplings)
 
+    def begin_anew(self) -> None:
+        """Forget all that was learned; the steps go on being counted."""
+        steps = self._steps
+        self.identifier.reset()
+        self.refresh()
+        self._steps = steps
+        self.estimate = self.estimate._replace(steps=steps)
+
     def judgement(self) -> Judgement:
         """Return the judgement over all of the data, not that of the last step."""
         now = self.estimate.judgement

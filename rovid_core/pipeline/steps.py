@@ -461,10 +461,8 @@ class Pipeline:
         """Forget what DOFs have learned that were coupled with a velocity that was not known."""
         for source in self._sources:
             for i in source.indices if self._planar_of(source) is None else ():
-                dof = self.dofs[i]
                 if couplings.has_velocity(self._settings.couplings(self._settings.dofs[i])):
-                    dof.identifier.reset()
-                    dof.refresh()
+                    self.dofs[i].begin_anew()
                     source.last = None
 
     def _axis(self, dof: str, time: int) -> tuple[float, ...]:

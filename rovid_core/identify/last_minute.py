@@ -25,8 +25,12 @@ BLOCK, BLOCKS = 10.0, 6  # length of a block [s], and how many count
 # The share of the motion that has to be predicted, to become converged and while it is.
 PREDICTS = (0.9, 0.85)
 # What a vehicle often has and the model has not, each an acceleration with one regressor.
-CANDIDATES = (
-    'a dead band of the thrusters', 'reverse thrust', 'reverse drag', 'a lag of the thrusters')
+CANDIDATES = {
+    'dead_band': 'a dead band of the thrusters', 'reverse_thrust': 'reverse thrust',
+    'reverse_drag': 'reverse drag', 'lag': 'a lag of the thrusters'}
+# Where it can be told to the model.
+KEYS = {'dead_band': 'thrusters.deadband', 'reverse_thrust': 'thrusters.reverse',
+        'lag': 'thrusters.time_constant'}
 DEAD_BAND = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
 LAG = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
@@ -41,6 +45,13 @@ ALONE = 1e-6  # least share of a candidate's square that the parameters must not
 
 UNTOLD_DEAD_BAND = (
     'a dead band of the thrusters cannot be told from the mass yet: push at several sizes')
+
+
+def lacking(share: float, name: str, said: str) -> str:
+    """Return that a share of the error follows one of ``CANDIDATES``, and what to do."""
+    see = f': see {KEYS[name]}' if name in KEYS else ''
+    return (f'{100.0 * min(share, 1.0):.0f} % of the error follows {said}, which the model does '
+            f'not have{see}')
 
 
 @dataclass(frozen=True)
@@ -129,8 +140,7 @@ class LastMinute:
             if matters and share > max(most, EXPLAINS):
                 most, name = share, candidate
         if name and abs(off) < NEAR:
-            return (f'{100.0 * min(most, 1.0):.0f} % of the error follows {name}, which the model '
-                    'does not have')
+            return lacking(most, name, CANDIDATES[name])
         fit = self.fit
         if not fit >= PREDICTS[converged]:  # True for NaN
             return ('without corrections it predicts '

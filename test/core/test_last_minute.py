@@ -34,11 +34,14 @@ def test_the_truth_is_not_doubted_after_a_minute():
     assert doubt('exact') == ''
 
 
-@pytest.mark.parametrize(('kind', 'name'), [
-    ('dead-band 3 N', 'a dead band of the thrusters'), ('reverse thrust x 0.8', 'reverse thrust'),
-    ('reverse drag x 1.3', 'reverse drag'), ('lag 0.15 s', 'a lag of the thrusters')])
-def test_what_the_vehicle_has_and_the_model_has_not_is_named(kind, name):
-    assert doubt(kind).endswith(f'of the error follows {name}, which the model does not have')
+@pytest.mark.parametrize(('kind', 'name', 'advice'), [
+    ('dead-band 3 N', 'a dead band of the thrusters', ': see thrusters.deadband'),
+    ('reverse thrust x 0.8', 'reverse thrust', ': see thrusters.reverse'),
+    ('reverse drag x 1.3', 'reverse drag', ''),
+    ('lag 0.15 s', 'a lag of the thrusters', ': see thrusters.time_constant')])
+def test_what_the_vehicle_has_and_the_model_has_not_is_named(kind, name, advice):
+    assert doubt(kind).endswith(
+        f'of the error follows {name}, which the model does not have{advice}')
 
 
 def test_a_dead_band_is_named_also_where_the_guess_is_far_too_strong():

@@ -14,7 +14,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     LAG,
 )
 from rovid_core.identify.ekf.single.recent_force import DEAD_BAND
-from rovid_core.identify.last_minute import UNTOLD_DEAD_BAND
+from rovid_core.identify.last_minute import lacking, UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import RESTORING
 from rovid_core.settings.run import Scales
 
@@ -77,7 +77,7 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         return (f'{_percent(missing)} of the error follows {written} with a coefficient of about '
                 f'{kappa * scales.velocity:.2g}: add couplings: '
                 f'[{", ".join([*scales.couplings, name])}]')
-    return f'{_percent(missing)} of the error follows {said}, which the model does not have'
+    return lacking(missing.share, missing.name, said)
 
 
 UNTOLD = {

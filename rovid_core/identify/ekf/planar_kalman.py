@@ -95,7 +95,7 @@ class PlanarKalman:
         Of surge and sway through the water at that time [m/s], over ground while nothing is known
         of a current; None before the parameters have been found from the first data.
     current_is_new : bool
-        Whether the last step made the current known, for the first time.
+        Whether the last step made the current known, for the first time and at the start.
 
     """
 
@@ -235,7 +235,7 @@ class PlanarKalman:
             self._is_found) else None
         self._publish()
         if self._current.status == 'known' and not self._knew_current:
-            self._knew_current = self.current_is_new = True
+            self._knew_current, self.current_is_new = True, self._start is not None
 
     def _update(self, member: PlanarMember, span: PlanarMeasurement, adapt: bool,
                 beginning: bool) -> int:

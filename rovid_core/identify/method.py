@@ -87,6 +87,10 @@ class Identifier(Protocol):
     def reset(self) -> None:
         """Return to the initial values."""
 
+    def conclude(self) -> None:
+        """Make the best of data that end here, and are few."""
+        return None
+
     def retune(self, adaptation_time: float) -> None:
         """Change the adaptation time [s], if the method has one, and keep the estimate."""
         return None

@@ -117,6 +117,14 @@ class Identification:
         self._steps = steps
         self.estimate = self.estimate._replace(steps=steps)
 
+    def conclude(self) -> None:
+        """Make the best of data that end here, without a step."""
+        identifier = self.identifier
+        identifier.conclude()
+        self.estimate = self.estimate._replace(
+            parameters=identifier.parameters, uncertainty=identifier.uncertainty,
+            delay=identifier.delay, couplings=identifier.couplings)
+
     def judgement(self) -> Judgement:
         """Return the judgement over all of the data, not that of the last step."""
         now = self.estimate.judgement

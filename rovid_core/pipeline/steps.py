@@ -172,6 +172,13 @@ class Pipeline:
         for source in self._sources:
             source.last = None
 
+    def conclude(self, last: Estimate) -> Estimate:
+        """Return the last estimate with the best of data that end here."""
+        for dof in self.dofs:
+            dof.conclude()
+        return last._replace(dofs=tuple([dof.at(last.now) for dof in self.dofs]),
+                             current=self._current())
+
     def refresh(self) -> None:
         """Let the estimates say what the identifiers hold by now, without a step."""
         for dof in self.dofs:

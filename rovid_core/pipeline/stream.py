@@ -112,9 +112,16 @@ class Stream:
         return self._handle(released)
 
     def finish(self) -> list[Estimate]:
-        """Release what is held: the log's end, or shutdown."""
+        """Release what is held: nothing that belongs before it may come any more."""
         estimates = self._handle(self._order.flush())
         self._pipeline.finish()
+        return estimates
+
+    def end(self) -> list[Estimate]:
+        """Release what is held, and make the best of a log that ends here and is short."""
+        estimates = self.finish()
+        if self.estimate is not None:
+            self.estimate = self._pipeline.conclude(self.estimate)
         return estimates
 
     def reset(self) -> None:

@@ -98,7 +98,7 @@ class TrialPlayer(PipelinePlayer):
     def finish(self) -> list[Estimate]:
         """Release what is still held back at the log's end."""
         for stream in self._others.values():
-            stream.finish()
+            stream.end()
         return self._kept(super().finish())
 
     def fits(self, dof: str) -> dict[str, Fit]:

@@ -68,7 +68,7 @@ class PipelinePlayer:
 
     def finish(self) -> list[Estimate]:
         """Release what is still held back at the log's end."""
-        return self.stream.finish()
+        return self.stream.end()
 
     def close(self) -> None:
         """Do nothing: nothing was opened."""

@@ -152,7 +152,7 @@ class IdentifierNode(ParameterNode):
             return []
         if self.active:
             self._inputs.receive_all()
-        estimates = self._publish(self.stream.finish())
+        estimates = self._publish(self.stream.end())
         if self.active and self._live:
             self._publish_end()
         self._output_topics.publish_latched(self._outputs)

@@ -41,7 +41,7 @@ def replayed(logs: Path, name: str, settings: Settings, start: float = 0.0,
         for message in log.messages(converter.topics, start, duration):
             for event in converter.events(message.topic, message.data, message.time):
                 stream.receive(event)
-    stream.finish()
+    stream.end()
     assert stream.estimate is not None
     return scores, stream.estimate
 

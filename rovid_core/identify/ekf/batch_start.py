@@ -122,6 +122,11 @@ class BatchStart(Generic[M]):
         if isinstance(piece, STEPS) and use != UNLEARNED:
             self.duration += piece.dt
 
+    @property
+    def is_new(self) -> bool:
+        """Tell whether there is something, of which nothing was gone through again yet."""
+        return 0.0 < self.duration < self.next == PERIOD
+
     def wait(self, known: bool) -> None:
         """Find when all is to be gone through again; ``known`` tells whether alpha is."""
         self.next = self.duration + (2.0 * PERIOD if known else PERIOD)

@@ -305,6 +305,12 @@ class ExtendedKalman(Identifier):
         else:
             start.wait(known)
 
+    def conclude(self) -> None:
+        """Go through a log that ends before that was done for the first time."""
+        if self._start is not None and self._start.is_new:
+            self._bank.go_through_again(self._start, self._theta, True)
+            self._publish()
+
     def _end_blocks(self, found: Sequence[int], step: Step) -> None:
         """Look at the blocks that are complete."""
         bank = self._bank

@@ -303,6 +303,12 @@ class PlanarKalman:
         if self._free and start.duration > LONGEST:
             self._start = None
 
+    def conclude(self) -> None:
+        """Go through a log that ends before that was done for the first time."""
+        if self._start is not None and self._start.is_new:
+            self._bank.go_through_again(self._start, self._theta, True)
+            self._publish()
+
     def _end_blocks(self, found: Sequence[int], step: PlanarStep) -> None:
         """Look at the blocks that are complete."""
         best, ended = self._bank.best, self._bank.ended(found)

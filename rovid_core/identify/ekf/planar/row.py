@@ -58,12 +58,20 @@ class PlanarRow(Identifier):
         """Go back to the initial values, with the other one."""
         self._filter.reset()
 
+    def conclude(self) -> None:
+        """Make the best of data that end here, for both."""
+        if self._is_first:
+            self._filter.conclude()
+
+    @property
+    def _is_first(self) -> bool:
+        return self is next(iter(self._filter.rows.values()))
+
     def state(self) -> dict[str, Any]:
         """Return what is needed to go on; the first of both has all of it."""
-        shared = self is next(iter(self._filter.rows.values()))
         return {'parameters': list(self.parameters),
                 'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
-                'planar': self._filter.state() if shared else None}
+                'planar': self._filter.state() if self._is_first else None}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -74,7 +82,7 @@ class PlanarRow(Identifier):
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
         v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
         shared = state['planar']
-        if (shared is None) == (self is next(iter(self._filter.rows.values()))):
+        if (shared is None) == self._is_first:
             raise ValueError('the state of another filter')
         if shared is not None:
             self._filter.restore(shared)

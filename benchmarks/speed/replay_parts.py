@@ -63,7 +63,8 @@ def parts(path: Path, settings: Settings) -> dict[str, float]:
 
 def _ordered(settings: Settings, events: Iterable[Event]) -> list[Event]:
     keys = [(name, 0) for name in settings.used_inputs()]
-    order = EventOrder(keys, settings.max_wait, settings.time_jump, _ignore, _ignore)
+    order = EventOrder(keys, settings.wait, settings.time_jump, _ignore, _ignore,
+                       settings.max_wait < 0.0)
     return [one for event in events for one in order.push(event)[0]] + order.flush()
 
 

@@ -87,9 +87,9 @@ class Identifier(Protocol):
     def reset(self) -> None:
         """Return to the initial values."""
 
-    def conclude(self) -> None:
-        """Make the best of data that end here, and are few."""
-        return None
+    def conclude(self) -> bool:
+        """Make the best of data that end here, and are few; tell whether there was a better."""
+        return False
 
     def retune(self, adaptation_time: float) -> None:
         """Change the adaptation time [s], if the method has one, and keep the estimate."""

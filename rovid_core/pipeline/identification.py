@@ -117,10 +117,9 @@ class Identification:
         self._steps = steps
         self.estimate = self.estimate._replace(steps=steps)
 
-    def conclude(self) -> None:
-        """Make the best of data that end here, without a step."""
+    def take_up(self) -> None:
+        """Let the last estimate have the parameters that the identifier has by now."""
         identifier = self.identifier
-        identifier.conclude()
         self.estimate = self.estimate._replace(
             parameters=identifier.parameters, uncertainty=identifier.uncertainty,
             delay=identifier.delay, couplings=identifier.couplings)

@@ -172,10 +172,13 @@ class Pipeline:
         for source in self._sources:
             source.last = None
 
-    def conclude(self, last: Estimate) -> Estimate:
-        """Return the last estimate with the best of data that end here."""
+    def conclude(self, last: Estimate) -> Estimate | None:
+        """Return the last estimate with the best of data that end here, None if it has it."""
+        better = [dof.identifier.conclude() for dof in self.dofs] if self.adapt else []
+        if not any(better):
+            return None
         for dof in self.dofs:
-            dof.conclude()
+            dof.take_up()
         return last._replace(dofs=tuple([dof.at(last.now) for dof in self.dofs]),
                              current=self._current())
 

@@ -118,10 +118,15 @@ class Stream:
         return estimates
 
     def end(self) -> list[Estimate]:
-        """Release what is held, and make the best of a log that ends here and is short."""
+        """Release what is held; the last estimate has the best of a log that is short."""
         estimates = self.finish()
-        if self.estimate is not None:
-            self.estimate = self._pipeline.conclude(self.estimate)
+        last = self._pipeline.conclude(self.estimate) if self.estimate is not None else None
+        if last is not None:
+            if estimates:
+                estimates[-1] = last
+            else:
+                estimates = [last._replace(stepped=())]
+            self.estimate = last
         return estimates
 
     def reset(self) -> None:

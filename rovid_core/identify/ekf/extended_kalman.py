@@ -305,11 +305,13 @@ class ExtendedKalman(Identifier):
         else:
             start.wait(known)
 
-    def conclude(self) -> None:
+    def conclude(self) -> bool:
         """Go through a log that ends before that was done for the first time."""
-        if self._start is not None and self._start.is_new:
-            self._bank.go_through_again(self._start, self._theta, True)
+        found = self._start is not None and self._start.is_new and (
+            self._bank.go_through_again(self._start, self._theta, True))
+        if found:
             self._publish()
+        return found
 
     def _end_blocks(self, found: Sequence[int], step: Step) -> None:
         """Look at the blocks that are complete."""

@@ -58,10 +58,9 @@ class PlanarRow(Identifier):
         """Go back to the initial values, with the other one."""
         self._filter.reset()
 
-    def conclude(self) -> None:
+    def conclude(self) -> bool:
         """Make the best of data that end here, for both."""
-        if self._is_first:
-            self._filter.conclude()
+        return self._is_first and self._filter.conclude()
 
     @property
     def _is_first(self) -> bool:

@@ -155,7 +155,10 @@ def test_a_fix_right_after_the_first_one_of_a_pause_is_no_motion():
     again = Event(fixes[k].time + 20_000, (Sample('position', (x + 0.002, y, z)),))
     stream = run(vehicle(), [*fixes[:k + 1], again, *fixes[k + 1:]])
     assert stream.rejected == {('position', 'burst'): 1}
-    assert stream.estimate.dofs == run(vehicle(), fixes).estimate.dofs
+    usual = run(vehicle(), fixes)
+    for one, other in zip(stream.estimate.dofs, usual.estimate.dofs):
+        assert (one.parameters, one.velocity, one.v_hat) == (
+            other.parameters, other.velocity, other.v_hat)
 
 
 def test_values_that_are_no_numbers_cost_themselves():

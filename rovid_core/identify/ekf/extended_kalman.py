@@ -307,8 +307,7 @@ class ExtendedKalman(Identifier):
 
     def conclude(self) -> bool:
         """Go through a log that ends before that was done for the first time."""
-        found = self._start is not None and self._start.is_new and (
-            self._bank.go_through_again(self._start, self._theta, True))
+        found = self._bank.conclude(self._start, self._theta)
         if found:
             self._publish()
         return found

@@ -305,6 +305,11 @@ class FilterBank(Generic[M]):
             return True
         return False
 
+    def conclude(self, start: BatchStart[M] | None, first_guess: Sequence[float]) -> bool:
+        """Go through data that end before that was done for the first time; as above."""
+        return start is not None and start.is_new and (
+            self.go_through_again(start, first_guess, True))
+
     def is_lost_often(self, found: Sequence[int], time: float) -> bool:
         """
         Tell if members that understood the vehicle lose it so often that it must have changed.

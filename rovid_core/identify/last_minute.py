@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ CANDIDATES = {
 # Where it can be told to the model.
 KEYS = {'dead_band': 'thrusters.deadband', 'reverse_thrust': 'thrusters.reverse',
         'lag': 'thrusters.time_constant'}
-DEAD_BAND = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
+DEAD_BAND: Final = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
 LAG = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
 # of the model's acceleration that it is.

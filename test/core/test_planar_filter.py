@@ -6,7 +6,8 @@ from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.planar.filter import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Noise, Row
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
-from rovid_core.identify.ekf.single.recent_force import DEAD_BAND, RecentForce
+from rovid_core.identify.ekf.single.recent_force import RecentForce
+from rovid_core.identify.last_minute import DEAD_BAND
 from rovid_core.model.samples import PlanarPiece
 
 ROWS = (Row(0, 6, 0.5, 4, ()), Row(6, 13, 0.4, 10, ((11, 0),)))

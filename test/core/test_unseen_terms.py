@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.unseen_terms import averaged, expected, judged, summed
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.single.recent_force import RecentForce
@@ -20,9 +21,9 @@ SCALES = replace(Scales.of(GUESS), watched=('vr',))
 UNIT = np.eye(2)
 
 
-def said(name, seed, duration):
+def said(name, seed, duration, scales=SCALES):
     """Return, per step, whether it has converged, whether its interval holds, and the reasons."""
-    one, status, found = ExtendedKalman(SCALES), DofStatus(SCALES, 3.0), []
+    one, status, found = ExtendedKalman(scales), DofStatus(scales, 3.0), []
     for piece in pieces(VEHICLES[name], seed, duration):
         if not isinstance(piece, Step):
             one.restart(piece)
@@ -46,6 +47,27 @@ def test_what_matters_little_is_not_asked_for():
     *_, (converged, _, reasons) = said('exact', 0, 150.0)
     assert converged
     assert not any('cannot be told' in reason for reason in reasons)
+
+
+def test_a_guess_that_is_far_too_strong_hides_no_dead_band():
+    strong = replace(SCALES, force=4.0 * SCALES.force)
+    *_, (_, _, reasons) = said('exact', 0, 150.0, strong)
+    assert not any('push at several sizes' in reason for reason in reasons)
+
+
+@pytest.mark.parametrize(('size', 'coefficient', 'name'), [
+    (0.5, -0.2, 'reverse_drag'), (1e-4, -500.0, None)])
+def test_a_coefficient_that_nothing_can_have_is_chance(size, coefficient, name):
+    """Both explain as much; the second regressor hardly acts."""
+    theta, random = [0.5, -1.0, -0.2, 0.0, 0.0], np.random.default_rng(0)
+    blocks = ScoreBlocks(theta, [1.0] * 5, ['reverse_drag'])
+    for _ in range(16000):
+        psi = random.normal(size=6)
+        psi[-1] *= size
+        blocks.add(random.normal() + psi[:5] @ theta + coefficient * psi[5], 1.0, psi.tolist(),
+                   0.025)
+    missing = blocks.verdict().missing
+    assert (missing and missing.name) == name
 
 
 @pytest.mark.parametrize('name', [

@@ -13,8 +13,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     GAMMA,
     LAG,
 )
-from rovid_core.identify.ekf.single.recent_force import DEAD_BAND
-from rovid_core.identify.last_minute import lacking, UNTOLD_DEAD_BAND
+from rovid_core.identify.last_minute import DEAD_BAND, lacking, UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import RESTORING
 from rovid_core.settings.run import Scales
 

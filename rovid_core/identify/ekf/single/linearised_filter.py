@@ -20,8 +20,9 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.divergence import DivergenceError
-from rovid_core.identify.ekf.single.recent_force import DEAD_BAND, RecentForce
+from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.identify.ekf.single.sensitivities import Parameter, Regressor
+from rovid_core.identify.last_minute import DEAD_BAND
 
 ALPHA: Final = 0
 BETA: Final = 1

@@ -5,13 +5,12 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 import math
-from typing import Any, Final
+from typing import Any
+
+from rovid_core.identify.last_minute import DEAD_BAND
 
 KEPT = 4.0
 """[s] that are kept, at least."""
-
-DEAD_BAND: Final = 0.2
-"""Thrust up to which a dead-band is looked for, in the size that thrust has."""
 
 
 class RecentForce:
@@ -83,14 +82,17 @@ class RecentForce:
             means.append(mean)
             slopes.append(slope)
             self._held = held
-        self._squares, self._cubes = squares, cubes
-        if cubes:
-            self.bend = DEAD_BAND * min(cubes / squares, 1.0)
+        self._set_size(squares, cubes)
         if times[-1] - times[0] > 2.0 * KEPT:
             cut = bisect_right(times, times[-1] - KEPT) - 1
             for column in (times, means, slopes):
                 del column[:cut]
             self._near = 0
+
+    def _set_size(self, squares: float, cubes: float) -> None:
+        self._squares, self._cubes = squares, cubes
+        if cubes:
+            self.bend = DEAD_BAND * min(cubes / squares, 1.0)
 
     def _span(self, time: float) -> int:
         """Return the number of the span that holds a time, the first or the last beyond them."""
@@ -192,7 +194,7 @@ class RecentForce:
         """Return all that is needed to go on from here."""
         return {'times': list(self._times), 'means': list(self._means),
                 'slopes': list(self._slopes), 'held': self._held,
-                'squares': self._squares, 'cubes': self._cubes, 'bend': self.bend}
+                'squares': self._squares, 'cubes': self._cubes}
 
     def restore(self, state: Any) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -201,10 +203,10 @@ class RecentForce:
         if not len(times) - 1 == len(means) == len(slopes) or sorted(set(times)) != times or (
                 not all(map(math.isfinite, (*times, *means, *slopes)))):
             raise ValueError('the recent force does not fit')
-        squares, cubes, bend = (float(state[name]) for name in ('squares', 'cubes', 'bend'))
-        if not (0.0 <= squares < math.inf and 0.0 <= cubes < math.inf
-                and 0.0 < bend <= DEAD_BAND):
+        squares, cubes = float(state['squares']), float(state['cubes'])
+        if not (0.0 <= squares < math.inf and 0.0 <= cubes < math.inf) or cubes > 0.0 == squares:
             raise ValueError('the size of the force does not fit')
-        self._squares, self._cubes, self.bend = squares, cubes, bend
+        self.bend = DEAD_BAND
+        self._set_size(squares, cubes)
         self._times, self._means, self._slopes = times, means, slopes
         self._held, self._near = bool(state['held']), 0

@@ -50,13 +50,13 @@ def test_what_matters_little_is_not_asked_for():
 
 
 def test_a_guess_that_is_far_too_strong_hides_no_dead_band():
-    strong = replace(SCALES, force=4.0 * SCALES.force)
+    strong = replace(SCALES, force=10.0 * SCALES.force)
     *_, (_, _, reasons) = said('exact', 0, 150.0, strong)
     assert not any('push at several sizes' in reason for reason in reasons)
 
 
 @pytest.mark.parametrize(('size', 'coefficient', 'name'), [
-    (0.5, -0.2, 'reverse_drag'), (1e-4, -500.0, None)])
+    (0.5, -0.4, 'reverse_drag'), (1e-4, -2000.0, None)])
 def test_a_coefficient_that_nothing_can_have_is_chance(size, coefficient, name):
     """Both explain as much; the second regressor hardly acts."""
     theta, random = [0.5, -1.0, -0.2, 0.0, 0.0], np.random.default_rng(0)

@@ -6,7 +6,7 @@ far the mass is off, how often its 95 % interval holds the true one, how often t
 ``converged``, how often it says so with the true mass outside of the interval, or with a mass that
 is off by more than 10 %, whether and when the vehicle is said to have changed, how often the
 notes name what is missing, and what they say most often. With ``--configured`` the vehicles that
-have what a configuration can say are given it: thrusters as they are, and the coupling v r.
+have what a configuration can say are given it: thrusters and couplings as they are.
 
 Usage: python -m benchmarks.accuracy.real_vehicles [--seeds N] [--duration S] [--method M]
            [--configured]
@@ -28,10 +28,11 @@ from rovid_core.identify.intervals import intervals
 from rovid_core.identify.method import Identifier
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
-from rovid_core.settings.run import IdentifierSettings, Scales
+from rovid_core.settings.run import DofSettings, IdentifierSettings, Scales
 
 from benchmarks.markdown import table
 from test.support.real_vehicles import (
+    couplings_of,
     GUESS,
     LINEAR,
     MASS,
@@ -61,10 +62,11 @@ class Result:
     changed_at: float
 
 
-def identify(identifier: Identifier, vehicle: Vehicle, seed: int, duration: float,
-             configured: bool) -> Result:
+def identify(identifier: Identifier, guess: DofSettings, vehicle: Vehicle, seed: int,
+             duration: float, configured: bool) -> Result:
     """Let a method identify a vehicle, and look at what it says."""
-    status, time, changed_at, by_120 = DofStatus(Scales.of(GUESS), 3.0), 0.0, inf, False
+    status = DofStatus(Scales.of(guess), 3.0)
+    time, changed_at, by_120 = 0.0, inf, False
     notes: set[str] = set()
     for piece in pieces(vehicle, seed, duration, configured):
         if not isinstance(piece, Step):
@@ -90,15 +92,17 @@ def identify(identifier: Identifier, vehicle: Vehicle, seed: int, duration: floa
 
 def case(method: str, duration: float, configured: bool, name: str, seed: int) -> Result:
     """Return the result of one seed."""
-    guess, watched = (replace(GUESS, couplings=('vr',)), ()) if configured else (GUESS, ('vr',))
+    vehicle = VEHICLES[name]
+    guess, watched = (replace(GUESS, couplings=couplings_of(vehicle)), ()) if configured else (
+        GUESS, ('vr',))
     identifier = make_identifier(IdentifierSettings(method), guess, watched=watched)
-    return identify(identifier, VEHICLES[name], seed, duration, configured)
+    return identify(identifier, guess, vehicle, seed, duration, configured)
 
 
 def can_be_configured(vehicle: Vehicle) -> bool:
     """Tell whether a configuration can say what a vehicle has and the model has not."""
     return not vehicle.size and vehicle.change[0] == inf and (
-        vehicle.thrust is not float or vehicle.lag > 0.0
+        vehicle.thrust is not float or vehicle.lag > 0.0 or vehicle.reverse_drag != 1.0
         or vehicle.disturbance in ('coupled', 'zigzag'))
 
 

@@ -11,12 +11,14 @@ step).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
+from rovid_core.model.dofs import OWN, own_coefficients
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
@@ -30,8 +32,8 @@ CANDIDATES = {
     'dead_band': 'a dead band of the thrusters', 'reverse_thrust': 'reverse thrust',
     'reverse_drag': 'reverse drag', 'lag': 'a lag of the thrusters'}
 # Where it can be told to the model.
-KEYS = {'dead_band': 'thrusters.deadband', 'reverse_thrust': 'thrusters.reverse',
-        'lag': 'thrusters.time_constant'}
+KEYS = {'dead_band': 'see thrusters.deadband', 'reverse_thrust': 'see thrusters.reverse',
+        'lag': 'see thrusters.time_constant'}
 DEAD_BAND: Final = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
 LAG = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
@@ -48,11 +50,15 @@ UNTOLD_DEAD_BAND = (
     'a dead band of the thrusters cannot be told from the mass yet: push at several sizes')
 
 
-def lacking(share: float, name: str, said: str) -> str:
-    """Return that a share of the error follows one of ``CANDIDATES``, and what to do."""
-    see = f': see {KEYS[name]}' if name in KEYS else ''
+def lacking(share: float, name: str, said: str, couplings: Sequence[str]) -> str:
+    """
+    Return that a share of the error follows one of ``CANDIDATES``, and what to do.
+
+    ``couplings`` are those that the DOF has.
+    """
+    advice = KEYS.get(name) or f'add couplings: [{", ".join([*couplings, name])}]'
     return (f'{100.0 * min(share, 1.0):.0f} % of the error follows {said}, which the model does '
-            f'not have{see}')
+            f'not have: {advice}')
 
 
 @dataclass(frozen=True)
@@ -133,7 +139,7 @@ class LastMinute:
         for i, candidate in enumerate(CANDIDATES, start=len(self._size)):
             by_own = inverse @ normal[on, i]
             alone = normal[i, i] - normal[on, i] @ by_own
-            if not alone > ALONE * normal[i, i]:
+            if candidate in self._scales.couplings or not alone > ALONE * normal[i, i]:
                 continue
             size = (right[i] - by_own @ given) / alone
             share = size * size * alone / left if left > 0.0 else 0.0
@@ -141,7 +147,7 @@ class LastMinute:
             if matters and share > max(most, EXPLAINS):
                 most, name = share, candidate
         if name and abs(off) < NEAR:
-            return lacking(most, name, CANDIDATES[name])
+            return lacking(most, name, CANDIDATES[name], self._scales.couplings)
         fit = self.fit
         if not fit >= PREDICTS[converged]:  # True for NaN
             return ('without corrections it predicts '
@@ -172,6 +178,9 @@ class LastMinute:
     def _block(self) -> Block:
         """Simulate the model over the block and return the sums of its errors."""
         alpha, beta, gamma, delta = self._model[:4]
+        names = self._scales.couplings
+        _, reverse_drag = own_coefficients(names, self._model[4:])
+        kappas = [0.0 if name == OWN[1] else p for name, p in zip(names, self._model[4:])]
         force_scale, speed_scale = self._scales.force, self._scales.velocity
         dead = DEAD_BAND * min(self._thrust(), force_scale)
         k = len(self._size) + len(CANDIDATES)
@@ -184,8 +193,10 @@ class LastMinute:
         x = measured = acceleration = 0.0
         for h, path, force, others in self._steps:
             half = 0.5 * h
-            push = alpha * force + delta + sum(p * y for p, y in zip(self._model[4:], others))
-            target, linear, quadratic = v + half * push, 1.0 - half * gamma, -half * beta
+            push = alpha * force + delta + sum(p * y for p, y in zip(kappas, others))
+            target, linear = v + half * push, 1.0 - half * gamma
+            slope = min(beta + reverse_drag, 0.0) if target < 0.0 else beta  # w has its sign
+            quadratic = -half * slope
             w = 2.0 * target / (
                 linear + math.sqrt(linear * linear + 4.0 * quadratic * abs(target)))
             drag = w * abs(w)
@@ -194,11 +205,13 @@ class LastMinute:
             gone = -math.expm1(-h / LAG)
             late = (force - lagged) * gone * LAG / h
             lagged += gone * (force - lagged)
-            phi = [y * size for y, size in zip((force, drag, w, 1.0, *others), self._size)]
+            phi = [y * size for y, size in zip((force, drag, w, 1.0, *[
+                min(drag, 0.0) if name == OWN[1] else x for name, x in zip(names, others)
+                ]), self._size)]
             phi += (
                 DEAD_BAND * force / max(abs(force), dead), min(force, 0.0) / force_scale,
                 min(drag, 0.0) / speed_scale**2, late / force_scale)
-            rest = 1.0 - half * (2.0 * beta * abs(w) + gamma)
+            rest = 1.0 - half * (2.0 * slope * abs(w) + gamma)
             mean = [(y + half * z) / rest for y, z in zip(of_v, (0.0, *phi))]
             of_x = [y + h * z for y, z in zip(of_x, mean)]
             of_v = [2.0 * z - y for y, z in zip(of_v, mean)]

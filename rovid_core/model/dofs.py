@@ -1,5 +1,6 @@
 """Names and order of the degrees of freedom and of the parameters."""
 
+from collections.abc import Sequence
 import math
 
 DOFS = ('surge', 'sway', 'heave', 'roll', 'pitch', 'yaw')
@@ -9,17 +10,25 @@ ANGULAR_DOFS = DOFS[3:]
 PARAMETERS = ('alpha', 'beta', 'gamma', 'delta')
 PHYSICAL = ('mass', 'quadratic_drag', 'linear_drag', 'bias')
 
+OWN = ('reverse_thrust', 'reverse_drag')
+"""
+Couplings that are made of a DOF's own force and velocity: min(tau, 0), and v|v| where v < 0.
+
+Whoever simulates a model makes them of the force and the velocity that it has there.
+"""
+
 COUPLINGS = {
-    'surge': ('vr', 'wq'),
-    'sway': ('ur', 'wp'),
-    'heave': ('uq', 'vp'),
-    'roll': ('sin_roll', 'v', 'qr', 'vw'),
-    'pitch': ('sin_pitch', 'pr', 'uw'),
-    'yaw': ('v', 'uv', 'pq'),
+    'surge': ('vr', 'wq', *OWN),
+    'sway': ('ur', 'wp', *OWN),
+    'heave': ('uq', 'vp', *OWN),
+    'roll': ('sin_roll', 'v', 'qr', 'vw', *OWN),
+    'pitch': ('sin_pitch', 'pr', 'uw', *OWN),
+    'yaw': ('v', 'uv', 'pq', *OWN),
 }
 """
-How other DOFs may act on one: by products of their velocities u, v, w, p, q, r, by one of these
-alone (the drag of a sideways motion), and by the restoring terms sin(roll) cos(pitch), sin(pitch).
+What else may act on a DOF. Others do by products of their velocities u, v, w, p, q, r, by one of
+these alone (the drag of a sideways motion), and by the restoring terms sin(roll) cos(pitch),
+sin(pitch); its own force and velocity do by ``OWN``.
 """
 
 RESTORING = ('sin_roll', 'sin_pitch')
@@ -40,6 +49,11 @@ a moment of inertia in them, which is some tens for a small vehicle.
 Four = tuple[float, float, float, float]
 """Values in the order of ``PARAMETERS`` (or of ``PHYSICAL``)."""
 
+Own = tuple[float, float]
+"""Coefficients of ``OWN``, 0 for one that a model does not have."""
+
+NOTHING_OWN: Own = (0.0, 0.0)
+
 NAN4: Four = (math.nan, math.nan, math.nan, math.nan)
 
 Quaternion = tuple[float, float, float, float]
@@ -48,3 +62,10 @@ Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
 
 Three = tuple[float, float, float]
+
+
+def own_coefficients(names: Sequence[str], coefficients: Sequence[float]) -> Own:
+    """Return those of ``OWN`` among the couplings ``names`` of a DOF."""
+    of = dict(zip(names, coefficients))
+    thrust, drag = [float(of.get(name, 0.0)) for name in OWN]
+    return thrust, drag

@@ -33,14 +33,18 @@ def physical(parameters: Sequence[float]) -> Four:
     return (1.0 / alpha, -beta / alpha, -gamma / alpha, -delta / alpha)
 
 
-def advance(parameters: Sequence[float], velocity: float, force: float, dt: float) -> float:
+def advance(parameters: Sequence[float], velocity: float, force: float, dt: float,
+            reverse_drag: float = 0.0) -> float:
     """
     Return the velocity after ``dt`` [s] of constant force.
 
     Classical Runge-Kutta, with the step divided until the drag's time constant is well
     resolved, so that any finite parameters with beta, gamma <= 0 give a bounded answer.
+    ``reverse_drag`` comes to beta while the velocity is below 0 as the step begins.
     """
     alpha, beta, gamma, delta = parameters
+    if velocity < 0.0 and reverse_drag:
+        beta = min(beta + reverse_drag, 0.0)
     u = alpha * force + delta
     # drag is fastest at the highest speed: the present one, or the one that the thrust leads to
     fastest = abs(velocity) + min(abs(u) * dt, math.sqrt(abs(u / beta)) if beta else math.inf)

@@ -34,7 +34,7 @@ MAX_VELOCITY = 1e6
 
 
 def trajectory(parameters: Sequence[float] | Array, start: float, dt: Array,
-               force: Array) -> Array:
+               force: Array, reverse_drag: float = 0.0) -> Array:
     """
     Return the velocity at the start and after each segment of constant force.
 
@@ -46,6 +46,8 @@ def trajectory(parameters: Sequence[float] | Array, start: float, dt: Array,
         Velocity at the start [m/s or rad/s].
     dt, force : ndarray, shape (n,)
         Length [s] and mean force [N or N m] of each segment.
+    reverse_drag : float
+        What comes to beta where the velocity is below 0; the sum counts up to 0.
 
     Returns
     -------
@@ -56,21 +58,24 @@ def trajectory(parameters: Sequence[float] | Array, start: float, dt: Array,
     alpha, beta, gamma, delta = map(float, parameters)
     drive = alpha * force + delta
     largest = float(np.abs(drive).max(initial=0.0))
+    least, most = sorted((-beta, max(-beta - reverse_drag, 0.0)))
     # at this speed drag exceeds all thrust (Appendix of the paper)
-    fastest = max(abs(start), math.sqrt(largest / -beta)) if beta < 0.0 else 0.0
+    fastest = max(abs(start), math.sqrt(largest / least)) if least > 0.0 else 0.0
     with np.errstate(all='ignore'):
-        pieces = (2.0 * abs(beta) * fastest + abs(gamma)) * dt + 1.0
-        if max(beta, gamma) <= 0.0 and pieces.max(initial=1.0) < MAX_PIECES:
+        pieces = (2.0 * most * fastest + abs(gamma)) * dt + 1.0
+        if min(least, -gamma) >= 0.0 and pieces.max(initial=1.0) < MAX_PIECES:
             number = pieces.astype(int)
             h, u = np.repeat(dt / number, number), np.repeat(drive, number)
             found, converged = _newton(
-                lambda v: _runge_kutta(beta, gamma, v, h, u), start, len(h))
+                lambda v: _runge_kutta(drag_at(v, beta, reverse_drag), gamma, v, h, u), start,
+                len(h))
             if converged:
                 return np.asarray(found[np.concatenate([[0], np.cumsum(number)])])
-    return _step_by_step((alpha, beta, gamma, delta), start, dt, force)
+    return _step_by_step((alpha, beta, gamma, delta), start, dt, force, reverse_drag)
 
 
-def midpoint_trajectory(parameters: Array, start: float, dt: Array, force: Array) -> Array:
+def midpoint_trajectory(parameters: Array, start: float, dt: Array, force: Array,
+                        reverse_drag: float = 0.0) -> Array:
     """
     Return the trajectory by the implicit midpoint rule, one step per segment.
 
@@ -81,8 +86,8 @@ def midpoint_trajectory(parameters: Array, start: float, dt: Array, force: Array
     drive = parameters[0] * force + delta
 
     def step(v: Array) -> tuple[Array, Array]:
-        w = mean_velocity(v, 0.5 * dt, drive, beta, gamma)
-        half = _half_slope(parameters, w, dt)
+        w = mean_velocity(v, 0.5 * dt, drive, beta, gamma, reverse_drag)
+        half = _half_slope(parameters, w, dt, reverse_drag)
         return 2.0 * w - v, (1.0 + half) / (1.0 - half)
 
     return _newton(step, start, len(dt))[0]
@@ -90,8 +95,8 @@ def midpoint_trajectory(parameters: Array, start: float, dt: Array, force: Array
 
 def midpoint_steps(parameters: Array, start: Array, dt: Iterable[float | Array],
                    force: Iterable[float | Array],
-                   others: Iterable[Sequence[Array] | Array] = repeat(())
-                   ) -> Iterator[tuple[Array, Array]]:
+                   others: Iterable[Sequence[Array] | Array] = repeat(()),
+                   reverse_drag: Array | float = 0.0) -> Iterator[tuple[Array, Array]]:
     """
     Step many vehicles side by side by the implicit midpoint rule.
 
@@ -105,6 +110,8 @@ def midpoint_steps(parameters: Array, start: Array, dt: Iterable[float | Array],
         Length [s] and mean force [N or N m] of each step; numbers, or arrays over vehicles.
     others : iterable, optional
         The k regressors of the couplings in each step, arrays over vehicles.
+    reverse_drag : ndarray, shape (...), optional
+        What comes to beta where the velocity is below 0.
 
     Yields
     ------
@@ -118,19 +125,19 @@ def midpoint_steps(parameters: Array, start: Array, dt: Iterable[float | Array],
         drive = alpha * f + delta
         for kappa, x in zip(parameters[4:], coupled):
             drive = drive + kappa * x
-        mean = mean_velocity(v, 0.5 * h, drive, beta, gamma)
+        mean = mean_velocity(v, 0.5 * h, drive, beta, gamma, reverse_drag)
         v = 2.0 * mean - v
         yield mean, v
 
 
 def sensitivities(parameters: Array, velocity: Array, dt: Array, force: Array,
-                  accelerations: Array | None = None) -> Array:
+                  accelerations: Array | None = None, reverse_drag: float = 0.0) -> Array:
     """
     Return the derivatives of ``midpoint_trajectory``.
 
     Parameters
     ----------
-    parameters, dt, force
+    parameters, dt, force, reverse_drag
         As in ``midpoint_trajectory``.
     velocity : ndarray, shape (n + 1,)
         The trajectory.
@@ -144,7 +151,7 @@ def sensitivities(parameters: Array, velocity: Array, dt: Array, force: Array,
 
     """
     w = 0.5 * (velocity[:-1] + velocity[1:])
-    half = _half_slope(parameters, w, dt)
+    half = _half_slope(parameters, w, dt, reverse_drag)
     others = [] if accelerations is None else [dt * x for x in accelerations]
     inputs = np.stack([
         dt * force, dt * w * np.abs(w), dt * w, dt, *others, np.zeros_like(dt)])
@@ -163,7 +170,8 @@ def integral(values: Array, dt: Array) -> Array:
 
 
 def mean_velocity(start: Array, half_step: Array | float, drive: Array,
-                  beta: Array | float, gamma: Array | float) -> Array:
+                  beta: Array | float, gamma: Array | float,
+                  reverse_drag: Array | float = 0.0) -> Array:
     """
     Return the mean velocities over one step each, by the implicit midpoint rule.
 
@@ -180,10 +188,20 @@ def mean_velocity(start: Array, half_step: Array | float, drive: Array,
         u = alpha tau + delta [m/s^2 or rad/s^2].
     beta, gamma : float or ndarray
         Drag, not above 0.
+    reverse_drag : float or ndarray
+        What comes to beta where the mean velocity is below 0.
 
     """
     c, b = start + half_step * drive, 1.0 - half_step * gamma
+    beta = drag_at(c, beta, reverse_drag)  # the mean has the sign of c
     return np.asarray(2.0 * c / (b + np.sqrt(b * b - 4.0 * half_step * beta * np.abs(c))))
+
+
+def drag_at(velocity: Array, beta: Array | float, reverse_drag: Array | float) -> Array | float:
+    """Return beta for velocities of some sign."""
+    if isinstance(reverse_drag, float) and not reverse_drag:
+        return beta
+    return np.where(velocity < 0.0, np.minimum(beta + reverse_drag, 0.0), beta)
 
 
 def linear_recurrence(factor: Array, added: Array) -> Array:
@@ -224,9 +242,10 @@ def linear_recurrence(factor: Array, added: Array) -> Array:
     return np.moveaxis(x, 0, -1).reshape(*series, blocks * BLOCK_LENGTH)[..., :count]
 
 
-def _half_slope(parameters: Array, w: Array, dt: Array) -> Array:
+def _half_slope(parameters: Array, w: Array, dt: Array, reverse_drag: float) -> Array:
     """Return half the step times the derivative of the acceleration at velocity ``w``."""
-    return np.asarray(0.5 * dt * (2.0 * parameters[1] * np.abs(w) + parameters[2]))
+    beta = drag_at(w, parameters[1], reverse_drag)
+    return np.asarray(0.5 * dt * (2.0 * beta * np.abs(w) + parameters[2]))
 
 
 def _newton(step: Callable[[Array], tuple[Array, Array]], start: float,
@@ -247,7 +266,7 @@ def _newton(step: Callable[[Array], tuple[Array, Array]], start: float,
     return v, False
 
 
-def _runge_kutta(beta: float, gamma: float, v: Array, dt: Array,
+def _runge_kutta(beta: Array | float, gamma: float, v: Array, dt: Array,
                  drive: Array) -> tuple[Array, Array]:
     """Return the velocities after one step from each of ``v``, and their slopes by it."""
     rate = slope = rates = slopes = np.zeros_like(v)
@@ -261,12 +280,12 @@ def _runge_kutta(beta: float, gamma: float, v: Array, dt: Array,
 
 
 def _step_by_step(parameters: Sequence[float], start: float, dt: Array,
-                  force: Array) -> Array:
+                  force: Array, reverse_drag: float) -> Array:
     velocity = np.full(len(dt) + 1, math.inf)
     velocity[0] = v = start
     for k, (h, f) in enumerate(zip(dt.tolist(), force.tolist()), 1):
         try:
-            v = advance(parameters, v, f, h)
+            v = advance(parameters, v, f, h, reverse_drag)
         except (ValueError, ArithmeticError):  # no finite speed: drag of the wrong sign
             break
         if not abs(v) < MAX_VELOCITY:

@@ -10,7 +10,7 @@ from rovid_core.identify.estimate import Current, Estimate
 from rovid_core.inputs.configuration_check import ConfigurationCheck
 from rovid_core.inputs.stuck_sensor import InputCheck, RESTARTS
 from rovid_core.inputs.units_and_signs import LONG, SHORT
-from rovid_core.model.dofs import Quaternion, Vector
+from rovid_core.model.dofs import OWN, Quaternion, Vector
 from rovid_core.model.lowpass import LowPass
 from rovid_core.model.samples import Motion, Sample, Step
 from rovid_core.ordering.cadence import Cadence
@@ -353,6 +353,13 @@ class Pipeline:
         return self._couplings.mean(
             source.couplings, *span, self._planar_of(source) is not None)
 
+    def _coupling_means(self, source: FilteredSource, last: Motion,
+                        motion: Motion) -> list[tuple[float, float]]:
+        """Return the regressors over both parts of the step that a motion ends."""
+        new = self._coupling_regressors(source, motion)
+        old, source.last_regressors = source.last_regressors, new
+        return list(zip(old if motion.end > motion.start else new, new))
+
     def _interrupt(self, source: FilteredSource, reason: str) -> None:
         """Count why there is no step, and let the next measurement begin anew where it must."""
         if reason == 'first':
@@ -392,13 +399,14 @@ class Pipeline:
         interval = (motion.end - motion.start) * NS
         couplings: list[tuple[float, float]] = []
         filtered: tuple[float, ...] = ()
-        if source.couplings:
-            new = self._coupling_regressors(source, motion)
-            old = source.last_regressors if interval else new
-            couplings = list(zip(old, new))
+        if source.has_couplings:
+            couplings = [*self._coupling_means(source, last, motion), *[
+                (_mean_astern(second[j] - first[j], lead),
+                 _mean_astern(third[j] - second[j], rest)) if name == OWN[0] else
+                _drags_astern(last.velocity[j], motion.velocity[j], interval)
+                for j, name in source.own]]
             filtered = source.regressors.step(
                 dt, tuple([(lead * x + rest * y) / dt for x, y in couplings]))
-            source.last_regressors = new
         pieces = self._forces.pieces(
             begin, time, source.indices) if self._settings.watches else ()
         watched: tuple[float, ...] = ()
@@ -406,7 +414,7 @@ class Pipeline:
             watched = self._couplings.as_known(
                 source.watched, *((last.start, last.end) if interval else (begin, time)))
         planar, steps = self._planar_of(source), []
-        path_noise, turn, none = motion.path_noise, motion.turn, len(source.couplings) == 0
+        path_noise, turn, none = motion.path_noise, motion.turn, not source.has_couplings
         for j in range(len(source.indices)):
             v, w, f, p, q = before[j], after[j], forces[j], first[j], second[j]
             # in the order of the fields: by their names it would take three times as long
@@ -441,8 +449,10 @@ class Pipeline:
         source.interrupt()
         velocity = source.velocity.step(0.0, motion.velocity)
         source.last_regressors = self._coupling_regressors(source, motion)
-        if source.last_regressors:
-            source.regressors.step(0.0, source.last_regressors)
+        if source.has_couplings and len(source.last_regressors) == len(source.couplings):
+            source.regressors.step(0.0, (*source.last_regressors, *[
+                0.0 if name == OWN[0] else _drags_astern(v, v, 1.0)[1]
+                for v, name in [(motion.velocity[j], name) for j, name in source.own]]))
         source.last = motion
         planar = self._planar_of(source)
         if planar is not None:
@@ -483,11 +493,24 @@ class Pipeline:
         return rotate(attitude, AXES[dof])[:2] if attitude is not None else ()
 
 
-def _union(of_dofs: Sequence[tuple[str, ...]]
+def _union(of_dofs: Sequence[Sequence[str]]
            ) -> tuple[tuple[str, ...], list[tuple[int, ...]]]:
     """Return all names of some DOFs, each once, and which of them each DOF has."""
     union = tuple(dict.fromkeys(name for names in of_dofs for name in names))
     return union, [tuple([union.index(name) for name in names]) for names in of_dofs]
+
+
+def _mean_astern(impulse: float, dt: float) -> float:
+    """Return the mean of a force over a time [s] as far as it pushes backwards."""
+    return min(impulse / dt, 0.0) if dt > 0.0 else 0.0
+
+
+def _drags_astern(last: float, now: float, interval: float) -> tuple[float, float]:
+    """Return v|v| of both parts of a step, as far as it goes backwards."""
+    before, after = min(last, 0.0) * abs(last), min(now, 0.0) * abs(now)
+    if not interval:  # velocities at both ends of the step
+        before = after = 0.5 * (before + after)
+    return before, after
 
 
 def _is_no_infinity(x: float) -> bool:
@@ -520,9 +543,11 @@ class FilteredSource(VelocitySource):
     last : Motion or None
         Where the next step begins.
     couplings : tuple of str
-        Of all its DOFs, each once.
+        Of all its DOFs, each once, but for ``OWN``.
+    own : list of (int, str)
+        Those of ``OWN`` behind them, with the number of the DOF among those of the source.
     coupling_indices : list of tuple of int
-        Which of them each of its DOFs has.
+        Which of all these each of its DOFs has, in the order of its settings.
     watched, watched_indices
         The same of the regressors that are watched; nothing waits for these.
     regressors : LowPass
@@ -541,8 +566,13 @@ class FilteredSource(VelocitySource):
         self.regressors = LowPass(settings.cutoff)
         super().__init__(settings, input, shared)
         self.indices = tuple(settings.dofs.index(d) for d in self.dofs)
-        self.couplings, self.coupling_indices = _union(
-            [settings.couplings(d) for d in self.dofs])
+        names = [settings.couplings(d) for d in self.dofs]
+        self.couplings, _ = _union([[x for x in one if x not in OWN] for one in names])
+        self.own = [(j, x) for j, one in enumerate(names) for x in one if x in OWN]
+        everything = [*self.couplings, *self.own]
+        self.coupling_indices = [tuple([everything.index((j, x) if x in OWN else x) for x in one])
+                                 for j, one in enumerate(names)]
+        self.has_couplings = bool(everything)
         self.watched, self.watched_indices = _union([settings.watched(d) for d in self.dofs])
         self.last_regressors: tuple[float, ...] = ()
         self.held: Motion | None = None

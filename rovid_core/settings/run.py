@@ -20,6 +20,7 @@ from rovid_core.model.dofs import (
     Four,
     HEADING,
     LINEAR_DOFS,
+    OWN,
     PARAMETERS,
     RESTORING,
 )
@@ -143,12 +144,25 @@ class Scales:
     @property
     def coupling_regressor(self) -> tuple[float, ...]:
         """Return what the regressors of the couplings are multiplied by."""
-        acceleration = max(self.initial[0] * self.force, self.velocity / 3.0)
-        return tuple([COUPLING_PRIORS.get(x, 2.0) / acceleration for x in self.couplings])
+        own, std = dict(zip(OWN, self.regressor)), self.coupling_std
+        return tuple([own.get(x) or one / self._acceleration
+                      for x, one in zip(self.couplings, std)])
+
+    @property
+    def coupling_std(self) -> tuple[float, ...]:
+        """Return the standard deviations of the couplings before any data, in SI."""
+        # what acts on reverse only may take as much of it as there is
+        own = {name: self._acceleration * scale for name, scale in zip(OWN, self.regressor)}
+        return tuple([own.get(x) or COUPLING_PRIORS.get(x, 2.0) for x in self.couplings])
+
+    @property
+    def _acceleration(self) -> float:
+        """Return a typical one."""
+        return max(self.initial[0] * self.force, self.velocity / 3.0)
 
     def coupling_bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return the lowest and the highest allowed couplings."""
-        largest = [100.0 * COUPLING_PRIORS.get(x, 2.0) for x in self.couplings]
+        largest = [100.0 * std for std in self.coupling_std]
         return (tuple([-x for x in largest]), tuple([
             0.0 if name in RESTORING else x for name, x in zip(self.couplings, largest)]))
 
@@ -451,13 +465,13 @@ class Settings:
                     f'{name}.couplings', f'got {coupling!r}, takes {", ".join(COUPLINGS[name])}')
         if len(set(couplings)) != len(couplings):
             raise SettingsError(f'{name}.couplings', 'names one twice')
-        letters = {x for c in couplings if not c.startswith('sin') for x in c}
+        letters = {x for c in couplings if c not in (*RESTORING, *OWN) for x in c}
         if letters & set('uvw') and not (self.position.topic or self.velocity.topic):
             raise SettingsError(f'{name}.couplings', 'needs position.topic or velocity.topic')
         if letters & set('pqr') and not (self.attitude.topic or self.angular_velocity.topic):
             raise SettingsError(
                 f'{name}.couplings', 'needs attitude.topic or angular_velocity.topic')
-        if any(c.startswith('sin') for c in couplings) and not self.attitude.topic:
+        if set(RESTORING) & set(couplings) and not self.attitude.topic:
             raise SettingsError(f'{name}.couplings', 'needs attitude.topic')
 
     def _check_dof(self, name: str) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 import math
 from typing import NamedTuple
 
-from rovid_core.model.dofs import DOFS, RESTORING
+from rovid_core.model.dofs import DOFS, OWN, own_coefficients, RESTORING
 from rovid_core.model.plant import MAX_PIECES
 from rovid_core.model.trajectory import MAX_VELOCITY
 
@@ -51,7 +51,8 @@ class JointModel:
     The rows of all DOFs.
 
     A regressor is formed of simulated velocities while all of its factors are simulated;
-    otherwise, and for the restoring terms of the attitude, the measured one is taken.
+    otherwise, and for the restoring terms of the attitude, the measured one is taken. Those of
+    ``OWN`` are formed of the row's own force and velocity.
 
     Parameters
     ----------
@@ -69,8 +70,11 @@ class JointModel:
         self._rows = [(row[0], row[1], row[2], row[3]) for row in parameters]
         # of every coupling of a row: kappa, and the rows whose velocities are its factors
         self._terms: list[list[tuple[float, tuple[int, ...]]]] = [
-            [(kappa, _factors(name, dofs)) for kappa, name in zip(row[4:], names)]
+            [(0.0 if name in OWN else kappa, _factors(name, dofs))
+             for kappa, name in zip(row[4:], names)]
             for row, names in zip(parameters, couplings)]
+        self._own = [own_coefficients(names, row[4:])
+                     for row, names in zip(parameters, couplings)]
         self._lost = False
 
     def simulate(self, segments: Sequence[Iterator[ForceSegment]]) -> Iterator[tuple[int, float]]:
@@ -112,8 +116,9 @@ class JointModel:
         if self._lost:
             return
         rates = self._rates(known, segments)
-        fastest = max(2.0 * abs(beta * v) + abs(gamma)
-                      for (_, beta, gamma, _), v, on in zip(self._rows, velocity, known) if on)
+        fastest = max(2.0 * max(abs(beta), abs(beta + reverse)) * abs(v) + abs(gamma)
+                      for (_, beta, gamma, _), (_, reverse), v, on in zip(
+                          self._rows, self._own, velocity, known) if on)
         pieces = min(int(fastest * dt), MAX_PIECES) + 1
         h = dt / pieces
         v = velocity
@@ -131,24 +136,25 @@ class JointModel:
 
     def _rates(self, known: Sequence[bool], segments: Sequence[ForceSegment | None]) -> Rates:
         """Return the accelerations as a function of the velocities, 0 in rows not known."""
-        rows: list[tuple[int, float, float, float]] = []
+        rows: list[tuple[int, float, float, float, float]] = []
         products: list[tuple[int, float, tuple[int, ...]]] = []
         for i, segment in enumerate(segments):
             if segment is None or not known[i]:
                 continue
             alpha, beta, gamma, delta = self._rows[i]
-            drive = alpha * segment.force + delta
+            weaker, reverse = self._own[i]
+            drive = alpha * segment.force + weaker * min(segment.force, 0.0) + delta
             for (kappa, factors), measured in zip(self._terms[i], segment.regressors):
                 if factors and all(known[j] for j in factors):
                     products.append((i, kappa, factors))
                 else:
                     drive += kappa * measured
-            rows.append((i, drive, beta, gamma))
+            rows.append((i, drive, beta, min(beta + reverse, 0.0) if reverse else beta, gamma))
 
         def rates(v: Sequence[float]) -> list[float]:
             found = [0.0] * len(v)
-            for i, drive, beta, gamma in rows:
-                found[i] = drive + (beta * abs(v[i]) + gamma) * v[i]
+            for i, drive, ahead, astern, gamma in rows:
+                found[i] = drive + ((astern if v[i] < 0.0 else ahead) * abs(v[i]) + gamma) * v[i]
             for i, kappa, factors in products:
                 for j in factors:
                     kappa *= v[j]
@@ -160,5 +166,5 @@ class JointModel:
 
 def _factors(name: str, dofs: Sequence[str]) -> tuple[int, ...]:
     """Return the rows whose velocities make a regressor; () if not all of them are there."""
-    needed = [LETTERS[letter] for letter in name] if name not in RESTORING else []
+    needed = [] if name in (*RESTORING, *OWN) else [LETTERS[letter] for letter in name]
     return tuple([dofs.index(dof) for dof in needed]) if set(needed) <= set(dofs) else ()

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from rovid_core.model.dofs import COUPLING_PRIORS, Four, RESTORING
+from rovid_core.model.dofs import Four, OWN, own_coefficients, RESTORING
 from rovid_core.model.trajectory import Array, integral, midpoint_trajectory, sensitivities
 from rovid_core.settings.run import Scales
 from rovid_core.trials.record import Fit, Record
@@ -104,7 +104,8 @@ class Residuals:
         self._records = [r for r in records if len(r.time) > 8]
         self.of_position = of_position
         couplings = scales.couplings if all(len(r.couplings) for r in self._records) else ()
-        sizes = [COUPLING_PRIORS.get(name, 2.0) for name in couplings]
+        sizes = list(scales.coupling_std) if couplings else []
+        self._couplings = couplings
         self._active = np.array((*scales.active, *[True] * len(sizes)))
         self._scale = np.array((*scales.regressor, *sizes))
         self._velocity = scales.velocity
@@ -247,13 +248,20 @@ class Residuals:
         blocks: list[Array] = []
         for k, record in enumerate(self._records):
             own = count + each * k
-            others = record.couplings[:len(parameters) - 4]
-            force = record.force
+            others, force = record.couplings[:len(parameters) - 4], record.force
+            _, reverse_drag = own_coefficients(self._couplings, parameters[4:].tolist())
             if len(others):  # in the model, couplings are such forces
-                force = force + parameters[4:] @ others / parameters[0]
-            v = midpoint_trajectory(
-                parameters[:4], unknowns[own] * self._velocity, record.dt, force)
-            slopes = sensitivities(parameters[:4], v, record.dt, record.force, others)
+                kappas = [0.0 if name == OWN[1] else kappa
+                          for name, kappa in zip(self._couplings, parameters[4:])]
+                force = force + np.array(kappas) @ others / parameters[0]
+            v = midpoint_trajectory(parameters[:4], unknowns[own] * self._velocity, record.dt,
+                                    force, reverse_drag)
+            if OWN[1] in self._couplings:
+                others = others.copy()
+                w = 0.5 * (v[:-1] + v[1:])
+                others[self._couplings.index(OWN[1])] = np.minimum(w, 0.0) * np.abs(w)
+            slopes = sensitivities(
+                parameters[:4], v, record.dt, record.force, others, reverse_drag)
             values, derivatives, measured = self._output(record, v, slopes)
             block = np.zeros((len(measured), len(unknowns)))
             block[:, :count] = (derivatives[:, :-1] * self._scale)[:, self._active]

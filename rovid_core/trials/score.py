@@ -15,7 +15,7 @@ from tempfile import TemporaryFile
 from typing import BinaryIO, NamedTuple
 
 import numpy as np
-from rovid_core.model.dofs import DOFS
+from rovid_core.model.dofs import DOFS, OWN, own_coefficients
 from rovid_core.model.lowpass import filtered
 from rovid_core.model.samples import Step
 from rovid_core.model.trajectory import Array, trajectory
@@ -69,11 +69,14 @@ class Score:
         return Score(mae, 1.0 - float(np.sqrt((errors**2).mean()) / values.std()))
 
 
-def _forces(values: Array, parameters: Sequence[float]) -> Array:
+def _forces(values: Array, parameters: Sequence[float], names: Sequence[str]) -> Array:
     """Return the mean forces of a model, shape (n, 2): thrust, and couplings as such a force."""
     forces = values[:, :2]
-    for k, kappa in enumerate(parameters[4:]):
-        forces = forces + kappa / parameters[0] * values[:, 4 + 2 * k:6 + 2 * k]
+    for k, (name, kappa) in enumerate(zip(names, parameters[4:])):
+        if name not in OWN:
+            forces = forces + kappa / parameters[0] * values[:, 4 + 2 * k:6 + 2 * k]
+        elif name == OWN[0]:  # of the thrust as late as the model has it
+            forces = forces + kappa / parameters[0] * np.minimum(values[:, :2], 0.0)
     return forces
 
 
@@ -446,6 +449,7 @@ class ScoredRun:
         the thrust.
         """
         first, left = self.first, self.count
+        _, reverse_drag = own_coefficients(self.couplings, parameters[4:])
         velocity: float | None = None  # through the water
         if not left:
             yield Predicted(
@@ -455,8 +459,9 @@ class ScoredRun:
             if velocity is None:
                 velocity = self.velocity - float(water[0])
             if simulated is None:
-                found = trajectory(parameters[:4], velocity, np.diff(nodes) * NS,
-                                   _forces(values, parameters).ravel())
+                found = trajectory(
+                    parameters[:4], velocity, np.diff(nodes) * NS,
+                    _forces(values, parameters, self.couplings).ravel(), reverse_drag)
             else:
                 last = first + len(values)
                 found = np.concatenate(

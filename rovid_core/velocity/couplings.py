@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from rovid_core.model.dofs import HEADING, RESTORING, Vector
+from rovid_core.model.dofs import HEADING, OWN, RESTORING, Vector
 from rovid_core.model.samples import Motion
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import (
@@ -33,6 +33,7 @@ NS = 1e-9
 
 LINEAR, ANGULAR = 'uvw', 'pqr'
 OF_ATTITUDE = (*RESTORING, *HEADING)
+NO_PRODUCTS = (*OF_ATTITUDE, *OWN)
 
 
 class MeanVelocities:
@@ -150,7 +151,7 @@ class CouplingRegressors:
         self._linear_input = 'velocity' if settings.velocity.topic else 'position'
         self._rates_input = 'attitude' if settings.attitude.topic else 'angular_velocity'
         letters = {x for dof in settings.dofs for name in settings.couplings(dof)
-                   if name not in OF_ATTITUDE for x in name}
+                   if name not in NO_PRODUCTS for x in name}
         self.inputs = (self._linear_input if letters & set(LINEAR) else '',
                        self._rates_input if letters & set(ANGULAR) else '')
         self._linear, self._rates = MeanVelocities(), MeanVelocities()
@@ -219,7 +220,7 @@ class CouplingRegressors:
     def _needed(self, names: tuple[str, ...]) -> Needed:
         known = self._known_needs.get(names)
         if known is None:
-            letters = set(''.join([name for name in names if name not in OF_ATTITUDE]))
+            letters = set(''.join([name for name in names if name not in NO_PRODUCTS]))
             turns = bool(letters & set(ANGULAR))
             by_attitude = turns and self._rates_input == 'attitude'
             points = any(name in OF_ATTITUDE for name in names)

@@ -311,8 +311,10 @@ def _coupled_lines(coupled: CoupledProspect) -> Iterator[str]:
     told = [f'kappa of {name} to +-{half:.2g}' for name, half in coupled.kappas.items()
             if math.isfinite(half)]
     if told:
-        yield (f'  with the profiles of {" and ".join(coupled.partners)} at once: '
-               f'{", ".join(told)}; then alpha to {_percent(coupled.alpha)}')
+        driven = (f'the profiles of {" and ".join(coupled.partners)} at once'
+                  if coupled.partners else 'couplings')
+        yield (f'  with {driven}: {", ".join(told)}; '
+               f'then alpha to {_percent(coupled.alpha)}')
     untold = [name for name, half in coupled.kappas.items() if not math.isfinite(half)]
     if untold:
         yield (f'  not told: {", ".join(untold)}, for the motion of a DOF that is in it is not '

@@ -296,7 +296,8 @@ def _dof(dof: str) -> list[Key]:
         key_of(f'{dof}.terms', f'{known}.terms', DofSettings,
                'parameters that the model has; the others are 0', choices=PARAMETERS),
         key_of(f'{dof}.couplings', f'{known}.couplings', DofSettings,
-               'terms by which other DOFs act on this one', choices=COUPLINGS[dof]),
+               'further terms: of other DOFs, of the attitude, in reverse',
+               choices=COUPLINGS[dof]),
         *(key_of(f'simulation.{dof}.{name}', f'{truth}.{name}', SimulatedDof,
                  f'truth of the simulation: {text}', unit, low)
           for name, text, unit, low in zip(PHYSICAL, texts, units, lows, strict=True)),

@@ -210,8 +210,8 @@ def _sdf(models: Sequence[Identified], settings: Settings | None, link: str,
     coupled = [f'{dof} {" ".join(model.couplings)}' for dof, model in found.items()
                if model.couplings]
     if coupled:
-        left_out += (f'; couplings: {", ".join(coupled)}: the plugin makes the Coriolis forces of '
-                     'the masses by itself')
+        left_out += (f'; couplings: {", ".join(coupled)}: the plugin makes the Coriolis forces '
+                     'among them of the masses by itself')
     lines = [
         '<plugin filename="gz-sim-hydrodynamics-system" name="gz::sim::systems::Hydrodynamics">',
         _comment(f'Identified by rovid, from {origin.name!r}. For Gazebo Sim 7.5 or newer, and '

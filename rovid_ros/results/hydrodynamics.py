@@ -156,8 +156,8 @@ def left_out(models: Sequence[Identified], format: str, edits: bool = False) -> 
         lines.append(f'left out: the bias of {", ".join(biases)}')
     coupled = [f'{model.dof} {" ".join(model.couplings)}' for model in models if model.couplings]
     if coupled:
-        lines.append(f'left out: couplings {", ".join(coupled)}; the Coriolis forces follow from '
-                     'the masses')
+        lines.append(f'left out: couplings {", ".join(coupled)}; the Coriolis forces among them '
+                     'follow from the masses')
     return lines
 
 

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.extended_kalman import ExtendedKalman, FilterUncertainty
+from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
+from rovid_core.identify.ekf.normalised_model import FilterUncertainty, NormalisedModel
 from rovid_core.settings.run import DofSettings, Scales
 
 UNIT = (0.01, 2.0, 1.0, 0.5)
@@ -13,7 +14,10 @@ COVARIANCE = np.diag([4.0, 9.0, 16.0, 25.0, 36.0, 0.0025]) + 0.5
 
 
 def test_covariance_and_deviations_are_in_the_units_of_the_parameters() -> None:
-    told = FilterUncertainty(COVARIANCE.tolist(), 2.0, UNIT, (True, True, True, False))
+    # a force of 50 N and a velocity of 0.5 m/s
+    model = NormalisedModel(Scales(
+        50.0, 0.5, (0.1, 0.0, 0.0, 0.0), (True, True, True, False), ('vr',)))
+    told = FilterUncertainty(COVARIANCE.tolist(), 2.0, model)
     expected = 2.0 * COVARIANCE[:4, :4] * np.outer(UNIT, UNIT)
     assert np.reshape(told.covariance, (4, 4)) == pytest.approx(expected)
     assert told.std[:3] == pytest.approx(np.sqrt(np.diag(expected))[:3])

@@ -145,13 +145,17 @@ def _rate(vehicle: Vehicle, v: float, force: float, mass: float) -> float:
     return (force - drag * v * abs(v) - LINEAR * v - BIAS) / mass
 
 
+def couplings_of(vehicle: Vehicle) -> tuple[str, ...]:
+    """Return the couplings with which a vehicle is configured that is known."""
+    return ('vr', 'reverse_drag') if vehicle.reverse_drag != 1.0 else ('vr',)
+
+
 def pieces(vehicle: Vehicle, seed: int, duration: float,
            known: bool = False) -> list[Step | float]:
     """
     Return what the pipe makes of a drive: the first velocity, then the steps.
 
-    ``known`` is for a vehicle whose thrusters are configured as they are, and whose v r is that
-    of a coupling.
+    ``known`` is for a vehicle whose thrusters and ``couplings_of`` are configured.
     """
     fixes, logged, turning = drive(vehicle, seed, duration)
     if known:
@@ -162,15 +166,22 @@ def pieces(vehicle: Vehicle, seed: int, duration: float,
     forces = halves[1:-1].reshape(-1, 2)
     regressor = turning.reshape(-1, FIX).mean(axis=1)
     parts = turning.reshape(-1, FIX // 2).mean(axis=1)[1:-1].reshape(-1, 2)
+    couplings = [parts]
+    if vehicle.reverse_drag != 1.0:
+        astern = np.minimum(mean, 0.0) * np.abs(mean)
+        couplings.append(np.stack([astern[:-1], astern[1:]], axis=1))
+    regressors = np.stack(couplings, axis=1)
+    smooth = filtered(CUTOFF, np.full(len(regressors), dt), regressors.mean(axis=2).T).T
     velocity = filtered(CUTOFF, np.full(len(mean), dt), mean)
     force = filtered(CUTOFF, np.full(len(forces), dt), forces.mean(axis=1))
     return [float(mean[0]), *(
         Step(dt, (a, 0.5 * (a + b), b), (f, f, f), m, dt, (dt / 2, dt / 2), (p, q),
              pieces=((dt / 2, p), (dt / 2, q)),
-             couplings=((y, z),) if known else (), watched=() if known else (x,))
-        for a, b, f, m, (p, q), x, (y, z) in zip(
+             couplings=tuple(map(tuple, y)) if known else (),
+             filtered_couplings=tuple(z) if known else (), watched=() if known else (x,))
+        for a, b, f, m, (p, q), x, y, z in zip(
             velocity.tolist(), velocity[1:].tolist(), force.tolist(), mean[1:].tolist(),
-            forces.tolist(), regressor.tolist(), parts.tolist()))]
+            forces.tolist(), regressor.tolist(), regressors.tolist(), smooth.tolist()))]
 
 
 def _felt(vehicle: Vehicle, logged: Array) -> Array:

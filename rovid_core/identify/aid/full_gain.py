@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains, NewState
+from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import finite, Step
 from rovid_core.settings.run import Scales
 
@@ -48,6 +49,8 @@ class FullGainIdentifier(AdaptiveIdentifier):
     filtered = False
 
     def __init__(self, scales: Scales, feedback: float, gamma: Array) -> None:
+        # behind the parameters, that of the drag in reverse, which follows v_hat
+        self._own_drag = scales.couplings.index(OWN[1]) if OWN[1] in scales.couplings else -1
         super().__init__(scales, Gains(-feedback, tuple(np.diag(gamma).tolist())))
         self._set_gamma(gamma)
 
@@ -100,24 +103,33 @@ class FullGainIdentifier(AdaptiveIdentifier):
         others = tuple([(lead * x + tail * y) / h for x, y in step.couplings])
         v, theta, half = self.v_hat, self.theta_hat, 0.5 * h
         alpha, beta, gamma, delta = theta[:4]
-        push = alpha * tau + delta + sum(p * x for p, x in zip(theta[4:], others))
+        push = alpha * tau + delta + sum(
+            p * x for p, x in zip(theta[4:], self._regressors(others, 0.0)))
         # the adaptation within the step is one more feedback, phi' Gamma phi h/2
         feedback = -self._a
         learns, rows = adapt and not idle, self._rows
         if learns:
-            phi = (tau, v * abs(v), v, 1.0, *others)
+            phi = (tau, v * abs(v), v, 1.0, *self._regressors(others, v))
             feedback += half * _quadratic_form(rows, phi)
         # w (1 + h/2 (feedback - gamma)) - h/2 beta w|w| = target, in the form without cancellation
         target = v + half * (feedback * measured + push)
+        if self._own_drag >= 0 and target < 0.0:  # w has its sign
+            beta = min(beta + theta[4 + self._own_drag], 0.0)
         linear, quadratic = 1.0 + half * (feedback - gamma), -half * beta
         w = 2.0 * target / (linear + math.sqrt(linear * linear + 4.0 * quadratic * abs(target)))
         if learns:
             impulse = h * (w - measured)
-            phi = (tau, w * abs(w), w, 1.0, *others)
+            phi = (tau, w * abs(w), w, 1.0, *self._regressors(others, w))
             theta = self._projected(tuple([
                 p - impulse * g for p, g in zip(theta, _product(rows, phi))]))
         v = 2.0 * w - v
         return (v, theta) if finite((v, *theta)) else None
+
+    def _regressors(self, measured: tuple[float, ...], velocity: float) -> tuple[float, ...]:
+        """Return those of the couplings at a velocity."""
+        i = self._own_drag
+        return measured if i < 0 else (
+            *measured[:i], min(velocity, 0.0) * abs(velocity), *measured[i + 1:])
 
     def _projected(self, parameters: tuple[float, ...]) -> tuple[float, ...]:
         """Return the parameters inside the bounds that are nearest in the metric of W."""

@@ -120,14 +120,14 @@ class ExtendedKalman(Identifier):
     def _new(self, unmodelled: Unmodelled, theta: Sequence[float]) -> Member:
         """Return a filter at some parameters that knows those to begin with."""
         member = Member(self._theta, self._prior, self._model.box, unmodelled, FIRST_NOISE,
-                        self._scales.watched)
+                        self._scales.watched, self._model.own)
         member.filter.theta = list(theta)
         return member
 
     def _new_clock(self) -> MeasurementClock:
         scales = self._scales
         return MeasurementClock(scales.force, scales.velocity, len(scales.couplings),
-                                len(scales.watched))
+                                len(scales.watched), self._model.own)
 
     def _new_start(self) -> BatchStart[Member]:
         couplings, watched = len(self._scales.couplings), len(self._scales.watched)
@@ -347,11 +347,11 @@ class ExtendedKalman(Identifier):
         """Return the velocity at the end of the step [m/s or rad/s]."""
         filter = self._bank.tracker.filter
         _, v, f = filter.motion
-        alpha, beta, gamma, delta = filter.theta[:4]
         ahead = self._clock.ahead
         force = step.forces[1 if step.interval else 0] if ahead else 0.0
-        coupled = math.fsum([kappa * after for kappa, (_, after) in zip(
-            filter.theta[4:], step.couplings)]) if ahead else 0.0
+        alpha, beta, gamma, delta = self._model.acting(filter.theta, force, v)
+        coupled = self._model.coupled(
+            filter.theta, [after for _, after in step.couplings]) if ahead else 0.0
         rate = (alpha * force / self._scales.force + (beta * abs(v) + gamma) * v + delta + f
                 + coupled)
         return self._scales.velocity * (v + ahead * rate)
@@ -360,15 +360,13 @@ class ExtendedKalman(Identifier):
         best, model = self._bank.best, self._model
         self.parameters = model.parameters(best.filter.theta)
         self.delay = best.filter.theta[-1]
-        self.couplings = tuple([model.unit[3] * kappa for kappa in best.filter.theta[4:-1]])
+        self.couplings = model.kappas(best.filter.theta)
         verdict = best.verdict
         if verdict is None:
             self.uncertainty: Uncertainty = FilterUncertainty(
-                best.filter.theta_covariance, best.innovations.inflation, model.unit,
-                model.active, best.unseen)
+                best.filter.theta_covariance, best.innovations.inflation, model, best.unseen)
         elif verdict is not self._published:  # it stays for the whole of a block
-            self.uncertainty = FilterUncertainty(
-                verdict.covariance, 1.0, model.unit, model.active)
+            self.uncertainty = FilterUncertainty(verdict.covariance, 1.0, model)
         self._published = verdict
 
     def state(self) -> dict[str, Any]:

@@ -19,10 +19,12 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     CANDIDATES,
     floats,
     LinearisedFilter,
+    NONE_OWN,
     POSITION,
 )
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.unmodelled import UNMODELLED, Unmodelled
+from rovid_core.model.dofs import OWN
 
 MARGIN = 10.0
 """By which -2 log of the likelihood has to be lower before the model is taken to be wrong."""
@@ -53,6 +55,8 @@ class Member:
         Of a measurement.
     watched : sequence of str
         Names of the regressors that steps carry to be watched.
+    own : tuple of 2 ints
+        As of a ``LinearisedFilter``.
 
     Attributes
     ----------
@@ -62,12 +66,16 @@ class Member:
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float], bounds: Bounds,
-                 unmodelled: Unmodelled, noise: float, watched: Sequence[str] = ()) -> None:
+                 unmodelled: Unmodelled, noise: float, watched: Sequence[str] = (),
+                 own: tuple[int, int] = NONE_OWN) -> None:
         self.unmodelled = unmodelled
-        self.filter = LinearisedFilter(theta, variances, unmodelled.force_std, len(watched))
+        self.filter = LinearisedFilter(
+            theta, variances, unmodelled.force_std, len(watched), own)
         self.innovations = Innovations(noise)
-        self.blocks = ScoreBlocks(theta, variances, (*CANDIDATES, *watched))
-        self.prediction = FreePrediction()
+        self.blocks = ScoreBlocks(
+            theta, variances, (*CANDIDATES, *watched),
+            configured=[name for name, i in zip(OWN, own) if i >= 0])
+        self.prediction = FreePrediction(own)
         self._verdict: Verdict | None = None
         self._is_judged = True
         self._bounds = bounds

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.ekf.evidence.clocks import DELAYS
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA
-from rovid_core.model.dofs import COUPLING_PRIORS, Four, RESTORING
+from rovid_core.model.dofs import Four, OWN, RESTORING
 from rovid_core.settings.run import Scales
 
 CHANGE = 0.5
@@ -44,6 +44,12 @@ class NormalisedModel:
         Their bounds: index, lowest, highest value.
     bounds : tuple
         The lowest and the highest lumped parameters.
+    unit : tuple of 4 floats
+        What alpha to delta are multiplied by to be in SI units.
+    coupled_unit : tuple of m floats
+        The same for the couplings.
+    own : tuple of 2 ints
+        Index of the parameter of each of ``OWN``, -1 for none.
 
     """
 
@@ -57,7 +63,13 @@ class NormalisedModel:
         self.box = [
             (ALPHA + k, low[k] / self.unit[k], high[k] / self.unit[k])
             for k in range(4) if scales.active[k]]
-        coupled = [COUPLING_PRIORS.get(name, 2.0) / v for name in scales.couplings]
+        # those of ``OWN`` stand beside alpha and beta, of the same force and the same velocity
+        units = dict(zip(OWN, self.unit))
+        self.coupled_unit = tuple([units.get(name, v) for name in scales.couplings])
+        one, other = [4 + scales.couplings.index(name) if name in scales.couplings else -1
+                      for name in OWN]
+        self.own = one, other
+        coupled = [std / u for std, u in zip(scales.coupling_std, self.coupled_unit)]
         self.box += [(4 + k, -MAX_COUPLING * s, 0.0 if name in RESTORING else MAX_COUPLING * s)
                      for k, (name, s) in enumerate(zip(scales.couplings, coupled))]
         self.box += [(4 + len(coupled), *DELAYS)]
@@ -70,6 +82,25 @@ class NormalisedModel:
     def of(self, parameters: Sequence[float]) -> list[float]:
         """Return theta of lumped parameters, with no couplings and no delay."""
         return [*[p / u for p, u in zip(parameters, self.unit)], *[0.0] * len(self.couplings), 0.0]
+
+    def acting(self, theta: Sequence[float], force: float, velocity: float) -> Four:
+        """Return alpha to delta with what ``OWN`` adds for a force and a velocity."""
+        alpha, beta, gamma, delta = theta[:4]
+        thrust, drag = self.own
+        if thrust >= 0 and force < 0.0:
+            alpha += theta[thrust]
+        if drag >= 0 and velocity < 0.0:
+            beta = min(beta + theta[drag], 0.0)
+        return alpha, beta, gamma, delta
+
+    def coupled(self, theta: Sequence[float], regressors: Sequence[float]) -> float:
+        """Return what measured regressors push by, but those of ``OWN``."""
+        return math.fsum([kappa * x for k, (kappa, x) in enumerate(zip(theta[4:], regressors), 4)
+                          if k not in self.own])
+
+    def kappas(self, theta: Sequence[float]) -> tuple[float, ...]:
+        """Return the couplings."""
+        return tuple([u * kappa for u, kappa in zip(self.coupled_unit, theta[4:])])
 
     def parameters(self, theta: Sequence[float]) -> Four:
         """Return the lumped parameters."""
@@ -95,23 +126,20 @@ class FilterUncertainty:
         The covariance; not to be changed either.
     inflation : float
         By which it is to be multiplied.
-    unit : tuple of 4 floats
-        Of alpha to delta.
-    active : tuple of 4 bools
-        Which of them there are.
+    model : NormalisedModel
+        Whose parameters they are.
     added : sequence of p sequences of p floats, optional
         To the inflated covariance, for what the data do not tell.
 
     """
 
     def __init__(self, of_theta: Sequence[Sequence[float]] | NDArray[np.float64],
-                 inflation: float, unit: Four, active: tuple[bool, bool, bool, bool],
+                 inflation: float, model: NormalisedModel,
                  added: Sequence[Sequence[float]] = ()) -> None:
         self._of_theta = of_theta
         self._added = added
         self._inflation = inflation
-        self._unit = unit
-        self._active = active
+        self._model = model
         self._covariance: tuple[float, ...] = ()
         self._std: Four | None = None
 
@@ -121,7 +149,7 @@ class FilterUncertainty:
         if not self._covariance:
             self._covariance = tuple([
                 u * v * self._entry(i, j)
-                for i, u in enumerate(self._unit) for j, v in enumerate(self._unit)])
+                for i, u in enumerate(self._model.unit) for j, v in enumerate(self._model.unit)])
         return self._covariance
 
     @property
@@ -130,7 +158,7 @@ class FilterUncertainty:
         if self._std is None:
             self._std = cast(Four, tuple([
                 math.sqrt(x) if on else math.nan
-                for x, on in zip(self.covariance[::5], self._active)]))
+                for x, on in zip(self.covariance[::5], self._model.active)]))
         return self._std
 
     @property
@@ -142,8 +170,7 @@ class FilterUncertainty:
     def couplings_std(self) -> tuple[float, ...]:
         """Return the standard deviations of the couplings."""
         return tuple([
-            self._unit[3] * math.sqrt(self._entry(k, k))
-            for k in range(4, len(self._of_theta) - 1)])
+            u * math.sqrt(self._entry(k, k)) for k, u in enumerate(self._model.coupled_unit, 4)])
 
     def _entry(self, i: int, j: int) -> float:
         inflated = float(self._of_theta[i][j]) * self._inflation

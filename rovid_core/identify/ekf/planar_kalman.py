@@ -364,9 +364,9 @@ class PlanarKalman:
         v, other = motion[2 + k], motion[3 - k]
         ahead = self._clock.ahead
         if ahead:
-            alpha, beta, gamma, delta = theta[row.first:row.first + 4]
-            scale = row.velocity
-            rate = alpha * step.forces[k][1] / self._model.scales[k].force + (
+            scale, force, own = row.velocity, step.forces[k][1], theta[row.first:row.end]
+            alpha, beta, gamma, delta = self._model.of[k].acting(own, force, v)
+            rate = alpha * force / self._model.scales[k].force + (
                 beta * abs(v / scale) + gamma) * v / scale + delta
             rate += math.fsum([theta[i] * step.couplings[k][m] for i, m in row.measured])
             if row.turning >= 0:
@@ -396,12 +396,11 @@ class PlanarKalman:
             theta = best.filter.theta[row.first:row.end].tolist()
             published.parameters = model.parameters(theta)
             published.delay = theta[-1]
-            published.couplings = tuple([model.unit[3] * kappa for kappa in theta[4:-1]])
+            published.couplings = model.kappas(theta)
             published.excitation = self.excitations[k]
             if not told:
                 published.uncertainty = FilterUncertainty(
-                    covariance[row.first:row.end, row.first:row.end], 1.0, model.unit,
-                    model.active)
+                    covariance[row.first:row.end, row.first:row.end], 1.0, model)
 
     def _find_current(self, of_theta: Array) -> Current:
         prior, best = self._settings.prior, self._bank.best

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 from rovid_core.identify.intervals import Z95
-from rovid_core.model.dofs import DOFS, RESTORING
+from rovid_core.model.dofs import DOFS, OWN, RESTORING
 from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
 from rovid_core.trials.output_error import Residuals
@@ -44,13 +44,15 @@ def coupled_prospect(dof: str, plans: Mapping[str, Plan], scales: Scales, sensor
     coupling with the attitude, or with a DOF that is not planned, is not told.
     """
     told = tuple([name for name in scales.couplings if name not in RESTORING
-                  and all(AXES[letter] in plans for letter in name)])
+                  and all(AXES[letter] in plans for letter in _factors(name))])
     partners = tuple(dict.fromkeys(
-        AXES[x] for name in told for x in name if AXES[x] != dof))
+        AXES[x] for name in told for x in _factors(name) if AXES[x] != dof))
     dt = STEP if sensor.of_velocity else 0.5 * STEP
     moved = {d: _mean_velocity(plans[d], dt) for d in {dof, *partners}}
     force = samples(plans[dof].planned.waveforms, times(plans[dof].limits.duration, dt))
     regressors = np.array([
+        # that of the drag is made where the motion is
+        np.minimum(force, 0.0) if name in OWN else
         np.prod([moved[AXES[x]] for x in name], axis=0) for name in told]).reshape(-1, len(force))
     known = [kappa for name, kappa in zip(scales.couplings, kappas) if name in told]
     model = (*plans[dof].vehicles.parameters[:, 0].tolist(), *known)
@@ -62,6 +64,11 @@ def coupled_prospect(dof: str, plans: Mapping[str, Plan], scales: Scales, sensor
     found = dict(zip(told, half[4:].tolist()))
     return CoupledProspect({name: found.get(name, math.inf) for name in scales.couplings},
                            float(half[0]) / model[0], partners)
+
+
+def _factors(name: str) -> str:
+    """Return the letters of the velocities that a regressor is a product of."""
+    return '' if name in OWN else name
 
 
 def _mean_velocity(plan: Plan, dt: float) -> Array:

@@ -7,13 +7,14 @@ and each candidate is scored on the blocks that it was not fitted to.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.model.trajectory import Array, midpoint_steps
+from rovid_core.model.dofs import OWN
+from rovid_core.model.trajectory import Array, drag_at, midpoint_steps
 from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.tuning.cross_validation import Blocks, blocks, fold_bounds, FOLDS
 from rovid_core.trials.tuning.log import CommandedForce, Segment, TuningLog
@@ -76,6 +77,9 @@ class OutputError:
         coupled = scales.coupling_regressor
         self._others = np.array(coupled)[:, None, None] * blocks.regressors[
             :, [possible.index(name) for name in scales.couplings], None]
+        # where those of ``OWN`` stand, which are made of what is simulated
+        self._thrust, self._drag = (
+            [scales.couplings.index(name)] if name in scales.couplings else [] for name in OWN)
         self._active = np.array([*scales.active, *[True for _ in coupled]])
         self._units = scales.velocity * np.array([*scales.regressor, *coupled])
         self.first = self.scaled(np.array([*scales.initial, *[0.0 for _ in coupled]]))
@@ -132,10 +136,28 @@ class OutputError:
         (candidates or 1, pieces), ``force`` and ``target`` of (steps, candidates or 1, pieces).
         """
         errors, error = np.empty(target.shape), np.zeros(target.shape[1:])
-        steps = midpoint_steps(theta, start, self._dt, force, self._others)
-        for k, (mean, _) in enumerate(steps):
+        for k, (mean, _) in enumerate(self._steps(theta, start, force)):
             errors[k] = error = error + self.weights[k] * (mean - target[k] - error)
         return self.blocks.by_fold(np.abs(errors)) * self.scales.velocity
+
+    def _steps(self, theta: Array, start: Array, force: Array) -> Iterator[tuple[Array, Array]]:
+        """Return the mean and the last velocity of each step."""
+        reverse: Array | float = 0.0
+        for i in self._drag:
+            # as a coupling it is 0, for there it would be of the measured velocity
+            theta, reverse = theta.copy(), theta[4 + i]
+            theta[4 + i] = 0.0
+        others: Iterable[Sequence[Array] | Array] = self._others
+        if self._thrust:
+            others = (self._own_thrust(row, one) for row, one in zip(self._others, force))
+        return midpoint_steps(theta, start, self._dt, force, others, reverse)
+
+    def _own_thrust(self, regressors: Array, force: Array) -> list[Array]:
+        """Return the regressors of a step with that of reverse thrust of its own force."""
+        found = list(regressors)
+        for i in self._thrust:
+            found[i] = np.minimum(force, 0.0)
+        return found
 
     def _held_out(self, theta: Array, start: Array, normal: NormalEquations, force: Array,
                   target: Array) -> Array:
@@ -176,18 +198,23 @@ class OutputError:
         """Return the errors and their derivatives by theta and start, after the low-pass."""
         parameters = theta.T[:, :, None]
         _, beta, gamma, _ = parameters[:4]
+        reverse: Array | float = parameters[4 + self._drag[0]] if self._drag else 0.0
         slope = np.zeros((1 + theta.shape[1], *start.shape))
         slope[-1] = 1.0
         errors, slopes = np.empty(force.shape), np.empty((len(force), *slope.shape))
         error, filtered = np.zeros_like(start), np.zeros_like(slope)
         regressor = np.zeros_like(slope)
         regressor[3] = 1.0
-        steps = midpoint_steps(parameters, start, self._dt, force, self._others)
-        for k, (mean, _) in enumerate(steps):
+        for k, (mean, _) in enumerate(self._steps(parameters, start, force)):
             size, half = np.abs(mean), 0.5 * self._dt[k]
             regressor[0], regressor[1], regressor[2] = force[k], mean * size, mean
             regressor[4:-1] = self._others[k]
-            of_mean = (slope + half * regressor) / (1.0 - half * (gamma + 2.0 * beta * size))
+            for i in self._thrust:
+                regressor[4 + i] = np.minimum(force[k], 0.0)
+            for i in self._drag:
+                regressor[4 + i] = np.minimum(mean, 0.0) * size
+            of_mean = (slope + half * regressor) / (
+                1.0 - half * (gamma + 2.0 * drag_at(mean, beta, reverse) * size))
             slope = 2.0 * of_mean - slope
             errors[k] = error = error + self.weights[k] * (mean - target[k] - error)
             slopes[k] = filtered = filtered + self.weights[k] * (of_mean - filtered)

@@ -264,18 +264,18 @@ class ListChange:
     spread: float
 
 
-def tune_couplings(dof: Dof, commanded: CommandedForce, pair: tuple[float, float],
-                   before: tuple[str, ...]) -> ListChange:
+def tune_couplings(dof: Dof, commanded: CommandedForce,
+                   pair: tuple[float, float]) -> ListChange:
     """
     Add couplings to a DOF, the best one first, as long as it clearly predicts better with it.
 
-    Those that it has stay. The gain is over those ``before`` any search.
+    Those that it has stay. Weaker thrust in reverse is sought as one of the thrusters.
     """
-    after = dof.settings.couplings
-    scores = dof.fit_with(commanded, pair, dof.settings).scores
-    first = dof.fit_with(commanded, pair, replace(dof.settings, couplings=before)).scores
+    before = after = dof.settings.couplings
+    scores = first = dof.fit_with(commanded, pair, dof.settings).scores
     while True:
-        sets = [(*after, name) for name in dof.possible if name not in after]
+        sets = [(*after, name) for name in dof.possible
+                if name not in (*after, 'reverse_thrust')]
         if not sets:
             break
         found = [dof.fit_with(commanded, pair, replace(dof.settings, couplings=names)).scores

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from rovid_core.model.dofs import OWN
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
 from rovid_core.trials.tuning.cross_validation import (
     blocks,
@@ -75,7 +76,7 @@ def reading_settings(settings: Settings) -> Settings:
     seen = replace(settings, dofs=dofs, dof={d: settings.dof.get(d, UNUSED) for d in dofs},
                    identifier=IdentifierSettings())
     return replace(seen, dof={d: replace(
-        seen.dof[d], couplings=seen.possible_couplings(d)) for d in dofs})
+        seen.dof[d], couplings=(*seen.possible_couplings(d), *OWN)) for d in dofs})
 
 
 def one_by_one(work: Callable[[int], Result], given: Sequence[int]) -> list[Result]:
@@ -115,7 +116,7 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
                                             'heading: tune again with the new file')
     else:
         # what they explain hides the rest
-        new, _ = _with_couplings(old, new, commanded, present, each)
+        new, _ = _with_couplings(old, commanded, present, each)
     done(0.2)
     stages.append(_rounded(tune_thrust(
         new, commanded, settings, each, lambda share: done(0.2 + 0.5 * share))))
@@ -127,8 +128,8 @@ def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lam
     done(0.8)
     curved = log.commanded(thrusters)
     if not is_turned:
-        # and the rest hid some of them
-        new, couplings = _with_couplings(old, new, curved, (delay, lag), each)
+        # and the rest hid some of them, or looked like one
+        new, couplings = _with_couplings(old, curved, (delay, lag), each)
     done(0.9)
     terms = each(lambda k: tune_terms(new[k], curved, (delay, lag)), range(len(new)))
     errors = {}
@@ -161,12 +162,10 @@ def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
     return made
 
 
-def _with_couplings(old: Sequence[Dof], dofs: Sequence[Dof], commanded: CommandedForce,
-                    pair: tuple[float, float],
+def _with_couplings(dofs: Sequence[Dof], commanded: CommandedForce, pair: tuple[float, float],
                     each: ParallelMap) -> tuple[list[Dof], Sequence[ListChange]]:
     """Return the DOFs with the couplings that the log wants, and what that changes."""
-    found = each(lambda k: tune_couplings(
-        dofs[k], commanded, pair, old[k].settings.couplings), range(len(dofs)))
+    found = each(lambda k: tune_couplings(dofs[k], commanded, pair), range(len(dofs)))
     return [dof.with_settings(replace(dof.settings, couplings=names.after))
             for dof, names in zip(dofs, found)], found
 

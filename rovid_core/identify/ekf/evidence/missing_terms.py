@@ -76,7 +76,7 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         return (f'{_percent(missing)} of the error follows {written} with a coefficient of about '
                 f'{kappa * scales.velocity:.2g}: add couplings: '
                 f'[{", ".join([*scales.couplings, name])}]')
-    return lacking(missing.share, missing.name, said)
+    return lacking(missing.share, missing.name, said, scales.couplings)
 
 
 UNTOLD = {

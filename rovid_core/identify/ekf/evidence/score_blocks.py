@@ -42,18 +42,22 @@ class ScoreBlocks:
         Regressors behind the watched ones that a verdict does not look at.
     rows : sequence of (str, int)
         What the names of a DOF's watched regressors begin with, and where its parameters do.
+    configured : sequence of str
+        Names of watched regressors that are among the parameters as well.
 
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float],
                  watched: Sequence[str] = CANDIDATES,
                  considered: Mapping[int, float] | None = None, further: int = 0,
-                 rows: Sequence[tuple[str, int]] = (('', 0),)) -> None:
+                 rows: Sequence[tuple[str, int]] = (('', 0),),
+                 configured: Sequence[str] = ()) -> None:
         p = len(theta)
         self._rows = rows
         self._considered = considered or {}
         self._q = p + len(watched) + further
-        self._candidates = {name: [p + k] for k, name in enumerate(watched)}
+        self._candidates = {name: [p + k] for k, name in enumerate(watched)
+                            if name not in configured}
         if all(name in watched for name in HEADING):
             # a current pushes in any direction
             self._candidates['current'] = [

@@ -116,6 +116,7 @@ class PlanarFilter:
                 *range(row.first, row.end),
                 *range(watched, watched + len(CANDIDATES) + row.watched), q - 3, q - 2)]
             places += [way + i for i in (row.first, row.end - 1, watched, watched + 2)]
+            places += [way + i for i in row.own[:1] if i >= 0]
         return np.array(places)
 
     def _watched(self, k: int) -> int:
@@ -214,7 +215,7 @@ class PlanarFilter:
                                   piece.rate * h * ((j + 0.5) / count - 0.5)),
                               couplings, heading_noise, alone)
 
-    def _law(self, k: int, h: float, rate: float, force: float,
+    def _law(self, k: int, h: float, rate: float, force: float, velocity: float,
              couplings: Sequence[float]) -> Law:
         """Return what moves a row over a step under an unknown force, in m and s."""
         row, push, theta = self._rows[k], self._pushes[k], self._values
@@ -223,8 +224,16 @@ class PlanarFilter:
         for i, m in row.measured:
             rest += theta[i] * couplings[m]
         # a straight line with the same integral and the same way; this is half its rise
-        rise = 3.0 * push.impulse / h - 6.0 * push.moment / (h * h)
-        return (scale * rest + force, scale * alpha * rise, theta[row.first + 1] / scale,
+        rise = scale * alpha * (3.0 * push.impulse / h - 6.0 * push.moment / (h * h))
+        beta, (own_thrust, own_drag) = theta[row.first + 1], row.own
+        if own_thrust >= 0:
+            weaker = theta[own_thrust]
+            rest += weaker * push.reverse / h
+            rise += scale * weaker * (
+                3.0 * push.reverse / h - 6.0 * push.reverse_moment / (h * h))
+        if own_drag >= 0 and velocity < 0.0:
+            beta = min(beta + theta[own_drag], 0.0)
+        return (scale * rest + force, rise, beta / scale,
                 theta[row.first + 2],
                 scale * theta[row.turning] * rate if row.turning >= 0 else 0.0)
 
@@ -235,7 +244,8 @@ class PlanarFilter:
         x, y, u0, v0, cx, cy, fu, fv = self.motion.tolist()
         for row, one, push in zip(self._rows, recent, self._pushes):
             push.move(one, start, end, self._values[row.end - 1])
-        law, other = (self._law(0, h, r, fu, couplings[0]), self._law(1, h, r, fv, couplings[1]))
+        law, other = (self._law(0, h, r, fu, u0, couplings[0]),
+                      self._law(1, h, r, fv, v0, couplings[1]))
         a, da, ba, ga, ka = law
         b, db, bb, gb, kb = other
         k1 = a - da + (ba * abs(u0) + ga) * u0 + ka * v0
@@ -327,7 +337,9 @@ class PlanarFilter:
         some of them, for it counts where in the step the force acts; see ``LinearisedFilter``.
         """
         row, given = self._rows[k], self._pushes[k]
-        scale, alpha = row.velocity, self._values[row.first]
+        scale, alpha, (own_thrust, own_drag) = row.velocity, self._values[row.first], row.own
+        if own_thrust >= 0 and given.impulse < 0.0:
+            alpha += self._values[own_thrust]  # as a delay feels it
         rise = given.last - given.before
         late = 2.0 * given.moment - given.before * h * h
         way = given.impulse - h * given.before + 0.5 * decay * late
@@ -342,6 +354,12 @@ class PlanarFilter:
             coupled[row.turning - row.first - 4] = scale * across * piece.rate
         for i, m in row.measured:
             coupled[i - row.first - 4] = scale * couplings[m]
+        if own_drag >= 0 and w < 0.0:
+            coupled[own_drag - row.first - 4] = scale * drag
+        own_way = []
+        if own_thrust >= 0:
+            coupled[own_thrust - row.first - 4] = scale * backwards
+            own_way = [scale * (back_way - b * backwards)]
         watched = [scale * one for one in couplings[row.couplings:]] if row.watched else []
         per_newton = alpha * scale / row.force
         return [scale * push, scale * drag, scale * w, scale, *coupled, -scale * slope,
@@ -349,7 +367,7 @@ class PlanarFilter:
                 scale * given.lag, *watched,
                 per_newton * piece[2 * k], per_newton * piece[2 * k + 1],
                 scale * (push_way - b * push), scale * (b * slope - delayed),
-                scale * (back_way - b * backwards), scale * (small_way - b * small)]
+                scale * (back_way - b * backwards), scale * (small_way - b * small), *own_way]
 
     def innovation(self, axis: int, looks: Looks, value: float, variance: float,
                    known: bool = False) -> PlanarInnovation:

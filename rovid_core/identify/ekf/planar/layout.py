@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rovid_core.identify.ekf.single.linearised_filter import NONE_OWN
 
 Array = NDArray[np.float64]
 
@@ -45,11 +46,13 @@ class Row(NamedTuple):
     turning : int
         Index of the coupling with the other one's velocity and the yaw rate, -1 for none.
     measured : tuple of (int, int)
-        Index of each other coupling, and its number among the regressors.
+        Index of each other coupling, and its number among the regressors, but for ``OWN``.
     watched : int
         Regressors that are watched besides ``CANDIDATES``; they stand behind the others.
     force : float
         Typical one [N].
+    own : tuple of 2 ints
+        Index of the coupling of each of ``OWN``, -1 for none.
 
     """
 
@@ -60,6 +63,7 @@ class Row(NamedTuple):
     measured: tuple[tuple[int, int], ...]
     watched: int = 0
     force: float = 1.0
+    own: tuple[int, int] = NONE_OWN
 
     @property
     def couplings(self) -> int:

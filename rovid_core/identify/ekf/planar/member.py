@@ -29,6 +29,7 @@ from rovid_core.identify.ekf.planar.layout import (
 from rovid_core.identify.ekf.single.linearised_filter import Bounds, floats
 from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.identify.ekf.unmodelled import Unmodelled
+from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
 
 
@@ -166,7 +167,9 @@ class PlanarMember:
         self.innovations = Innovations(noise, AXES)
         self.blocks = ScoreBlocks(
             theta, variances, watched, considered, len(ALTERNATIVES),
-            [(f'{dof} ', row.first) for dof, row in zip(DOFS, rows) if dof in identified])
+            [(f'{dof} ', row.first) for dof, row in zip(DOFS, rows) if dof in identified],
+            [f'{dof} {name}' for dof, row in zip(DOFS, rows)
+             for name, i in zip(OWN, row.own) if i >= 0])
         self._verdict: Verdict | None = None
         self._alternative = NOT_JUDGED
         self._is_judged = True

@@ -8,6 +8,7 @@ from dataclasses import replace
 from rovid_core.identify.ekf.normalised_model import CHANGE, NormalisedModel
 from rovid_core.identify.ekf.planar.layout import AXES, DOFS, Row
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
+from rovid_core.model.dofs import OWN
 from rovid_core.settings.run import Scales
 
 TURNING = {'surge': 'vr', 'sway': 'ur'}
@@ -75,14 +76,16 @@ class PlanarModel:
 
     def _make_rows(self) -> tuple[Row, Row]:
         rows, first = [], 0
-        for dof, scales in zip(DOFS, self.scales):
+        for dof, scales, model in zip(DOFS, self.scales, self.of):
             names = scales.couplings
-            turning = TURNING[dof]
+            turning, (thrust, drag) = TURNING[dof], model.own
             rows.append(Row(
                 first, first + 5 + len(names), scales.velocity,
                 first + 4 + names.index(turning) if turning in names else -1,
-                tuple([(first + 4 + k, k) for k, name in enumerate(names) if name != turning]),
-                len(scales.watched), scales.force))
+                tuple([(first + 4 + k, k) for k, name in enumerate(names)
+                       if name not in (turning, *OWN)]),
+                len(scales.watched), scales.force,
+                (thrust + first if thrust >= 0 else -1, drag + first if drag >= 0 else -1)))
             first = rows[-1].end
         return rows[0], rows[1]
 

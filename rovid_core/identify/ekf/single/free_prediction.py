@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import math
 from typing import Any, Final
 
-from rovid_core.identify.ekf.single.linearised_filter import floats, LinearisedFilter
+from rovid_core.identify.ekf.single.linearised_filter import floats, LinearisedFilter, NONE_OWN
 from rovid_core.identify.ekf.single.measurements import Measurement
 from rovid_core.identify.ekf.single.recent_force import RecentForce
 
@@ -24,6 +24,11 @@ class FreePrediction:
     """
     A model that runs beside the filter and is set to its state at the end of each block.
 
+    Parameters
+    ----------
+    own : tuple of 2 ints
+        As of a ``LinearisedFilter``.
+
     Attributes
     ----------
     fit : float
@@ -31,7 +36,9 @@ class FreePrediction:
 
     """
 
-    def __init__(self) -> None:
+    def __init__(self, own: tuple[int, int] = NONE_OWN) -> None:
+        self._thrust, self._drag = own
+        self._has_own = own != NONE_OWN
         self.fit = -math.inf
         self._theta: list[float] = []
         self._time = -1.0  # [s] of the last comparison
@@ -54,23 +61,12 @@ class FreePrediction:
         if h < LEAST_STEP:
             return
         start, self._time = self._time, span.end
-        theta = self._theta
-        alpha, beta, gamma, push = theta[0], theta[1], theta[2], theta[3]
-        x, v = self._motion
-        pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
-        h /= pieces
-        push += math.fsum([kappa * one for kappa, one in zip(theta[4:], span.couplings)])
-        start -= theta[-1]
-        for k in range(pieces):
-            impulse, _, _, _ = recent.over(start + k * h, start + (k + 1) * h)
-            u = alpha * impulse / h + push
-            w = v + 0.5 * h * (u + (beta * abs(v) + gamma) * v)
-            x += h * w
-            v += h * (u + (beta * abs(w) + gamma) * w)
+        push = self._theta[3] + math.fsum(
+            [kappa * one for kappa, one in zip(self._theta[4:], span.couplings)])
+        self._motion = x, v = self._moved(recent, start - self._theta[-1], h, push)
         if not abs(v) < 1e6:
             self.interrupt()
             return
-        self._motion = (x, v)
         if span.value is None:
             return
         if span.i:
@@ -82,6 +78,29 @@ class FreePrediction:
             dt = span.end - time
             self._add((x - model) / dt, (span.value - measured) / dt)
             self._mark = [span.end, x, span.value]
+
+    def _moved(self, recent: RecentForce, start: float, h: float,
+               push: float) -> tuple[float, float]:
+        """Return path and velocity after ``h`` [s] of the force and of a constant push."""
+        alpha, beta, gamma = self._theta[0], self._theta[1], self._theta[2]
+        x, v = self._motion
+        pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
+        h /= pieces
+        for k in range(pieces):
+            impulse, _, _, _ = recent.over(start + k * h, start + (k + 1) * h)
+            u = alpha * impulse / h + push
+            drag = beta
+            if self._has_own:
+                astern, _ = recent.bent(start + k * h, start + (k + 1) * h)
+                u += self._of(self._thrust) * astern[0] / h
+                drag = min(beta + self._of(self._drag if v < 0.0 else -1), 0.0)
+            w = v + 0.5 * h * (u + (drag * abs(v) + gamma) * v)
+            x += h * w
+            v += h * (u + (drag * abs(w) + gamma) * w)
+        return x, v
+
+    def _of(self, i: int) -> float:
+        return self._theta[i] if i >= 0 else 0.0
 
     def _add(self, model: float, measured: float) -> None:
         sums, error = self._sums, model - measured

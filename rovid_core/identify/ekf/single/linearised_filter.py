@@ -40,6 +40,9 @@ CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', 'lag')
 LAG: Final = 0.15
 """[s] of the thruster lag that is looked for."""
 
+NONE_OWN: Final = (-1, -1)
+"""No parameters of a DOF's own reverse thrust and drag."""
+
 FORCE_TIME: Final = 3.0
 """[s] over which the unknown acceleration f goes on."""
 
@@ -75,6 +78,9 @@ class LinearisedFilter:
         Stationary standard deviation of the unknown acceleration f; 0 for none.
     watched : int
         Regressors that are watched besides ``CANDIDATES``.
+    own : tuple of 2 ints
+        Index of the parameter of each of ``OWN``, -1 for none. Their regressors are made here;
+        among the measured ones they are 0.
 
     Attributes
     ----------
@@ -86,13 +92,15 @@ class LinearisedFilter:
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float],
-                 force_std: float, watched: int = 0) -> None:
+                 force_std: float, watched: int = 0, own: tuple[int, int] = NONE_OWN) -> None:
         self._parameters = [Parameter(value) for value in theta]
         self._alpha, self._beta, self._gamma, self._delta = self._parameters[:4]
         self._couplings, self._delay = self._parameters[4:-1], self._parameters[-1]
         candidates = [Regressor() for _ in range(len(CANDIDATES) + watched)]
         self._reverse, self._cut = candidates[0], candidates[2]
         self._columns: list[Regressor] = [*self._parameters, *candidates]
+        self._own_thrust, self._own_drag = own
+        self._has_own = own != NONE_OWN
         p = len(theta)
         self.theta_covariance = [
             [variances[i] if i == j else 0.0 for j in range(p)] for i in range(p)]
@@ -182,6 +190,12 @@ class LinearisedFilter:
         if couplings:
             for one, regressor in zip(self._couplings, couplings):
                 u += one.value * regressor
+        goes_back = v < 0.0
+        if self._has_own:
+            astern, _ = recent.bent(start, end)
+            more = self._astern(astern[0] / h, astern[1] / (h * h), goes_back, force < 0.0)
+            u, du, beta = u + more[0], du + more[1], min(beta + more[2], 0.0)
+            alpha += more[3]  # as a delay feels it
         k1 = u - du + (beta * abs(v) + gamma) * v
         w = v + 0.5 * h * k1
         k2 = u + (beta * abs(w) + gamma) * w
@@ -220,6 +234,9 @@ class LinearisedFilter:
         self._lagged += gone * (force - self._lagged)
         pushes = [of_alpha, drag, w, 1.0, *couplings, -of_delay,
                   of_reverse, drag if w < 0.0 else 0.0, of_cut, lag, *watched]
+        if self._has_own:
+            self._add_own(pushes, of_reverse, reverse_way - b * of_reverse,
+                          drag if goes_back else 0.0)
         self._alpha.path += alpha_way - b * of_alpha
         self._delay.path -= delay_way - b * of_delay
         # what is told apart by where in a step it acts has to act where alpha's force does
@@ -250,6 +267,28 @@ class LinearisedFilter:
             t1 = p01 + s * p11
             self.covariance = (
                 p00 + s * (p01 + t1), keep * t1, 0.0, keep * keep * p11, 0.0, 0.0)
+
+    def _astern(self, mean: float, moment: float, goes_back: bool,
+                pushes_back: bool) -> tuple[float, float, float, float]:
+        """
+        Return what ``OWN`` adds over a step: acceleration and half its rise, beta, and alpha.
+
+        ``mean`` and ``moment`` are of the force backwards.
+        """
+        i, k = self._own_thrust, self._own_drag
+        weaker = self._parameters[i].value if i >= 0 else 0.0
+        drag = self._parameters[k].value if k >= 0 and goes_back else 0.0
+        return (weaker * mean, weaker * (3.0 * mean - 6.0 * moment), drag,
+                weaker if pushes_back else 0.0)
+
+    def _add_own(self, pushes: list[float], thrust: float, way: float, drag: float) -> None:
+        """Let the parameters of ``OWN`` push; by the thrust they also go a way of their own."""
+        i, k = self._own_thrust, self._own_drag
+        if i >= 0:
+            pushes[i] = thrust
+            self._parameters[i].path += way
+        if k >= 0:
+            pushes[k] = drag
 
     def innovation(self, i: int, value: float, variance: float,
                    known: bool = False) -> Innovation:

@@ -6,7 +6,12 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import Any, Final
 
-from rovid_core.identify.ekf.single.linearised_filter import floats, POSITION, VELOCITY
+from rovid_core.identify.ekf.single.linearised_filter import (
+    floats,
+    NONE_OWN,
+    POSITION,
+    VELOCITY,
+)
 from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.model.samples import Step
 
@@ -65,6 +70,8 @@ class MeasurementClock:
         The units.
     couplings, watched : int
         How many there are; those of a step without any are taken as 0.
+    own : tuple of 2 ints
+        Index among the parameters of those that the filter makes itself; here they are 0.
 
     Attributes
     ----------
@@ -75,11 +82,13 @@ class MeasurementClock:
 
     """
 
-    def __init__(self, force: float, velocity: float, couplings: int, watched: int = 0) -> None:
+    def __init__(self, force: float, velocity: float, couplings: int, watched: int = 0,
+                 own: tuple[int, int] = NONE_OWN) -> None:
         self._force, self._velocity = force, velocity
         self.couplings = couplings
         self.watched = watched
-        self._no_couplings, self._nothing_watched = (0.0,) * couplings, (0.0,) * watched
+        self._own = [i - 4 for i in own if i >= 0]
+        self._no_couplings, self._nothing_watched = [0.0] * couplings, (0.0,) * watched
         self.restart()
 
     def restart(self) -> None:
@@ -102,6 +111,8 @@ class MeasurementClock:
             recent.add(((before, step.forces[0]), (after, step.forces[1])), False, self._force)
         end = recent.end
         couplings = [mean for mean, _ in step.couplings] or self._no_couplings
+        for i in self._own:
+            couplings[i] = 0.0
         watched = step.watched or self._nothing_watched
         start = end - dt if first else self._fix
         i, value = VELOCITY, step.mean / unit

@@ -19,7 +19,7 @@ from rovid_core.pipeline.planar_steps import PlanarSteps
 from rovid_core.settings.run import Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model
-from rovid_core.velocity.attitude_history import normalised, rotate, SharedMotion
+from rovid_core.velocity.attitude_history import normalised, rotate, rotate_back, SharedMotion
 from rovid_core.velocity.couplings import CouplingRegressors
 from rovid_core.velocity.velocity_source import VelocitySource
 
@@ -30,6 +30,10 @@ SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
 
 AXES: dict[str, Vector] = {'surge': (1.0, 0.0, 0.0), 'sway': (0.0, 1.0, 0.0)}
 """Axes of the body that a current of the water acts along."""
+
+
+Water = Callable[[int], tuple[float, float]]
+"""The current of the water in the world [m/s] at a time [ns]."""
 
 
 class Scorer(Protocol):
@@ -69,6 +73,9 @@ class Pipeline:
         Gets every step.
     hint : callable, optional
         Called with one line about what could be better, but is no mistake; default ``warn``.
+    water : callable, optional
+        Returns the current in the world [m/s] at a time [ns], where it is known beforehand;
+        couplings are then those with velocities through the water.
 
     Attributes
     ----------
@@ -81,7 +88,9 @@ class Pipeline:
 
     def __init__(self, settings: Settings, reject: Callable[[str, str], None],
                  warn: Callable[[str], None], scorer: Scorer | None = None,
-                 hint: Callable[[str], None] | None = None) -> None:
+                 hint: Callable[[str], None] | None = None,
+                 water: Water | None = None) -> None:
+        self._water = water
         self._hint = hint = hint or warn
         self._sizes_told = False
         self._settings = settings
@@ -318,10 +327,19 @@ class Pipeline:
     def _note_motion(self, input: str, motion: Motion) -> None:
         """Hand a motion to what looks at all of them, whatever steps they make."""
         if self._couplings is not None:
-            self._couplings.add_velocity(input, motion)
+            self._couplings.add_velocity(input, self._through_water(motion))
         if self._configuration.active:
             self._configuration.add_motion(input, motion, self._shared.heading(
                 motion.time) if input == self._configuration.linear else None)
+
+    def _through_water(self, motion: Motion) -> Motion:
+        """Return a motion relative to the water, where its current is known beforehand."""
+        attitude = self._shared.attitude.known_at(motion.time) if self._water else None
+        if self._water is None or attitude is None:
+            return motion
+        (u, v, w), (x, y) = motion.body, self._water(motion.time)
+        a, b, c = rotate_back(attitude, (x, y, 0.0))
+        return motion._replace(body=(u - a, v - b, w - c))
 
     def _planar_of(self, source: FilteredSource) -> PlanarSteps | None:
         """Return what takes the steps of surge and sway of a source together, if they are."""

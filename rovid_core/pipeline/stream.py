@@ -12,7 +12,7 @@ from rovid_core.identify.method import Identifier
 from rovid_core.identify.status import Judgement
 from rovid_core.model.samples import Event
 from rovid_core.ordering.event_order import EventOrder
-from rovid_core.pipeline.steps import Pipeline, Scorer
+from rovid_core.pipeline.steps import Pipeline, Scorer, Water
 from rovid_core.settings.run import Settings
 
 STATE_VERSION = 1
@@ -69,6 +69,8 @@ class Stream:
         Gets everything that is consumed.
     scorer : Scorer, optional
         Gets every step, to score the model afterwards.
+    water : callable, optional
+        As of a ``Pipeline``.
 
     Attributes
     ----------
@@ -84,7 +86,7 @@ class Stream:
     """
 
     def __init__(self, settings: Settings, *, recorder: Recorder | None = None,
-                 scorer: Scorer | None = None) -> None:
+                 scorer: Scorer | None = None, water: Water | None = None) -> None:
         self.settings = settings
         self.rejected: dict[tuple[str, str], int] = {}
         self.estimate: Estimate | None = None
@@ -98,7 +100,7 @@ class Stream:
             MAX_WARNINGS)
         self._hints: deque[str] = deque((), MAX_WARNINGS)
         self._pipeline = Pipeline(
-            settings, self.reject, self._warnings.append, scorer, self._hints.append)
+            settings, self.reject, self._warnings.append, scorer, self._hints.append, water)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
         self._order = EventOrder(keys, settings.wait, settings.time_jump, self.reject,

@@ -377,6 +377,14 @@ class ScoredRun:
         times, values = self.table.read(self.first, self.first + self.count)
         return times.T.copy(), values[:, :4 + 2 * len(self.couplings)].T.copy()
 
+    @property
+    def first_velocity(self) -> float:
+        """Return the measured velocity at the start, through the water."""
+        if self.water is None or not self._has_current:
+            return self.velocity
+        return self.velocity - float(
+            self.water.along(np.array([self.start]), np.array([self.axis]))[0])
+
     def through_water(self) -> tuple[Times, Array]:
         """Return the same relative to the water; the filtered velocity stays over ground."""
         if not self._has_current or not self.count:
@@ -423,9 +431,9 @@ class ScoredRun:
     def segments(self, delay: float = 0.0) -> Iterator[ForceSegment]:
         """Yield the two parts of each step through the water, after the begin of the run."""
         begun, count = False, 2 * len(self.couplings)
-        for nodes, values, water in self._parts(delay):
+        for nodes, values, _ in self._parts(delay):
             if not begun:
-                yield ForceSegment(self.start, begins=self.velocity - float(water[0]))
+                yield ForceSegment(self.start, begins=self.first_velocity)
             begun = True
             for (middle, end), row in zip(
                     nodes[1:].reshape(-1, 2).tolist(), values.tolist()):
@@ -457,7 +465,7 @@ class ScoredRun:
         for nodes, values, water in self._parts(delay):
             left -= len(values)
             if velocity is None:
-                velocity = self.velocity - float(water[0])
+                velocity = self.first_velocity
             if simulated is None:
                 found = trajectory(
                     parameters[:4], velocity, np.diff(nodes) * NS,

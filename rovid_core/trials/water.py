@@ -44,6 +44,13 @@ class LogWater:
         """Tell whether nothing is known of a current."""
         return not self._times
 
+    def at(self, time: int) -> tuple[float, float]:
+        """Return the current in the world [m/s] at a time [ns]; still water unless it is known."""
+        if self.is_still:
+            return 0.0, 0.0
+        x, y = self.along(np.array([time, time]), np.eye(2)).tolist()
+        return x, y
+
     def along(self, times: Times, axes: Array) -> Array:
         """Return the velocity of the water along axes, shape (n, 2), at n times [m/s]."""
         first = self._times[0]  # absolute times have too many digits for a float

@@ -13,10 +13,11 @@ from typing import Any
 
 from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings
+from rovid_core.settings.run import IdentifierSettings, Settings
 from rovid_core.trials.tuning.cross_validation import Result
 from rovid_core.trials.tuning.log import TuningLog
 from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningError
+from rovid_core.trials.water import LogWater
 from rovid_ros.commands.arguments import add_json, add_logs, add_params_file, add_part
 from rovid_ros.commands.long_work import in_parallel, Progress
 from rovid_ros.commands.replay import replay
@@ -95,18 +96,28 @@ class _MotionStream(Stream):
 class TuningPlayer(PipelinePlayer):
     """The pipeline, which keeps what is needed to predict the log with other settings."""
 
-    def __init__(self, settings: Settings) -> None:
-        self.scores = self.log = TuningLog(settings)
-        self.stream = _MotionStream(settings, recorder=self.log, scorer=self.log)
+    def __init__(self, settings: Settings, water: LogWater | None = None) -> None:
+        self.scores = self.log = TuningLog(settings, water)
+        self.stream = _MotionStream(settings, recorder=self.log, scorer=self.log,
+                                    water=None if water is None else water.at)
         self.converter = Converter(settings, self.stream.reject)
 
 
 def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
               duration: float | None = None,
               warn: Callable[[str], None] = lambda line: None) -> Tuned:
-    """Read logs once, with ``replay``, and tune with them; TuneError if they tell nothing."""
-    read_with = reading_settings(settings)
-    player = TuningPlayer(read_with)
+    """
+    Read logs with ``replay``, and tune with them; TuneError if they tell nothing.
+
+    Where a current shows, they are read once before, by the method that estimates it.
+    """
+    read_with, water = reading_settings(settings), None
+    if settings.sees_current:
+        first = replace(settings, identifier=IdentifierSettings('ekf'))
+        finder = TuningPlayer(first)
+        replay(logs, first, finder, start=start, duration=duration)
+        water = finder.log.water
+    player = TuningPlayer(read_with, water)
     # typical sizes are found here, so that warnings about them would be out of place
     replay(logs, read_with, player, start=start, duration=duration,
            warn=lambda line: None if line.startswith('typical sizes') else warn(line))

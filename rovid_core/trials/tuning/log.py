@@ -15,6 +15,7 @@ from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.force_history import MAX_FORCE
 from rovid_core.thrust.thruster_curve import are_commands, wrench, wrench_model
 from rovid_core.trials.score import ScoreLog
+from rovid_core.trials.water import LogWater
 
 NS = 1e-9
 BEFORE = 60.0  # [s] the first command is taken to have stood this long, whatever the delay
@@ -98,10 +99,16 @@ class Segment:
 
 
 class TuningLog(ScoreLog):
-    """A score log that also keeps the commands: the stream's recorder and scorer in one."""
+    """
+    A score log that also keeps the commands: the stream's recorder and scorer in one.
 
-    def __init__(self, settings: Settings) -> None:
+    ``water`` is what is known of a current of the log; then couplings have to be made of
+    velocities through it.
+    """
+
+    def __init__(self, settings: Settings, water: LogWater | None = None) -> None:
         super().__init__(settings)
+        self.water = water or self.water
         self._settings = settings
         self._raw: list[float | None] = [None] * settings.thrusters.count
         self._sign: tuple[float, ...] | None = None
@@ -159,13 +166,14 @@ class TuningLog(ScoreLog):
         return CommandedForce(np.array(self._times), forces.T, thrusters.hold == 'linear')
 
     def segments(self, dof: str) -> list[Segment]:
-        """Return the motion of a DOF."""
+        """Return the motion of a DOF, through the water where its current is known."""
         found = []
         for run in self.runs[dof]:
-            times, values = run.columns
             if run.count:
+                (fixes, ends), values = run.through_water()
+                regressors = run.columns[1][4:]
                 found.append(Segment(
-                    run.start, run.velocity, times[0], times[1], values[3], values[4:]))
+                    run.start, run.first_velocity, fixes, ends, values[3], regressors))
         return found
 
 

@@ -48,6 +48,24 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def test_a_current_is_no_weaker_thrust_in_reverse(tmp_path: Path) -> None:
+    """It is taken out of the velocities, and of what another DOF is coupled with."""
+    profile = ('surge=multisine:30@0.02-0.2x5,sway=multisine:28@0.02-0.2x5,'
+               'yaw=multisine:4@0.02-0.15x5')
+    given = ['--params-file', f'{CONFIG}/bluerov2_ardusub.yaml', '-p', 'dofs:=[surge,sway,yaw]']
+    assert main(['simulate', *given, '-p', 'simulation.coriolis:=true', '-p',
+                 'simulation.current:=[0.05,0.15]', '--profile', profile, '--duration', '120',
+                 '--output', f'{tmp_path}/log.mcap']) == 0
+    assert main(['tune', f'{tmp_path}/log.mcap', *given, '--json', f'{tmp_path}/tune.json',
+                 '--output', f'{tmp_path}/tuned.yaml']) == 0
+    before, after = (settings_from(load(path)) for path in (
+        CONFIG / 'bluerov2_ardusub.yaml', tmp_path / 'tuned.yaml'))
+    assert after.thrusters.reverse == before.thrusters.reverse
+    assert after.thrusters.deadband == before.thrusters.deadband
+    assert {dof: after.couplings(dof) for dof in ('surge', 'sway', 'yaw')} == {
+        'surge': ('vr',), 'sway': ('ur',), 'yaw': ('v', 'uv')}
+
+
 def test_the_tuned_file_replays_better(
         folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mine, tuned = folder / 'mine.yaml', folder / 'tuned.yaml'

@@ -10,7 +10,7 @@ Econometrica 50(1), 1982).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 
 import numpy as np
@@ -40,6 +40,10 @@ NAMED_LEFT, TOLD = 1e-6, 1e-8
 Share of a regressor that the parameters cannot take the place of, from which it is named, and
 from which the data say anything of it; less is what rounding and the steps of the filter make.
 """
+
+
+WIDE = 1e6
+"""Variance of a regressor that is added, in that with which all blocks tell it."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +160,7 @@ class BlockFit:
         a = np.array(self.active)
         self.n, self.information, self.score = len(information), information, score
         prior, start = 1.0 / np.array(variances)[a], np.array(theta)[a]
+        self._start = start
         self.total = information.sum(axis=0)
         self.prior = np.diag(prior)
         self.h = self.total[a[:, None], a] + self.prior
@@ -189,21 +194,23 @@ class BlockFit:
         covariance = self.c @ (mixed + self.prior) @ self.c
         if wrong_model or scatter > REPEATED:
             covariance = covariance * max(1.0, n / LEAST_COUNT)
-        missing, moved = None, np.zeros(len(a))
         sizes = {begin + name: std for begin, first in rows
                  for name, (std, _) in expected(self.all_parameters()[first:]).items()}
-        for name, columns in candidates.items():
-            found = self._test(columns, float(counts.sum()), sizes.get(name, math.inf))
-            if found is not None and found[1] > (missing.share if missing else NAMED_GAIN):
-                kappa, share, moved = found
-                missing = Missing(name, kappa, share)
+        missing, whole, left = None, self, dict(candidates)
+        while (found := whole._most_missing(left, float(counts.sum()), sizes)) is not None:
+            missing = missing or found
+            # what is found first hides the rest
+            whole = whole._with(left.pop(found.name))
+            if whole.n <= len(whole.active) + 1:
+                break
+        moved = self.theta - whole.theta[:len(a)]
         covariance = covariance + np.outer(moved, moved)
         more, untold = np.zeros_like(covariance), []
         for begin, first in rows:
-            if missing is not None and missing.name.startswith(begin):
-                continue
-            terms = self._unseen(candidates, 1.0, begin, first)
+            terms = whole._unseen(left, 1.0, begin, first)
             if terms:
+                terms = {name: replace(term, leaning=term.leaning[:len(a)])
+                         for name, term in terms.items()}
                 added, alpha = averaged(list(terms.values()), covariance), a.index(first)
                 if added[alpha, alpha] > covariance[alpha, alpha]:
                     untold.append(foremost(terms, alpha))
@@ -215,6 +222,28 @@ class BlockFit:
             covariance = covariance + variance * np.outer(leaning, leaning)
         return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
                        tuple(untold))
+
+    def _most_missing(self, candidates: Mapping[str, list[int]], count: float,
+                      sizes: Mapping[str, float]) -> Missing | None:
+        """Return the regressor that explains most of what the model does not."""
+        missing = None
+        for name, columns in candidates.items():
+            found = self._test(columns, count, sizes.get(name, math.inf))
+            if found is not None and found[1] > (missing.share if missing else NAMED_GAIN):
+                missing = Missing(name, found[0], found[1])
+        return missing
+
+    def _with(self, columns: Sequence[int]) -> BlockFit:
+        """Return the fit with further regressors, of any size."""
+        q = len(self.total)
+        theta, variances = np.zeros(q), np.zeros(q)
+        theta[self.active], variances[self.active] = self._start, 1.0 / self.prior.diagonal()
+        for k in columns:
+            variances[k] = WIDE / self.total[k, k]
+        found = BlockFit([*self.active, *columns], theta.tolist(), variances.tolist(),
+                         self.information, self.score)
+        found.scatter()
+        return found
 
     def unseen(self, candidates: Mapping[str, list[int]],
                rows: Sequence[tuple[str, int]]) -> list[list[float]]:

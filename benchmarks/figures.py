@@ -76,6 +76,10 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'real_configured': Section(
             'The same with what they have configured', 'accuracy.real_vehicles',
             '--configured --seeds 20', '--configured --seeds 1 --duration 60', 1.0),
+        'real_configured_aid': Section(
+            'With what they have configured, by aid', 'accuracy.real_vehicles',
+            '--configured --method aid --seeds 20',
+            '--configured --method aid --seeds 1 --duration 60', 0.8),
         'real_aid': Section('Vehicles that are not the model, by aid', 'accuracy.real_vehicles',
                             '--method aid --seeds 40', '--method aid --seeds 1 --duration 60',
                             0.8),
@@ -90,7 +94,7 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'coupled': Section('Vehicles that move in all axes at once', 'accuracy.coupled_vehicles',
                            '', '--seeds 1 --duration 60', 2.0),
         'control': Section('A controller with feed-forward', 'accuracy.feed_forward',
-                           '--seeds 6', '--seeds 1 --duration 90', 2.8),
+                           '--seeds 10', '--seeds 1 --duration 90', 4.5),
         'coupled_aid': Section('All axes at once, by aid', 'accuracy.coupled_vehicles',
                                '--method aid', '--method aid --seeds 1 --duration 60', 1.0),
         'current': Section('In water that moves, and with slow fixes', 'accuracy.current',

@@ -465,7 +465,7 @@ class Settings:
                     f'{name}.couplings', f'got {coupling!r}, takes {", ".join(COUPLINGS[name])}')
         if len(set(couplings)) != len(couplings):
             raise SettingsError(f'{name}.couplings', 'names one twice')
-        letters = {x for c in couplings if c not in (*RESTORING, *OWN) for x in c}
+        letters = {x for c in couplings if c not in RESTORING and c not in OWN for x in c}
         if letters & set('uvw') and not (self.position.topic or self.velocity.topic):
             raise SettingsError(f'{name}.couplings', 'needs position.topic or velocity.topic')
         if letters & set('pqr') and not (self.attitude.topic or self.angular_velocity.topic):

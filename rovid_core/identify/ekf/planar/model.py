@@ -83,7 +83,7 @@ class PlanarModel:
                 first, first + 5 + len(names), scales.velocity,
                 first + 4 + names.index(turning) if turning in names else -1,
                 tuple([(first + 4 + k, k) for k, name in enumerate(names)
-                       if name not in (turning, *OWN)]),
+                       if name != turning and name not in OWN]),
                 len(scales.watched), scales.force,
                 (thrust + first if thrust >= 0 else -1, drag + first if drag >= 0 else -1)))
             first = rows[-1].end

@@ -65,6 +65,15 @@ def test_where_the_model_is_wrong_the_interval_holds_and_what_is_missing_is_name
     assert sum(said in drive.notes[-1] for drive in drives) >= 2
 
 
+def test_what_is_found_missing_first_does_not_hide_the_rest():
+    """A controller, weak reverse thrust, more drag in reverse and a lag: each moves the mass."""
+    vehicle = Vehicle(lambda force: force if force > 0.0 else 0.72 * force,
+                      reverse_drag=1.3, lag=0.22, closed_loop=True)
+    drive = Drive().go(pieces(vehicle, 27, 300.0))
+    assert 1.0 / drive.one.parameters[0] / MASS > 1.2  # it is such a vehicle
+    assert drive.holds_mass
+
+
 def test_an_exact_vehicle_converges_and_nothing_is_said_of_it():
     for seed in range(2):
         drive = driven('exact', seed)

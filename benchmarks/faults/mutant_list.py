@@ -366,8 +366,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'what_is_found_missing_first_does_not_hide_the_rest',
          ('what is found missing hides the rest',
-          'whole = whole._with(left.pop(found.name))',
-          'whole = self._with(left.pop(found.name)); break')),
+          'whole = self._with(left.pop(missing.name))', 'left.clear()')),
     *_of('rovid_core/identify/ekf/single/linearised_filter.py', 'test/core/test_reverse.py',
          ('the drag in reverse slows down forwards too',
           'if k >= 0 and goes_back else 0.0', 'if k >= 0 else 0.0'),

@@ -196,6 +196,26 @@ def test_sensitivities_of_the_filter_of_surge_and_sway_are_derivatives(i: int) -
     assert ends[1][1] == pytest.approx(derivative, rel=0.05, abs=0.02 * size)
 
 
+def test_a_weaker_force_moves_as_weaker_thrusters_do() -> None:
+    weaker = THETA[4] / THETA[0]
+    theta = (*THETA[:5], 0.0, THETA[6])
+    ends = []
+    for known in (False, True):
+        single = LinearisedFilter(
+            theta if known else (*theta[:4], 0.0, *theta[5:]), [1.0] * 7, 0.0, own=(4, 5))
+        both = [*(theta if known else (*theta[:4], 0.0, *theta[5:])), *BOTH[7:]]
+        planar, force = PlanarFilter(ROWS, both, [0.0] * 16, Noise(0.0, 0.0)), RecentForce()
+        for push in np.random.default_rng(3).normal(-0.3, 1.0, 80).tolist():
+            force.add([(0.04, push if known else push + weaker * min(push, 0.0))], held=True)
+            start, end = force.end - 0.06, force.end - 0.02  # two commands in a step
+            if start > 0.1:
+                single.move(force, start, end, (0.0, 0.0))
+                planar.move((force, force), start, end, [
+                    PlanarPiece(1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)], ((0.0, 0.0),) * 2, 0.0)
+        ends.append([*single.motion[:2], planar.motion[0], planar.motion[2]])
+    assert ends[0] == pytest.approx(ends[1], rel=1e-9)
+
+
 PLANT, REVERSE = (0.05, -2.0, -0.4, 0.02), -0.8
 
 

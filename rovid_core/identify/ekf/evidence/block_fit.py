@@ -196,13 +196,10 @@ class BlockFit:
             covariance = covariance * max(1.0, n / LEAST_COUNT)
         sizes = {begin + name: std for begin, first in rows
                  for name, (std, _) in expected(self.all_parameters()[first:]).items()}
-        missing, whole, left = None, self, dict(candidates)
-        while (found := whole._most_missing(left, float(counts.sum()), sizes)) is not None:
-            missing = missing or found
-            # what is found first hides the rest
-            whole = whole._with(left.pop(found.name))
-            if whole.n <= len(whole.active) + 1:
-                break
+        whole, left = self, dict(candidates)
+        missing = self._most_missing(candidates, float(counts.sum()), sizes)
+        if missing is not None:  # it hides what else there may be
+            whole = self._with(left.pop(missing.name))
         moved = self.theta - whole.theta[:len(a)]
         covariance = covariance + np.outer(moved, moved)
         more, untold = np.zeros_like(covariance), []

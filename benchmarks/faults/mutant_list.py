@@ -522,7 +522,8 @@ MUTANTS = [
          ('it learns in the wrong direction',
           'p - impulse * g for p, g', 'p + impulse * g for p, g'),
          ('the drag is that at the start of the step',
-          'phi = (tau, w * abs(w), w, 1.0, *self._regressors(others, w))', 'phi = (tau, v * abs(v), v, 1.0, *self._regressors(others, v))')),
+          'phi = (tau, w * abs(w), w, 1.0, *self._regressors(others, w))',
+          'phi = (tau, v * abs(v), v, 1.0, *self._regressors(others, v))')),
     *_of('rovid_ros/node/transport/publishers.py', 'test/node/test_node_live.py '
          'names_and_qos a_reset_shows_at_once',
          ('what is latched is not',

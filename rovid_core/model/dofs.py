@@ -52,8 +52,6 @@ Four = tuple[float, float, float, float]
 Own = tuple[float, float]
 """Coefficients of ``OWN``, 0 for one that a model does not have."""
 
-NOTHING_OWN: Own = (0.0, 0.0)
-
 NAN4: Four = (math.nan, math.nan, math.nan, math.nan)
 
 Quaternion = tuple[float, float, float, float]

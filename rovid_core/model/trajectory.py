@@ -60,7 +60,7 @@ def trajectory(parameters: Sequence[float] | Array, start: float, dt: Array,
     largest = float(np.abs(drive).max(initial=0.0))
     least, most = sorted((-beta, max(-beta - reverse_drag, 0.0)))
     # at this speed drag exceeds all thrust (Appendix of the paper)
-    fastest = max(abs(start), math.sqrt(largest / least)) if least > 0.0 else 0.0
+    fastest = max(abs(start), math.sqrt(largest / most)) if most > 0.0 else 0.0
     with np.errstate(all='ignore'):
         pieces = (2.0 * most * fastest + abs(gamma)) * dt + 1.0
         if min(least, -gamma) >= 0.0 and pieces.max(initial=1.0) < MAX_PIECES:

@@ -1,9 +1,9 @@
 """
 Run for long.
 
-``python -m benchmarks.endurance.soak [--hours H | --live S]``
+``python -m benchmarks.endurance.soak [--hours H [--faster F] | --live S]``
 
-Without ``--live``, H hours of a simulated vehicle with ten times the sensor rates go through
+Without ``--live``, H hours of a simulated vehicle with F times the sensor rates go through
 the live pipe, message by message: converter, stream, output messages; and what came of it is
 printed. With ``--live``, the node runs in a process of its own for S seconds and
 hears sensors at 50 Hz over DDS.
@@ -29,15 +29,12 @@ from test.support.processes import resident
 from test.support.sensors import built, sensed, times_faster
 from test.support.trials import CONFIG
 
-FASTER = 10.0
-"""Times the sensor rates of the shipped configuration."""
-
 METHODS = ('ekf', 'aid')
 
 
-def simulated(method: str, hours: float, samples: int = 200) -> Soak:
+def simulated(method: str, hours: float, faster: float, samples: int = 200) -> Soak:
     """Let a vehicle run through the pipe, as the node does it, in one process."""
-    settings = _settings()
+    settings = _settings(faster)
     settings = replace(settings, identifier=replace(settings.identifier, method=method))
     stream = Stream(settings)
     converter = Converter(settings, stream.reject)
@@ -51,7 +48,7 @@ def simulated(method: str, hours: float, samples: int = 200) -> Soak:
         for event in converter.events(message.topic, built(message), message.time):
             for estimate in stream.receive(event):
                 count += 1
-                if not count % round(FASTER):  # published as often as the sensors usually come
+                if not count % round(faster):  # published as often as the sensors usually come
                     outputs.messages(estimate)
         time = (message.time - begin) * 1e-9
         if time >= due:
@@ -70,14 +67,16 @@ def simulated(method: str, hours: float, samples: int = 200) -> Soak:
         {dof.dof: dof.parameters for dof in stream.estimate.dofs})
 
 
-def _settings() -> Settings:
-    return times_faster(settings_from(load(CONFIG / 'jhurov.yaml')), FASTER)
+def _settings(faster: float = 1.0) -> Settings:
+    return times_faster(settings_from(load(CONFIG / 'jhurov.yaml')), faster)
 
 
 def main() -> None:
     """Run, and print what came of it."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument('--hours', type=float, default=1.0, help='simulated time, default: 1')
+    parser.add_argument('--faster', type=float, default=10.0,
+                        help='times the sensor rates of the shipped configuration, default: 10')
     parser.add_argument('--methods', nargs='+', default=METHODS, choices=METHODS,
                         help='of the simulated time, one process each')
     parser.add_argument('--live', type=float, metavar='S', help='seconds of the node on DDS')
@@ -90,8 +89,9 @@ def main() -> None:
         return
     with ProcessPoolExecutor(len(given.methods), get_context('spawn')) as pool:  # each its own
         for method, soak in zip(given.methods, pool.map(
-                simulated, given.methods, [given.hours] * len(given.methods))):
-            _print(f'Ten times the sensor rates, {method}', soak)
+                simulated, given.methods, [given.hours] * len(given.methods),
+                [given.faster] * len(given.methods))):
+            _print(f'{given.faster:g} times the sensor rates, {method}', soak)
 
 
 def _print(title: str, soak: Soak) -> None:

@@ -85,9 +85,12 @@ class DofModel:
                              f'has {", ".join(self.couplings) or "none"}')
         if 'reverse_drag' in self.couplings:
             x['reverse_drag'] = min(velocity, 0.0) * abs(velocity)
+        # drag never pushes, also where a fit found more of it ahead than there is astern
+        kappas = {**self.couplings, 'reverse_drag': min(
+            self.couplings.get('reverse_drag', 0.0), -self.beta)}
         push = acceleration - math.fsum(
             [self.beta * velocity * abs(velocity), self.gamma * velocity, self.delta,
-             *(self.couplings[name] * value for name, value in x.items())])
+             *(kappas[name] * value for name, value in x.items())])
         reverse = self.couplings.get('reverse_thrust', 0.0) if push < 0.0 else 0.0
         return push / (self.alpha + reverse)
 

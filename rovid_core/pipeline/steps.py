@@ -20,7 +20,7 @@ from rovid_core.settings.run import Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.velocity.attitude_history import normalised, rotate, rotate_back, SharedMotion
-from rovid_core.velocity.couplings import CouplingRegressors
+from rovid_core.velocity.couplings import CouplingRegressors, own_regressors
 from rovid_core.velocity.velocity_source import VelocitySource
 
 NS = 1e-9
@@ -418,11 +418,9 @@ class Pipeline:
         couplings: list[tuple[float, float]] = []
         filtered: tuple[float, ...] = ()
         if source.has_couplings:
-            couplings = [*self._coupling_means(source, last, motion), *[
-                (_mean_astern(second[j] - first[j], lead),
-                 _mean_astern(third[j] - second[j], rest)) if name == OWN[0] else
-                _drags_astern(last.velocity[j], motion.velocity[j], interval)
-                for j, name in source.own]]
+            couplings = [
+                *self._coupling_means(source, last, motion), *own_regressors(
+                    source.own, (last, motion), (first, second, third), (lead, rest))]
             filtered = source.regressors.step(
                 dt, tuple([(lead * x + rest * y) / dt for x, y in couplings]))
         pieces = self._forces.pieces(
@@ -468,9 +466,9 @@ class Pipeline:
         velocity = source.velocity.step(0.0, motion.velocity)
         source.last_regressors = self._coupling_regressors(source, motion)
         if source.has_couplings and len(source.last_regressors) == len(source.couplings):
-            source.regressors.step(0.0, (*source.last_regressors, *[
-                0.0 if name == OWN[0] else _drags_astern(v, v, 1.0)[1]
-                for v, name in [(motion.velocity[j], name) for j, name in source.own]]))
+            still = [0.0] * len(source.indices)
+            own = own_regressors(source.own, (motion, motion), (still, still, still), (0.0, 0.0))
+            source.regressors.step(0.0, (*source.last_regressors, *[x for x, _ in own]))
         source.last = motion
         planar = self._planar_of(source)
         if planar is not None:
@@ -516,19 +514,6 @@ def _union(of_dofs: Sequence[Sequence[str]]
     """Return all names of some DOFs, each once, and which of them each DOF has."""
     union = tuple(dict.fromkeys(name for names in of_dofs for name in names))
     return union, [tuple([union.index(name) for name in names]) for names in of_dofs]
-
-
-def _mean_astern(impulse: float, dt: float) -> float:
-    """Return the mean of a force over a time [s] as far as it pushes backwards."""
-    return min(impulse / dt, 0.0) if dt > 0.0 else 0.0
-
-
-def _drags_astern(last: float, now: float, interval: float) -> tuple[float, float]:
-    """Return v|v| of both parts of a step, as far as it goes backwards."""
-    before, after = min(last, 0.0) * abs(last), min(now, 0.0) * abs(now)
-    if not interval:  # velocities at both ends of the step
-        before = after = 0.5 * (before + after)
-    return before, after
 
 
 def _is_no_infinity(x: float) -> bool:

@@ -16,6 +16,7 @@ watched takes the measured ones.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from rovid_core.model.dofs import HEADING, OWN, RESTORING, Vector
@@ -292,6 +293,38 @@ class CouplingRegressors:
         x, y, z = rotation_between(self._attitude.at(start), self._attitude.at(end))
         dt = (end - start) * NS
         return (x / dt, y / dt, z / dt)
+
+
+def own_regressors(own: Sequence[tuple[int, str]], motions: tuple[Motion, Motion],
+                   integrals: Sequence[Sequence[float]],
+                   parts: tuple[float, float]) -> list[tuple[float, float]]:
+    """
+    Return those of ``OWN`` over both parts of a step, as they are measured.
+
+    Parameters
+    ----------
+    own : sequence of (int, str)
+        Number of the DOF among those of its source, and name.
+    motions : pair of Motion
+        At which the step begins and ends.
+    integrals : 3 sequences of floats
+        Of the force on each DOF, up to the start, the middle and the end.
+    parts : pair of floats
+        Lengths of the parts [s].
+
+    """
+    found = []
+    for j, name in own:
+        if name == OWN[0]:
+            one, other = [min((b[j] - a[j]) / dt, 0.0) if dt > 0.0 else 0.0
+                          for a, b, dt in zip(integrals, integrals[1:], parts)]
+        else:
+            one, other = [min(motion.velocity[j], 0.0) * abs(motion.velocity[j])
+                          for motion in motions]
+            if motions[1].start == motions[1].end:  # velocities at both ends of the step
+                one = other = 0.5 * (one + other)
+        found.append((one, other))
+    return found
 
 
 def _product(values: dict[str, float], name: str) -> float:

@@ -312,7 +312,7 @@ def _coupled_lines(coupled: CoupledProspect) -> Iterator[str]:
             if math.isfinite(half)]
     if told:
         driven = (f'the profiles of {" and ".join(coupled.partners)} at once'
-                  if coupled.partners else 'couplings')
+                  if coupled.partners else 'this profile')
         yield (f'  with {driven}: {", ".join(told)}; '
                f'then alpha to {_percent(coupled.alpha)}')
     untold = [name for name, half in coupled.kappas.items() if not math.isfinite(half)]

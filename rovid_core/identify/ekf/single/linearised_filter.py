@@ -23,6 +23,7 @@ from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.identify.ekf.single.sensitivities import Parameter, Regressor
 from rovid_core.identify.last_minute import DEAD_BAND
+from rovid_core.model.dofs import Three
 
 ALPHA: Final = 0
 BETA: Final = 1
@@ -242,6 +243,15 @@ class LinearisedFilter:
         # what is told apart by where in a step it acts has to act where alpha's force does
         self._reverse.path += reverse_way - b * of_reverse
         self._cut.path += cut_way - b * of_cut
+        self._carry(h, (x, v, f), (s, b, keep), pushes)
+
+    def _carry(self, h: float, motion: Three, transition: Three, pushes: list[float]) -> None:
+        """
+        Go to a motion, and take sensitivities and covariance along over ``h`` [s].
+
+        ``transition`` is what a push, and what a velocity, makes of the velocity and the path.
+        """
+        (x, v, f), (s, b, keep) = motion, transition
         p00, p01, p02, p11, p12, p22 = self.covariance
         if self.force_std:
             e = math.exp(-h / FORCE_TIME)

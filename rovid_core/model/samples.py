@@ -71,7 +71,7 @@ class Motion(NamedTuple):
         Angle by which the body turned since the interval before [rad].
     path_noise : tuple of float
         Standard deviation of the path over the interval that comes from the noise of the
-        attitude [m], one per DOF; empty where no attitude was used.
+        attitude [m or rad], one per DOF; empty where no attitude was used.
     body : Vector
         The velocity on all three axes of the body, also of DOFs that are not identified.
     fix : tuple of 2 floats

@@ -224,8 +224,13 @@ class VelocitySource:
         return (value[0] - lx, value[1] - ly, value[2] - lz)
 
     def _path_noise(self, body: Vector, dt: float) -> tuple[float, ...]:
-        """Return the standard deviation of the path from the attitude's noise [m], per DOF."""
-        if not (self._needs_attitude and self._shared.attitude.needs_noise):
+        """
+        Return the standard deviation of the path from the attitude's noise [m or rad], per DOF.
+
+        Angles of the body turn with its other axes, as distances along it do.
+        """
+        if not ((self._needs_attitude or self.input == 'attitude')
+                and self._shared.attitude.needs_noise):
             return ()
         variance = self._shared.attitude.noise_density * dt
         square = body[0] * body[0] + body[1] * body[1] + body[2] * body[2]

@@ -1,11 +1,16 @@
 """What is known of the attitude between two samples, and of velocities in the world."""
 
+from dataclasses import replace
 import math
+from random import Random
 
 import pytest
 from rovid_core.model.samples import Motion
+from rovid_core.settings.inputs import InputSettings
+from rovid_core.settings.run import DofSettings, IdentifierSettings
 from rovid_core.velocity.attitude_history import (
     AttitudeHistory,
+    from_angles,
     from_yaw,
     rotate,
     rotate_back,
@@ -17,6 +22,7 @@ from rovid_core.velocity.velocity_source import VelocitySource
 from test.support.surge import surge_settings
 
 SECOND = 1_000_000_000
+NOISE = 0.02  # [rad] of an attitude
 
 
 def history(*seconds: float) -> AttitudeHistory:
@@ -89,3 +95,29 @@ def test_a_velocity_is_that_of_the_middle_and_what_is_too_fast_reaches_nobody() 
     assert motion.velocity == pytest.approx((0.5,))
     assert source.next_velocity(4 * SECOND) == 'too_fast'
     assert shared.horizontal == (SECOND, 0.5, 0.125)
+
+
+@pytest.mark.parametrize('tilting', [0.0, 0.1])
+def test_an_angle_of_the_body_drifts_by_the_noise_of_the_others(tilting: float) -> None:
+    """What heading and path differ by in the end is what the steps state, or a little less."""
+    settings = replace(surge_settings(), dofs=('yaw',), dof={'yaw': DofSettings(1.0)},
+                       attitude=InputSettings('/a'), identifier=IdentifierSettings('ekf'))
+    random, drifts, stated = Random(1), [], []
+    for _ in range(60):
+        shared = SharedMotion(settings)
+        source = VelocitySource(settings, 'attitude', shared)
+        path = variance = 0.0
+        for k in range(400):
+            roll, pitch, yaw = (random.gauss(0.0, NOISE) for _ in range(3))
+            attitude = from_angles(roll + tilting * math.sin(0.3 * k), pitch, yaw)
+            shared.attitude.add_sample(k * SECOND // 20, attitude)
+            source.add_sample(k * SECOND // 20, attitude)
+            motion = source.next_velocity(k * SECOND // 20)
+            if isinstance(motion, Motion):
+                path += motion.velocity[0] * (motion.end - motion.start) * 1e-9
+                variance += motion.path_noise[0]**2
+        first_and_last = 2.0 * NOISE**2
+        drifts.append(path * path)
+        stated.append(variance + first_and_last)
+    assert 1.0 <= sum(stated) / sum(drifts) < 8.0
+    assert sum(stated) > 1.2 * 60 * 2.0 * NOISE**2

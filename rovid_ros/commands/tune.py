@@ -111,16 +111,20 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
 
     Where a current shows, they are read once before, by the method that estimates it.
     """
-    read_with, water = reading_settings(settings), None
-    if settings.sees_current:
-        first = replace(settings, identifier=IdentifierSettings('ekf'))
-        finder = TuningPlayer(first)
-        replay(logs, first, finder, start=start, duration=duration)
-        water = finder.log.water
-    player = TuningPlayer(read_with, water)
-    # typical sizes are found here, so that warnings about them would be out of place
-    replay(logs, read_with, player, start=start, duration=duration,
-           warn=lambda line: None if line.startswith('typical sizes') else warn(line))
+    def read(settings: Settings) -> TuningLog:
+        water = None
+        if settings.sees_current:
+            first = replace(settings, identifier=IdentifierSettings('ekf'))
+            finder = TuningPlayer(first)
+            replay(logs, first, finder, start=start, duration=duration)
+            water = finder.log.water
+        read_with = reading_settings(settings)
+        player = TuningPlayer(read_with, water)
+        # typical sizes are found here, so that warnings about them would be out of place
+        replay(logs, read_with, player, start=start, duration=duration,
+               warn=lambda line: None if line.startswith('typical sizes') else warn(line))
+        return player.log
+
     share = 0.0
     with Progress('tune', lambda: share) as progress:
         def show(done: float) -> None:
@@ -132,7 +136,7 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
             return in_parallel(work, given, lambda count: progress.tick())
 
         try:
-            return tune(player.log, settings, show, each)
+            return tune(read, settings, show, each)
         except TuningError as error:
             raise TuneError(f'{", ".join(map(str, logs))}: {error}') from None
 

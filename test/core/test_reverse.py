@@ -140,7 +140,7 @@ def test_tuning_adds_the_drag_and_leaves_the_thrust_to_the_thrusters() -> None:
         for time, input, sample in simulate(true(settings, name), 150.0, 1):
             stream.receive(Event(time, (Sample(input, sample),)))
         stream.finish()
-        changes = tune(log, settings).changes()
+        changes = tune(lambda _, log=log: log, settings).changes()
         assert list(changes) == [key]
         assert changes[key] == value or changes[key] == pytest.approx(value, abs=0.03)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 import math
 from pathlib import Path
@@ -15,13 +16,15 @@ from rovid_core.settings.run import Settings
 from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.trials.tuning.cross_validation import choose, fold_bounds
+from rovid_core.trials.tuning.heading import around_the_best
 from rovid_core.trials.tuning.log import CommandedForce, TuningLog
-from rovid_core.trials.tuning.searches import around_the_best
 from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningError
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 
 DELAY, LAG = 0.12, 0.3
+
+Reader = Callable[[Settings], TuningLog]
 
 
 @pytest.fixture(scope='module')
@@ -33,35 +36,52 @@ def surge() -> Settings:
                           'identifier.method': 'aid'})
 
 
-def read(settings: Settings, duration: float, noise: np.random.Generator | None = None,
-         **truth: float) -> TuningLog:
+def log_of(truth: Settings, duration: float, noise: np.random.Generator | None = None,
+           late: dict[str, float] | None = None, **thrusters: float) -> Reader:
     """
-    Simulate with a delay and lag that the settings do not have, and read it.
+    Return what reads the log of a simulated vehicle with some settings.
 
-    With noise, this stands in the place of the logged commands.
+    Its thrusters differ from those of the settings, and some inputs are stamped late [s]. With
+    noise, this stands in the place of the logged commands.
     """
-    true = replace(settings, thrusters=replace(settings.thrusters, **truth), yaw_offset=0.0)
-    log = TuningLog(reading_settings(settings))
-    stream = Stream(reading_settings(settings), recorder=log, scorer=log)
-    half = 0.5 * settings.yaw_offset
-    for time, name, value in simulate(true, duration, seed=1):
-        if name == 'attitude':  # the wrong offset is added, as the converter does
-            x, y, z, w = value
-            s, c = math.sin(half), math.cos(half)
-            value = (c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z)
-        if name == 'thrusters' and noise is not None:
-            value = tuple(noise.normal(0.0, 2.0, len(value)).tolist())
-        stream.receive(Event(time, (Sample(name, value),)))
-    stream.finish()
-    return log
+    true = replace(truth, thrusters=replace(truth.thrusters, **thrusters), yaw_offset=0.0)
+    samples = list(simulate(true, duration, seed=1))
+
+    def read(settings: Settings) -> TuningLog:
+        log = TuningLog(reading_settings(settings))
+        stream = Stream(reading_settings(settings), recorder=log, scorer=log)
+        half = 0.5 * settings.yaw_offset
+        events = []
+        for time, name, value in samples:
+            if name == 'attitude':  # the wrong offset is added, as the converter does
+                x, y, z, w = value
+                s, c = math.sin(half), math.cos(half)
+                value = (c * x - s * y, c * y + s * x, c * z + s * w, c * w - s * z)
+            if name == 'thrusters' and noise is not None:
+                value = tuple(noise.normal(0.0, 2.0, len(value)).tolist())
+            known = settings.thrusters if name == 'thrusters' else settings.input(name)
+            apart = (late or {}).get(name, 0.0) - known.latency
+            events.append(Event(time + round(1e9 * apart), (Sample(name, value),)))
+        for event in sorted(events, key=lambda event: event.time):
+            stream.receive(event)
+        stream.finish()
+        return log
+    return read
 
 
 @pytest.fixture(scope='module')
 def delayed(surge: Settings) -> Tuned:
     """Return what is found where delay, lag and 5 degrees of heading are missing."""
-    wrong = replace(surge, yaw_offset=math.radians(-5.0))
-    log = read(wrong, 120.0, delay=DELAY, time_constant=LAG)
-    return tune(log, wrong)
+    read = log_of(surge, 120.0, delay=DELAY, time_constant=LAG)
+    return tune(read, replace(surge, yaw_offset=math.radians(-5.0)))
+
+
+@pytest.fixture(scope='module')
+def rov() -> Settings:
+    """Return a BlueROV2 that turns while it goes ahead and sideways."""
+    found = settings_from(load(Path(__file__).parents[2] / 'config' / 'bluerov2_ardusub.yaml'))
+    return replace(found, dofs=('surge', 'sway', 'yaw'),
+                   thrusters=replace(found.thrusters, delay=0.0))
 
 
 def test_a_pause_belongs_to_no_fold() -> None:
@@ -104,13 +124,12 @@ def test_finds_the_heading(delayed: Tuned) -> None:
 
 
 def test_finds_the_dead_band(surge: Settings) -> None:
-    log = read(surge, 90.0, deadband=0.5)
-    tuned = tune(log, surge)
+    tuned = tune(log_of(surge, 90.0, deadband=0.5), surge)
     assert tuned.changes()['thrusters.deadband'] == pytest.approx(0.5, abs=0.15)
 
 
 def test_finds_the_reverse_thrust(surge: Settings) -> None:
-    tuned = tune(read(surge, 90.0, reverse=0.8), surge)
+    tuned = tune(log_of(surge, 90.0, reverse=0.8), surge)
     assert tuned.changes()['thrusters.reverse'] == pytest.approx(0.8, abs=0.05)
     before, after = tuned.errors['surge']
     assert after < 0.8 * before
@@ -121,7 +140,7 @@ def test_a_coupling_that_is_missing_is_added() -> None:
     truth = settings_from({**load(config / 'odometry_wrench.yaml'),
                            **load(config / 'examples' / 'auv.yaml')})
     settings = replace(truth, dofs=('surge', 'sway', 'yaw'))
-    tuned = tune(read(settings, 180.0), settings)
+    tuned = tune(log_of(settings, 180.0), settings)
     changes = tuned.changes()
     assert 'vr' in changes['surge.couplings']  # type: ignore[operator]
     assert 'ur' in changes['sway.couplings']  # type: ignore[operator]
@@ -129,9 +148,27 @@ def test_a_coupling_that_is_missing_is_added() -> None:
         assert after < 0.7 * before
 
 
-def test_couplings_are_not_sought_along_axes_that_turn(delayed: Tuned) -> None:
-    assert [names.key for names in delayed.lists] == ['surge.terms']
-    assert 'tune again' in delayed.stages[0].note
+def test_finds_how_late_fixes_are_stamped(rov: Settings) -> None:
+    read = log_of(rov, 120.0, late={'position': 0.3})
+    changes = tune(read, rov).changes()
+    assert changes['position.latency'] == pytest.approx(0.3, abs=0.03)
+    assert changes['max_wait'] == pytest.approx(0.4, abs=0.03)  # it may come so much later
+    assert 'thrusters.latency' not in changes
+
+
+def test_an_attitude_that_is_stamped_late_is_told_from_fixes_that_are_not(rov: Settings) -> None:
+    changes = tune(log_of(rov, 120.0, late={'attitude': 0.3}), rov).changes()
+    assert changes['attitude.latency'] == pytest.approx(0.3, abs=0.03)
+    assert 'position.latency' not in changes
+
+
+def test_finds_how_late_commands_are_stamped(surge: Settings) -> None:
+    changes = tune(log_of(surge, 90.0, late={'thrusters': 0.3}), surge).changes()
+    # a lag that is not there could make up for more of it
+    lag = changes.get('thrusters.time_constant', 0.0)
+    assert changes['thrusters.latency'] - lag == pytest.approx(  # type: ignore[operator]
+        0.3, abs=0.03)
+    assert 'position.latency' not in changes
 
 
 def test_a_term_that_a_log_can_do_without_stays(surge: Settings) -> None:
@@ -139,13 +176,13 @@ def test_a_term_that_a_log_can_do_without_stays(surge: Settings) -> None:
     truth = surge.simulation.dofs['surge']
     without = replace(surge, simulation=replace(surge.simulation, dofs={
         'surge': replace(truth, linear_drag=0.0, bias=0.0)}))
-    tuned = tune(read(without, 90.0), without)
+    tuned = tune(log_of(without, 90.0), without)
     assert tuned.changes() == {}
 
 
 def test_a_term_that_is_missing_is_added(surge: Settings) -> None:
     settings = replace(surge, dof={'surge': replace(surge.dof['surge'], terms=('alpha', 'gamma'))})
-    tuned = tune(read(settings, 90.0), settings)
+    tuned = tune(log_of(settings, 90.0), settings)
     assert 'beta' in tuned.changes()['surge.terms']  # type: ignore[operator]
     before, after = tuned.errors['surge']
     assert after < 0.8 * before
@@ -157,10 +194,10 @@ def test_says_what_was_gained(delayed: Tuned) -> None:
 
 
 def test_what_is_right_stays(surge: Settings) -> None:
-    tuned = tune(read(surge, 90.0), surge)
+    tuned = tune(log_of(surge, 90.0), surge)
     assert not tuned.changes().keys() & {
         'thrusters.delay', 'thrusters.time_constant', 'attitude.yaw_offset',
-        'thrusters.deadband'}
+        'thrusters.deadband', 'thrusters.latency', 'position.latency', 'attitude.latency'}
 
 
 @pytest.mark.parametrize(('duration', 'commands', 'why'), [
@@ -172,13 +209,13 @@ def test_a_log_that_tells_nothing(
         'surge': replace(truth, forces=tuple(commands * f for f in truth.forces))})
     settings = replace(surge, simulation=still)
     with pytest.raises(TuningError, match=why):
-        tune(read(settings, duration), settings)
+        tune(log_of(settings, duration), settings)
 
 
 def test_a_motion_without_its_thrust_tells_nothing(surge: Settings) -> None:
-    log = read(surge, 70.0, np.random.default_rng(1))
+    read = log_of(surge, 70.0, np.random.default_rng(1))
     with pytest.raises(TuningError, match='does not explain'):
-        tune(log, surge)
+        tune(read, surge)
 
 
 def test_the_luckiest_of_many_gains_nothing() -> None:

@@ -20,8 +20,8 @@ from rovid_core.trials.tuning.log import CommandedForce, Segment
 
 NS = 1e-9
 FOLDS = 8  # blocks of time of equal length; each is held out once
-# [s] Shorter steps are joined: a vehicle's velocity hardly bends in this time, and the impulse
-# over it is exact whatever the delay
+# [s] Shorter steps are joined, and longer ones simulated in parts: a vehicle's velocity hardly
+# bends in this time, and the impulse over it is exact whatever the delay
 STEP = 0.2
 MIN_STEPS = 8  # a piece with fewer says nothing
 
@@ -35,6 +35,7 @@ class Blocks:
     measured: Array  # shape (steps, pieces); mean velocity of each step [m/s or rad/s]
     regressors: Array  # shape (steps, k, pieces); means of those of the couplings
     fold: NDArray[np.intp]  # shape (pieces,); which fold each piece is in
+    parts: int = 1  # in which each step is simulated
 
     @property
     def dt(self) -> Array:
@@ -47,11 +48,18 @@ class Blocks:
         return np.asarray(np.diff(self.nodes, axis=0) > 0)
 
     def force(self, commanded: CommandedForce, dof: int, delay: float, lag: float) -> Array:
-        """Return the mean force of every step, 0 in the padding [N or N m]."""
-        impulse = commanded.impulse(dof, self.nodes.ravel(), delay, lag)
-        dt = self.dt
-        return np.asarray(np.diff(impulse.reshape(self.nodes.shape), axis=0)
+        """Return the mean force of each part of every step, 0 in the padding [N or N m]."""
+        first, length = self.nodes[:-1, None], np.diff(self.nodes, axis=0)[:, None]
+        inside = first + length * np.arange(self.parts)[:, None] // self.parts
+        nodes = np.concatenate([inside.reshape(-1, self.nodes.shape[1]), self.nodes[-1:]])
+        impulse = commanded.impulse(dof, nodes.ravel(), delay, lag)
+        dt = np.diff(nodes, axis=0) * NS
+        return np.asarray(np.diff(impulse.reshape(nodes.shape), axis=0)
                           / np.where(dt > 0.0, dt, np.inf))
+
+    def moved(self, force: Array) -> Array:
+        """Return a force without the padding."""
+        return np.asarray(force[np.repeat(self.valid, self.parts, axis=0)])
 
     def weights(self, cutoff: float) -> Array:
         """Return the weight of each step in the low-pass with ``cutoff`` [Hz]."""
@@ -101,7 +109,8 @@ def blocks(segments: Sequence[Segment], bounds: Array) -> Blocks | None:
     return Blocks(
         np.stack([np.pad(nodes, (0, longest + 1 - len(nodes)), mode='edge')
                   for _, nodes, _ in pieces], axis=1),
-        padded[0], padded[1:].transpose(1, 0, 2), np.array([fold for fold, _, _ in pieces]))
+        padded[0], padded[1:].transpose(1, 0, 2), np.array([fold for fold, _, _ in pieces]),
+        max(1, round(float(np.median([np.median(np.diff(n)) for _, n, _ in pieces])) * NS / STEP)))
 
 
 def _joined(nodes: NDArray[np.int64], means: Array) -> tuple[NDArray[np.int64], Array]:
@@ -116,6 +125,9 @@ def _joined(nodes: NDArray[np.int64], means: Array) -> tuple[NDArray[np.int64], 
     nodes = nodes[:count + 1:size]
     return nodes, np.diff(path) / (np.diff(nodes) * NS)
 
+
+# Another term or clock has to lower the error by this share: without it the model is simpler.
+WORTH = 0.01
 
 T95 = 2.4  # standard errors of a mean over 8 folds, for 95 % (Student's t)
 
@@ -156,7 +168,8 @@ def choose(scores: Array, current: int) -> Choice:
     """
     total = scores.sum(axis=1)
     best = int(total.argmin())
-    without = np.where(np.isfinite(scores), total[:, None] - scores, np.inf)
+    without = np.subtract(total[:, None], scores, out=np.full(scores.shape, np.inf),
+                          where=np.isfinite(scores))
     folds = np.arange(scores.shape[1])
     gains = scores[current] - scores[without.argmin(axis=0), folds]
     usable = np.flatnonzero(np.isfinite(total))

@@ -73,10 +73,12 @@ class OutputError:
                  possible: Sequence[str] = ()) -> None:
         self.blocks, self.scales = blocks, scales
         self.weights = blocks.weights(cutoff)
-        self._dt, self._valid = blocks.dt, blocks.valid[:, None, :]
+        self._valid = blocks.valid[:, None, :]
+        self._dt = np.repeat(blocks.dt / blocks.parts, blocks.parts, axis=0)
         coupled = scales.coupling_regressor
-        self._others = np.array(coupled)[:, None, None] * blocks.regressors[
+        others = np.array(coupled)[:, None, None] * blocks.regressors[
             :, [possible.index(name) for name in scales.couplings], None]
+        self._others = np.repeat(others, blocks.parts, axis=0)
         # where those of ``OWN`` stand, which are made of what is simulated
         self._thrust, self._drag = (
             [scales.couplings.index(name)] if name in scales.couplings else [] for name in OWN)
@@ -97,7 +99,7 @@ class OutputError:
 
         Parameters
         ----------
-        force : ndarray, shape (steps, candidates, pieces)
+        force : ndarray, shape (steps * parts, candidates, pieces)
             [N or N m]
         measured : ndarray, shape (steps, candidates, pieces), optional
             Where the candidates differ in it.
@@ -109,7 +111,8 @@ class OutputError:
         """
         force = force / self.scales.force
         target = (self.blocks.measured[:, None, :] if measured is None else measured)
-        target = np.broadcast_to(target / self.scales.velocity, force.shape)
+        target = np.broadcast_to(
+            target / self.scales.velocity, (len(target), *force.shape[1:]))
         count = force.shape[1]
         theta = np.tile(self.first if begin is None else begin, (count, 1))
         start = target[:5].mean(axis=0)
@@ -133,15 +136,18 @@ class OutputError:
         Return the mean absolute error on each fold, shape (candidates, FOLDS) [m/s or rad/s].
 
         All is in typical sizes: ``theta`` of shape (4 + k, candidates, pieces or 1), ``start`` of
-        (candidates or 1, pieces), ``force`` and ``target`` of (steps, candidates or 1, pieces).
+        (candidates or 1, pieces), ``target`` of (steps, candidates or 1, pieces), and ``force``
+        likewise for each part of a step.
         """
         errors, error = np.empty(target.shape), np.zeros(target.shape[1:])
-        for k, (mean, _) in enumerate(self._steps(theta, start, force)):
+        steps = self._steps(theta, start, force)
+        for k in range(len(target)):
+            mean = sum(next(steps)[0] for _ in range(self.blocks.parts)) / self.blocks.parts
             errors[k] = error = error + self.weights[k] * (mean - target[k] - error)
         return self.blocks.by_fold(np.abs(errors)) * self.scales.velocity
 
     def _steps(self, theta: Array, start: Array, force: Array) -> Iterator[tuple[Array, Array]]:
-        """Return the mean and the last velocity of each step."""
+        """Return the mean and the last velocity of each part of a step."""
         reverse: Array | float = 0.0
         for i in self._drag:
             # as a coupling it is 0, for there it would be of the measured velocity
@@ -201,10 +207,11 @@ class OutputError:
         reverse: Array | float = parameters[4 + self._drag[0]] if self._drag else 0.0
         slope = np.zeros((1 + theta.shape[1], *start.shape))
         slope[-1] = 1.0
-        errors, slopes = np.empty(force.shape), np.empty((len(force), *slope.shape))
+        errors, slopes = np.empty(target.shape), np.empty((len(target), *slope.shape))
         error, filtered = np.zeros_like(start), np.zeros_like(slope)
         regressor = np.zeros_like(slope)
         regressor[3] = 1.0
+        parts, whole, of_whole = self.blocks.parts, np.zeros_like(start), np.zeros_like(slope)
         for k, (mean, _) in enumerate(self._steps(parameters, start, force)):
             size, half = np.abs(mean), 0.5 * self._dt[k]
             regressor[0], regressor[1], regressor[2] = force[k], mean * size, mean
@@ -216,8 +223,12 @@ class OutputError:
             of_mean = (slope + half * regressor) / (
                 1.0 - half * (gamma + 2.0 * drag_at(mean, beta, reverse) * size))
             slope = 2.0 * of_mean - slope
-            errors[k] = error = error + self.weights[k] * (mean - target[k] - error)
-            slopes[k] = filtered = filtered + self.weights[k] * (of_mean - filtered)
+            whole, of_whole = whole + mean / parts, of_whole + of_mean / parts
+            if (k + 1) % parts == 0:
+                i = k // parts
+                errors[i] = error = error + self.weights[i] * (whole - target[i] - error)
+                slopes[i] = filtered = filtered + self.weights[i] * (of_whole - filtered)
+                whole, of_whole = np.zeros_like(start), np.zeros_like(slope)
         return errors, slopes
 
     def _step(self, theta: Array, normal: NormalEquations, damping: Array) -> tuple[Array, Array]:
@@ -281,7 +292,7 @@ class Dof:
         """Fit and score a model for each pair of delay and lag."""
         force = np.stack([self.blocks.force(commanded, self.row, *pair) for pair in pairs], 1)
         if measured is not None:
-            force = np.broadcast_to(force, measured.shape)
+            force = np.broadcast_to(force, (len(force), *measured.shape[1:]))
         return self.problem.fit(force, measured, self._begin_of(force[:, 0]), 6)
 
     def _begin_of(self, force: Array) -> Array:
@@ -299,8 +310,8 @@ class Dof:
 
 def typical(blocks: Blocks, force: Array, settings: DofSettings) -> DofSettings:
     """Return a DOF with the amplitudes of sinusoids as large as its force and velocity."""
-    rms = [math.sqrt(2.0 * float(np.mean(x[blocks.valid] ** 2)))
-           for x in (force, blocks.measured)]
+    rms = [math.sqrt(2.0 * float(np.mean(x ** 2)))
+           for x in (blocks.moved(force), blocks.measured[blocks.valid])]
     return replace(settings, typical_force=rms[0], typical_velocity=rms[1])
 
 
@@ -318,7 +329,7 @@ def dof_or_reason(log: TuningLog, seen: Settings, name: str, settings: DofSettin
     thrusters = seen.thrusters
     pair = (thrusters.delay, thrusters.time_constant)
     force = parts.force(commanded, row, *pair)
-    if np.ptp(force[parts.valid]) <= 1e-9 * max(1.0, float(np.abs(force).max())):
+    if np.ptp(parts.moved(force)) <= 1e-9 * max(1.0, float(np.abs(force).max())):
         return 'no thrust that changes'
     if not np.ptp(parts.measured[parts.valid]):
         return 'no motion'

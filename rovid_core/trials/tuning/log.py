@@ -114,6 +114,8 @@ class TuningLog(ScoreLog):
         self._sign: tuple[float, ...] | None = None
         self._times = array('q')
         self._commands = array('d')
+        self._attitude_times = array('q')
+        self._headings = array('d')
         self.jumped = False
 
     def released(self, event: Event) -> None:
@@ -123,6 +125,11 @@ class TuningLog(ScoreLog):
                 self._sign = sample.value
             elif sample.input == 'thrusters' and all(map(math.isfinite, sample.value)):
                 self._command(event.time, sample.value, sample.part)
+            elif sample.input == 'attitude' and all(map(math.isfinite, sample.value)):
+                x, y, z, w = sample.value
+                self._attitude_times.append(event.time)
+                self._headings.append(
+                    math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
     def controlled(self, name: str, value: str) -> None:
         """Take a control; only time counts."""
@@ -165,6 +172,12 @@ class TuningLog(ScoreLog):
         forces = np.array([force(raw) for raw in self.commands().tolist()])
         return CommandedForce(np.array(self._times), forces.T, thrusters.hold == 'linear')
 
+    def heading(self, times: NDArray[np.int64]) -> Array:
+        """Return the heading of the vehicle at some times [ns], without jumps [rad]."""
+        first = self._attitude_times[0]  # absolute times have too many digits for a float
+        return np.interp(times - first, np.array(self._attitude_times) - first,
+                         np.unwrap(np.array(self._headings)))
+
     def segments(self, dof: str) -> list[Segment]:
         """Return the motion of a DOF, through the water where its current is known."""
         found = []
@@ -184,12 +197,27 @@ def turned(forward: list[Segment], sideways: list[Segment],
 
     Of a level vehicle; both DOFs come from the same fixes. The regressors of couplings stay.
     """
-    c, s = math.cos(angle), math.sin(angle)
-    pairs = list(zip(forward, sideways))
-    return ([replace(u, velocity=c * u.velocity + s * v.velocity, means=c * u.means + s * v.means)
-             for u, v in pairs],
-            [replace(v, velocity=c * v.velocity - s * u.velocity, means=c * v.means - s * u.means)
-             for u, v in pairs])
+    return _along([np.full(len(one.means), angle) for one in forward], forward, sideways)
+
+
+def turned_by_time(log: TuningLog, forward: list[Segment], sideways: list[Segment],
+                   late: float) -> tuple[list[Segment], list[Segment]]:
+    """Return surge and sway as they are when every heading is of so much [s] earlier."""
+    return _along([log.heading(one.ends - round(late / NS)) - log.heading(one.ends)
+                   for one in forward], forward, sideways)
+
+
+def _along(angles: list[Array], forward: list[Segment],
+           sideways: list[Segment]) -> tuple[list[Segment], list[Segment]]:
+    """Return surge and sway with angles [rad] that are added to the headings of each step."""
+    found: tuple[list[Segment], list[Segment]] = [], []
+    for angle, u, v in zip(angles, forward, sideways):
+        c, s = np.cos(angle), np.sin(angle)
+        found[0].append(replace(u, means=c * u.means + s * v.means, velocity=float(
+            c[0] * u.velocity + s[0] * v.velocity)))
+        found[1].append(replace(v, means=c * v.means - s * u.means, velocity=float(
+            c[0] * v.velocity - s[0] * u.velocity)))
+    return found
 
 
 def turnable(settings: Settings) -> tuple[str, str] | None:

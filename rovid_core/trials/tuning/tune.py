@@ -1,7 +1,7 @@
 """
 Finding what a parameter file has to say of a vehicle, from a log by cross-validation.
 
-That is delay, lag, dead-band and reverse thrust, heading offset, couplings and terms.
+That is heading offset, clocks, delay, lag, dead-band and reverse thrust, couplings and terms.
 
 The log is divided into blocks of time. What is found is that with which a model that output
 error fitted to the other blocks predicts a block best. Nothing is changed that does not gain
@@ -12,27 +12,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+import math
+from typing import Any
 
+import numpy as np
 from rovid_core.model.dofs import OWN
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
 from rovid_core.trials.tuning.cross_validation import (
-    blocks,
-    fold_bounds,
+    choose,
     ParallelMap,
+    relative,
     Result,
     Stage,
 )
 from rovid_core.trials.tuning.dof_fit import Dof, dof_or_reason
-from rovid_core.trials.tuning.log import CommandedForce, TuningLog, turnable, turned
+from rovid_core.trials.tuning.heading import HEADING, tune_heading, tune_latency
+from rovid_core.trials.tuning.log import CommandedForce, TuningLog, turnable
 from rovid_core.trials.tuning.searches import (
     ListChange,
     tune_couplings,
     tune_deadband,
-    tune_heading,
     tune_reverse,
     tune_terms,
-    tune_thrust,
 )
+from rovid_core.trials.tuning.timing import Pair, tune_thrust
 
 UNUSED = DofSettings(1.0)  # a DOF that is only looked at
 DIGITS = 4  # what is written of a value; the data never tell more
@@ -55,9 +59,9 @@ class Tuned:
 
     def changes(self) -> dict[str, float | tuple[str, ...]]:
         """Return the keys that have a better value, with that."""
-        changes: dict[str, float | tuple[str, ...]] = {
-            key: change.after for stage in self.stages
-            for key, change in stage.keys.items() if change.after != change.before}
+        changes: dict[str, float | tuple[str, ...]] = {}
+        for stage in self.stages:
+            changes.update(_changes(stage))
         changes.update({names.key: names.after for names in self.lists
                         if names.after != names.before})
         return changes
@@ -84,85 +88,132 @@ def one_by_one(work: Callable[[int], Result], given: Sequence[int]) -> list[Resu
     return [work(k) for k in given]
 
 
-def tune(log: TuningLog, settings: Settings, done: Callable[[float], None] = lambda share: None,
+def tune(read: Callable[[Settings], TuningLog], settings: Settings,
+         done: Callable[[float], None] = lambda share: None,
          each: ParallelMap = one_by_one) -> Tuned:
     """
-    Tune with a log that was read with ``reading_settings``; TuningError if it tells nothing.
+    Tune with a log; TuningError if it tells nothing.
 
-    ``done`` is told now and then which share of the work is done.
+    Parameters
+    ----------
+    read : callable
+        Reads the log as some settings say, with ``reading_settings`` of them.
+    settings : Settings
+        Those in use.
+    done : callable
+        Is told now and then which share of the work is done.
+    each : callable
+        Does the same work on many things.
+
     """
-    if log.jumped:
+    now = _read(read, settings)
+    if now.log.jumped:
         raise TuningError('time jumps back in it: take a part of it with --start and --duration')
-    seen = reading_settings(settings)
-    commanded = log.commanded()
-    found = {name: dof_or_reason(log, seen, name, settings.dof[name], commanded)
-             for name in settings.dofs}
-    left_out = {name: why for name, why in found.items() if isinstance(why, str)}
-    old = [dof for dof in found.values() if isinstance(dof, Dof)]
-    if not old:
+    if not now.dofs:
         raise TuningError('nothing to tune with: ' + '; '.join(
-            f'{name}: {why}' for name, why in left_out.items()))
+            f'{name}: {why}' for name, why in now.left_out.items()))
     done(0.05)
     present = (settings.thrusters.delay, settings.thrusters.time_constant)
-    heading = tune_heading(log, old, commanded, seen, present)
-    stages = [_rounded(heading)] if heading else []
-    new = _with_heading(log, old, heading, commanded, seen, present)
-    done(0.1)
-    is_turned = new is not old
-    couplings: Sequence[ListChange] = ()
-    if is_turned:
-        # their regressors are products of velocities along axes that are turned now
-        stages[0] = replace(stages[0], note='couplings were not sought, for they follow the '
-                                            'heading: tune again with the new file')
-    else:
-        # what they explain hides the rest
-        new, _ = _with_couplings(old, commanded, present, each)
-    done(0.2)
-    stages.append(_rounded(tune_thrust(
-        new, commanded, settings, each, lambda share: done(0.2 + 0.5 * share))))
-    delay, lag = (change.after for change in stages[-1].keys.values())
-    thrusters = seen.thrusters
+    before = {dof.name: float(dof.model(now.commanded, present).scores.mean())
+              for dof in now.dofs}
+    stages = []
+    # with other headings the log is another one: it is read again
+    heading = tune_heading(now.log, now.dofs, now.commanded, settings, present)
+    if heading is not None:
+        stages.append(_rounded(heading))
+        if _changes(heading):
+            now = _read(read, replace(settings, yaw_offset=stages[-1].keys[HEADING].after))
+    late = tune_latency(now.log, now.dofs, now.commanded, now.settings, present,
+                        lambda share: done(0.05 + 0.15 * share))
+    timed = _timed(now, present, each, lambda share: done(0.2 + 0.25 * share))
+    if late is not None:
+        stages.append(_rounded(late))
+        if _changes(late):
+            other = _read(read, _with_latencies(now.settings, stages[-1]))
+            found = _timed(other, present, each, lambda share: done(0.45 + 0.25 * share))
+            # of turns alone, slow fixes may want what all of the log does not
+            if _predicts_better(found, timed):
+                now, timed = other, found
+            else:
+                stages[-1] = _unchanged(late)
+    stages.append(_rounded(timed.stage))
+    coupled, pair = timed.dofs, timed.pair
+    thrusters = now.settings.thrusters
     for search in (tune_deadband, tune_reverse):
-        stage, thrusters = search(log, new, thrusters, (delay, lag))
+        stage, thrusters = search(now.log, coupled, thrusters, pair)
         stages.append(_rounded(stage))
     done(0.8)
-    curved = log.commanded(thrusters)
-    if not is_turned:
-        # and the rest hid some of them, or looked like one
-        new, couplings = _with_couplings(old, curved, (delay, lag), each)
+    commanded = now.log.commanded(thrusters)
+    # what the thrusters lacked hid some couplings, or looked like one
+    coupled, couplings = _with_couplings(now.dofs, commanded, pair, each)
     done(0.9)
-    terms = each(lambda k: tune_terms(new[k], curved, (delay, lag)), range(len(new)))
+    terms = each(lambda k: tune_terms(coupled[k], commanded, pair), range(len(coupled)))
     errors = {}
-    for before, dof, names in zip(old, new, terms):
+    for dof, names in zip(coupled, terms):
         found_last = replace(dof.settings, terms=names.after)
-        error = dof.fit_with(curved, (delay, lag), found_last).scores.mean()
-        errors[dof.name] = (_error(before, commanded, present), float(error))
-    return Tuned(tuple(stages), (*couplings, *terms), errors, left_out)
+        error = dof.fit_with(commanded, pair, found_last).scores.mean()
+        errors[dof.name] = (before.get(dof.name, math.nan), float(error))
+    return Tuned(tuple(stages), (*couplings, *terms), errors, now.left_out)
 
 
-def _with_heading(log: TuningLog, dofs: list[Dof], heading: Stage | None,
-                  commanded: CommandedForce, settings: Settings,
-                  pair: tuple[float, float]) -> list[Dof]:
-    """Return the DOFs as they are with the new heading."""
-    names = turnable(settings)
-    if heading is None or names is None:
-        return dofs
-    change = heading.keys['attitude.yaw_offset']
-    if change.after == change.before:
-        return dofs
-    forward, sideways = turned(log.segments(names[0]), log.segments(names[1]),
-                               change.after - change.before)
-    moved = {names[0]: forward, names[1]: sideways}
-    made = []
-    for dof in dofs:
-        segments = moved.get(dof.name, dof.segments)
-        parts = blocks(segments, fold_bounds(segments)) if dof.name in moved else None
-        made.append(dof if parts is None else Dof(
-            dof.name, dof.row, segments, parts, dof.settings, dof.cutoff, dof.possible))
-    return made
+@dataclass(frozen=True)
+class _Reading:
+    """A log as some settings read it."""
+
+    settings: Settings
+    log: TuningLog
+    commanded: CommandedForce
+    dofs: Sequence[Dof]  # those that are tuned with
+    left_out: Mapping[str, str]  # why each of the others is not
 
 
-def _with_couplings(dofs: Sequence[Dof], commanded: CommandedForce, pair: tuple[float, float],
+def _read(read: Callable[[Settings], TuningLog], settings: Settings) -> _Reading:
+    log = read(settings)
+    seen, commanded = reading_settings(settings), log.commanded()
+    found = {name: dof_or_reason(log, seen, name, settings.dof[name], commanded)
+             for name in settings.dofs}
+    return _Reading(settings, log, commanded,
+                    [dof for dof in found.values() if isinstance(dof, Dof)],
+                    {name: why for name, why in found.items() if isinstance(why, str)})
+
+
+@dataclass(frozen=True)
+class _Timed:
+    """What was found of delay and lag in a reading."""
+
+    dofs: Sequence[Dof]  # with the couplings of the log
+    stage: Stage
+    pair: Pair
+    errors: Mapping[str, Array]  # shape (FOLDS,), by DOF, on held-out blocks [m/s or rad/s]
+
+
+def _timed(now: _Reading, present: Pair, each: ParallelMap,
+           done: Callable[[float], None]) -> _Timed:
+    # what couplings explain hides the rest
+    dofs, _ = _with_couplings(now.dofs, now.commanded, present, each)
+    stage, pair = tune_thrust(dofs, now.commanded, now.settings, each, done)
+    return _Timed(dofs, stage, pair, {
+        dof.name: dof.fit(now.commanded, [pair]).scores[0] for dof in dofs})
+
+
+def _predicts_better(new: _Timed, old: _Timed) -> bool:
+    """Tell whether the DOFs of a reading are predicted better than those of another."""
+    parts = [np.stack([error, new.errors[name]]) for name, error in old.errors.items()
+             if name in new.errors]
+    return bool(parts) and choose(relative(parts, 0), 0).is_better
+
+
+def _with_latencies(settings: Settings, stage: Stage) -> Settings:
+    """Return settings with the latencies of a stage."""
+    for key, change in stage.keys.items():
+        name, _, latency = key.partition('.')
+        changed: Any = {name: change.after} if not latency else {
+            name: replace(getattr(settings, name), latency=change.after)}
+        settings = replace(settings, **changed)
+    return settings
+
+
+def _with_couplings(dofs: Sequence[Dof], commanded: CommandedForce, pair: Pair,
                     each: ParallelMap) -> tuple[list[Dof], Sequence[ListChange]]:
     """Return the DOFs with the couplings that the log wants, and what that changes."""
     found = each(lambda k: tune_couplings(dofs[k], commanded, pair), range(len(dofs)))
@@ -170,8 +221,16 @@ def _with_couplings(dofs: Sequence[Dof], commanded: CommandedForce, pair: tuple[
             for dof, names in zip(dofs, found)], found
 
 
-def _error(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -> float:
-    return float(dof.model(commanded, pair).scores.mean())
+def _changes(stage: Stage) -> dict[str, float | tuple[str, ...]]:
+    """Return the keys of a stage that have a better value, with that."""
+    return {key: change.after for key, change in stage.keys.items()
+            if change.after != change.before}
+
+
+def _unchanged(stage: Stage) -> Stage:
+    """Return a stage whose keys stay."""
+    return replace(stage, gain=0.0, spread=0.0, keys={
+        key: replace(change, after=change.before) for key, change in stage.keys.items()})
 
 
 def _rounded(stage: Stage) -> Stage:

@@ -112,7 +112,7 @@ def test_clocks_that_disagree_are_named_with_their_size():
     one = ExtendedKalman(Scales.of(HEAVY))
     follow(one, trial(replace(CLEAN, duration=150.0, delay=-0.3), 0).pieces())
     assert one.delay == pytest.approx(-0.05, abs=2e-3)
-    size, = re.findall('clocks disagree: thrust is stamped about ([0-9.]+) s', one.note)
+    size, = re.findall('clocks disagree: thrust acts about ([0-9.]+) s', one.note)
     assert float(size) == pytest.approx(0.3, rel=0.25)
     assert one.doubt
 

@@ -35,11 +35,11 @@ def clocks_in_doubt(verdict: Verdict | None, k: int, delay: float) -> str:
         return ''
     wanted, beyond = verdict.theta[k], BEYOND * math.sqrt(verdict.covariance[k][k])
     if wanted < DELAYS[0] - beyond:
-        return (f'clocks disagree: thrust is stamped about {-wanted:.2g} s after the motion '
-                'that it causes, see thrusters.latency')
+        return (f'clocks disagree: thrust acts about {-wanted:.2g} s sooner than its stamps and '
+                'thrusters.delay say: lower that, or raise thrusters.latency')
     if wanted > DELAYS[1] + beyond:
         return f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust'
-    for bound, key in zip(DELAYS, ('thrusters.latency', 'thrusters.delay')):
+    for bound, key in zip(DELAYS, ('thrusters.delay and thrusters.latency', 'thrusters.delay')):
         if abs(delay - bound) < AT_BOUND:
             return f'the delay of the thrust stands at its bound of {bound:g} s: see {key}'
     return ''

@@ -117,6 +117,17 @@ def test_finds_delay_and_lag(delayed: Tuned) -> None:
     assert keys['thrusters.delay'].low <= DELAY <= keys['thrusters.delay'].high
 
 
+def test_a_fix_a_second_finds_the_delay_of_thrust_that_changes_sooner(surge: Settings) -> None:
+    truth = replace(surge.simulation.dofs['surge'], mass=90.0, forces=(60.0, 50.0),
+                    frequencies=(0.05, 0.3))
+    slow = replace(surge, simulation=replace(
+        surge.simulation, position_rate=1.0, position_noise=0.01, dofs={'surge': truth}))
+    changes = tune(log_of(slow, 200.0, delay=0.4), slow).changes()
+    assert changes.keys() == {'thrusters.delay', 'thrusters.time_constant'}
+    # a fix a second does not tell them apart
+    assert sum(changes.values()) == pytest.approx(0.4, abs=0.03)  # type: ignore[arg-type]
+
+
 def test_finds_the_heading(delayed: Tuned) -> None:
     change = delayed.stages[0].keys['attitude.yaw_offset']
     assert math.degrees(change.before) == pytest.approx(-5.0)
@@ -154,6 +165,14 @@ def test_finds_how_late_fixes_are_stamped(rov: Settings) -> None:
     assert changes['position.latency'] == pytest.approx(0.3, abs=0.03)
     assert changes['max_wait'] == pytest.approx(0.4, abs=0.03)  # it may come so much later
     assert 'thrusters.latency' not in changes
+
+
+def test_a_latency_that_only_turns_want_is_not_taken(rov: Settings) -> None:
+    """Noise of fixes a second apart looks like 0.6 s here; heave and yaw know better."""
+    noisy = replace(rov, simulation=replace(
+        rov.simulation, position_rate=1.0, position_noise=0.1))
+    assert 'position.latency' not in tune(
+        log_of(noisy, 300.0, late={'position': 0.3}), noisy).changes()
 
 
 def test_an_attitude_that_is_stamped_late_is_told_from_fixes_that_are_not(rov: Settings) -> None:

@@ -392,6 +392,10 @@ MUTANTS = [
     *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_tuning.py '
          'a_latency_that_only_turns_want_is_not_taken',
          ('tuning takes a latency that predicts worse', 'if _predicts_better(', 'if bool(')),
+    *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_tuning.py '
+         'with_another_heading_the_log_is_read_again_and_couplings_are_sought',
+         ('another heading leaves the log as it was read',
+          'if _changes(heading):', 'if False:')),
     *_of('rovid_core/trials/tuning/log.py', 'test/core/test_tuning.py '
          'finds_how_late_fixes_are_stamped',
          ('fixes that are late are turned by a later attitude',
@@ -400,7 +404,9 @@ MUTANTS = [
          ('a latency that is found is not waited for',
           'if 0.0 <= settings.max_wait < wait', 'if 0.0 <= settings.max_wait < 0.0'),
          ('commands that are late have a delay below 0',
-          'if delay < 0.0:', 'if delay < -9.0:')),
+          'if delay < 0.0:', 'if delay < -9.0:'),
+         ('one DOF that answers early makes late commands', '.spread, WORTH) and all(',
+          '.spread, WORTH) and any(')),
     *_of('rovid_core/trials/tuning/cross_validation.py', 'test/core/test_tuning.py '
          'a_fix_a_second_finds_the_delay_of_thrust_that_changes_sooner',
          ('the second between two fixes is one step',

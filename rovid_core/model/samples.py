@@ -116,7 +116,7 @@ class Step(NamedTuple):
         Angle by which the body turned since the interval before [rad].
     path_noise : float
         Standard deviation of the path over ``interval`` that comes from the noise of the
-        attitude [m].
+        attitude [m or rad].
     couplings : tuple of (float, float)
         Mean of each regressor of the DOF's couplings over each part, not filtered.
     filtered_couplings : tuple of float

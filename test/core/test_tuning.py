@@ -159,6 +159,19 @@ def test_a_coupling_that_is_missing_is_added() -> None:
         assert after < 0.7 * before
 
 
+def test_with_another_heading_the_log_is_read_again_and_couplings_are_sought(
+        surge: Settings) -> None:
+    read, offsets = log_of(surge, 90.0), []
+
+    def noted(settings: Settings) -> TuningLog:
+        offsets.append(math.degrees(settings.yaw_offset))
+        return read(settings)
+
+    tuned = tune(noted, replace(surge, yaw_offset=math.radians(-20.0)))
+    assert offsets == [pytest.approx(-20.0), pytest.approx(0.0, abs=0.5)]
+    assert [names.key for names in tuned.lists] == ['surge.couplings', 'surge.terms']
+
+
 def test_finds_how_late_fixes_are_stamped(rov: Settings) -> None:
     read = log_of(rov, 120.0, late={'position': 0.3})
     changes = tune(read, rov).changes()
@@ -188,6 +201,14 @@ def test_finds_how_late_commands_are_stamped(surge: Settings) -> None:
     assert changes['thrusters.latency'] - lag == pytest.approx(  # type: ignore[operator]
         0.3, abs=0.03)
     assert 'position.latency' not in changes
+
+
+def test_one_input_that_is_stamped_early_makes_no_late_commands() -> None:
+    found = settings_from({
+        **load(Path(__file__).parents[2] / 'config' / 'jhurov.yaml'), 'dofs': ['surge', 'heave'],
+        'simulation.thruster_rate': 10.0, 'simulation.attitude_rate': 10.0,
+        'simulation.depth_rate': 10.0})
+    assert tune(log_of(found, 90.0, late={'depth': -0.4}), found).changes() == {}
 
 
 def test_a_term_that_a_log_can_do_without_stays(surge: Settings) -> None:

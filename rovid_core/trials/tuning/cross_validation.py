@@ -35,7 +35,7 @@ class Blocks:
     measured: Array  # shape (steps, pieces); mean velocity of each step [m/s or rad/s]
     regressors: Array  # shape (steps, k, pieces); means of those of the couplings
     fold: NDArray[np.intp]  # shape (pieces,); which fold each piece is in
-    parts: int = 1  # in which each step is simulated
+    parts: int  # in which each step is simulated
 
     @property
     def dt(self) -> Array:

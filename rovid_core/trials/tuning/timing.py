@@ -99,7 +99,7 @@ def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settin
         choice = choose(together, 0)
     good = np.array([pairs[i] for i in choice.as_good])
     delay, lag = after = pairs[choice.index] if choice.is_better else present
-    low, high = good.min(axis=0), good.max(axis=0)
+    low, high = np.maximum(good.min(axis=0), 0.0), np.maximum(good.max(axis=0), 0.0)
     total = good.sum(axis=1)
     note = ''
     if np.ptp(total) < 0.5 * (high - low).min():

@@ -107,11 +107,6 @@ def tune(read: Callable[[Settings], TuningLog], settings: Settings,
 
     """
     now = _read(read, settings)
-    if now.log.jumped:
-        raise TuningError('time jumps back in it: take a part of it with --start and --duration')
-    if not now.dofs:
-        raise TuningError('nothing to tune with: ' + '; '.join(
-            f'{name}: {why}' for name, why in now.left_out.items()))
     done(0.05)
     present = (settings.thrusters.delay, settings.thrusters.time_constant)
     before = {dof.name: float(dof.model(now.commanded, present).scores.mean())
@@ -168,13 +163,19 @@ class _Reading:
 
 
 def _read(read: Callable[[Settings], TuningLog], settings: Settings) -> _Reading:
+    """Read the log; TuningError if it tells nothing."""
     log = read(settings)
+    if log.jumped:
+        raise TuningError('time jumps back in it: take a part of it with --start and --duration')
     seen, commanded = reading_settings(settings), log.commanded()
     found = {name: dof_or_reason(log, seen, name, settings.dof[name], commanded)
              for name in settings.dofs}
-    return _Reading(settings, log, commanded,
-                    [dof for dof in found.values() if isinstance(dof, Dof)],
-                    {name: why for name, why in found.items() if isinstance(why, str)})
+    dofs = [dof for dof in found.values() if isinstance(dof, Dof)]
+    left_out = {name: why for name, why in found.items() if isinstance(why, str)}
+    if not dofs:
+        raise TuningError('nothing to tune with: ' + '; '.join(
+            f'{name}: {why}' for name, why in left_out.items()))
+    return _Reading(settings, log, commanded, dofs, left_out)
 
 
 @dataclass(frozen=True)
@@ -189,6 +190,7 @@ class _Timed:
 
 def _timed(now: _Reading, present: Pair, each: ParallelMap,
            done: Callable[[float], None]) -> _Timed:
+    """Find delay and lag in a reading."""
     # what couplings explain hides the rest
     dofs, _ = _with_couplings(now.dofs, now.commanded, present, each)
     stage, pair = tune_thrust(dofs, now.commanded, now.settings, each, done)

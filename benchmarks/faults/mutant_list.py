@@ -375,7 +375,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar/filter.py', 'test/core/test_reverse.py',
          ('surge and sway forget weaker thrust in reverse',
           'rest += weaker * push.reverse / h', 'pass')),
-    *_of('rovid_core/trials/score.py', 'test/core/test_reverse.py',
+    *_of('rovid_core/trials/scored_run.py', 'test/core/test_reverse.py',
          ('reverse thrust is scored forwards',
           'np.minimum(values[:, :2], 0.0)', 'np.maximum(values[:, :2], 0.0)')),
     *_of('rovid_core/trials/joint_simulation.py', 'test/core/test_reverse.py',

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 import math
 from typing import cast, Protocol
 
@@ -10,10 +10,10 @@ from rovid_core.identify.estimate import Current, Estimate
 from rovid_core.inputs.configuration_check import ConfigurationCheck
 from rovid_core.inputs.stuck_sensor import InputCheck, RESTARTS
 from rovid_core.inputs.units_and_signs import LONG, SHORT
-from rovid_core.model.dofs import OWN, Quaternion, Vector
-from rovid_core.model.lowpass import LowPass
+from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.model.samples import Motion, Sample, Step
 from rovid_core.ordering.cadence import Cadence
+from rovid_core.pipeline.filtered_source import FilteredSource
 from rovid_core.pipeline.identification import Identification
 from rovid_core.pipeline.planar_steps import PlanarSteps
 from rovid_core.settings.run import Settings
@@ -21,7 +21,6 @@ from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.velocity.attitude_history import normalised, rotate, rotate_back, SharedMotion
 from rovid_core.velocity.couplings import CouplingRegressors, own_regressors
-from rovid_core.velocity.velocity_source import VelocitySource
 
 NS = 1e-9
 
@@ -402,13 +401,34 @@ class Pipeline:
         if missing:
             self._interrupt(source, missing)
             return
-        before = source.velocity.value
-        if last is None or before is None:
+        if last is None or source.velocity.value is None:
             self._begin(source, motion)
             return
-        begin = last.time
-        middle = min(max(motion.start, begin), time)
-        span = begin, middle, time
+        middle = min(max(motion.start, last.time), time)
+        span = last.time, middle, time
+        planar, steps = self._planar_of(source), self._steps_of(source, last, motion, span)
+        if planar is not None:
+            planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
+            self._tell_others(planar, time, motion.body[2])
+        delay = source.velocity.delay
+        for i, step in zip(source.indices, steps):
+            self.dofs[i].add_step(time, step, self.adapt, delay)
+            if self._scorer is not None:
+                dof = self._settings.dofs[i]
+                self._scorer.add_step(dof, span, step, (
+                    self._axis(dof, middle), self._axis(dof, time)
+                    ) if self._sees_current else ((), ()))
+        source.last = motion
+        source.warn_if_clamped()
+        self._compare_sizes(LONG)
+        estimates.append(self.estimate(time, now, source.indices))
+
+    def _steps_of(self, source: FilteredSource, last: Motion, motion: Motion,
+                  span: tuple[int, int, int]) -> list[Step]:
+        """Return what was measured over a step, for each DOF of a source; its filters go on."""
+        before = source.velocity.value
+        assert before is not None
+        begin, middle, time = span
         # the integral of each force from the first command to each of these times
         first, second, third = self._forces.integrals(span, source.indices)
         dt, lead, rest = (time - begin) * NS, (middle - begin) * NS, (time - middle) * NS
@@ -429,8 +449,8 @@ class Pipeline:
         if source.watched and self._couplings is not None:
             watched = self._couplings.as_known(
                 source.watched, *((last.start, last.end) if interval else (begin, time)))
-        planar, steps = self._planar_of(source), []
         path_noise, turn, none = motion.path_noise, motion.turn, not source.has_couplings
+        steps = []
         for j in range(len(source.indices)):
             v, w, f, p, q = before[j], after[j], forces[j], first[j], second[j]
             # in the order of the fields: by their names it would take three times as long
@@ -444,21 +464,7 @@ class Pipeline:
                 () if none else tuple([filtered[k] for k in source.coupling_indices[j]]),
                 pieces[j] if pieces else (),
                 tuple([watched[k] for k in source.watched_indices[j]]) if watched else ()))
-        if planar is not None:
-            planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
-            self._tell_others(planar, time, motion.body[2])
-        delay = source.velocity.delay
-        for i, step in zip(source.indices, steps):
-            self.dofs[i].add_step(time, step, self.adapt, delay)
-            if self._scorer is not None:
-                dof = self._settings.dofs[i]
-                self._scorer.add_step(dof, span, step, (
-                    self._axis(dof, middle), self._axis(dof, time)
-                    ) if self._sees_current else ((), ()))
-        source.last = motion
-        source.warn_if_clamped()
-        self._compare_sizes(LONG)
-        estimates.append(self.estimate(time, now, source.indices))
+        return steps
 
     def _begin(self, source: FilteredSource, motion: Motion) -> None:
         """Start the filters and v_hat from a measurement."""
@@ -509,120 +515,5 @@ class Pipeline:
         return rotate(attitude, AXES[dof])[:2] if attitude is not None else ()
 
 
-def _union(of_dofs: Sequence[Sequence[str]]
-           ) -> tuple[tuple[str, ...], list[tuple[int, ...]]]:
-    """Return all names of some DOFs, each once, and which of them each DOF has."""
-    union = tuple(dict.fromkeys(name for names in of_dofs for name in names))
-    return union, [tuple([union.index(name) for name in names]) for names in of_dofs]
-
-
 def _is_no_infinity(x: float) -> bool:
     return not math.isinf(x)
-
-
-class FilteredSource(VelocitySource):
-    """
-    A velocity source with the filters of its DOFs, and how far their steps have come.
-
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    input : str
-        The source.
-    shared : SharedMotion
-        What the sources know of each other.
-    warn : callable
-        Called with one line if the samples come too slowly.
-
-    Attributes
-    ----------
-    indices : tuple of int
-        Numbers of its DOFs in ``settings.dofs``.
-    velocity, force : LowPass
-        Of these DOFs.
-    held : Motion or None
-        A velocity that waits for the force of its span.
-    last : Motion or None
-        Where the next step begins.
-    couplings : tuple of str
-        Of all its DOFs, each once, but for ``OWN``.
-    own : list of (int, str)
-        Those of ``OWN`` behind them, with the number of the DOF among those of the source.
-    coupling_indices : list of tuple of int
-        Which of all these each of its DOFs has, in the order of its settings.
-    watched, watched_indices
-        The same of the regressors that are watched; nothing waits for these.
-    regressors : LowPass
-        Of the couplings.
-    last_regressors : tuple of float
-        Those of the couplings over the interval of ``last``.
-    timeout : int
-        Longest time between two steps [ns].
-
-    """
-
-    def __init__(self, settings: Settings, input: str, shared: SharedMotion,
-                 warn: Callable[[str], None]) -> None:
-        self.velocity = LowPass(settings.cutoff)
-        self.force = LowPass(settings.cutoff)
-        self.regressors = LowPass(settings.cutoff)
-        super().__init__(settings, input, shared)
-        self.indices = tuple(settings.dofs.index(d) for d in self.dofs)
-        names = [settings.couplings(d) for d in self.dofs]
-        self.couplings, _ = _union([[x for x in one if x not in OWN] for one in names])
-        self.own = [(j, x) for j, one in enumerate(names) for x in one if x in OWN]
-        everything = [*self.couplings, *self.own]
-        self.coupling_indices = [tuple([everything.index((j, x) if x in OWN else x) for x in one])
-                                 for j, one in enumerate(names)]
-        self.has_couplings = bool(everything)
-        self.watched, self.watched_indices = _union([settings.watched(d) for d in self.dofs])
-        self.last_regressors: tuple[float, ...] = ()
-        self.held: Motion | None = None
-        self.last: Motion | None = None
-        self._warn: Callable[[str], None] | None = warn
-        self._gaps = 0
-
-    def change(self, settings: Settings) -> None:
-        """Use other limits and another cutoff; the filters go on from where they are."""
-        super().change(settings)
-        self.timeout = round(settings.timeout_of(self.input) / NS)
-        self._is_chosen = settings.cutoff != Settings.cutoff  # else it follows the rate
-        self.velocity.retune(settings.cutoff)
-        self.force.retune(settings.cutoff)
-        self.regressors.retune(settings.cutoff)
-
-    def coupling_span(self, motion: Motion) -> tuple[int, int] | None:
-        """
-        Return the span [ns] over which a motion's couplings are means, None at a first point.
-
-        It is the interval of the motion, or, of a point, the step that ends there.
-        """
-        if motion.start < motion.end:
-            return motion.start, motion.end
-        if self.last is not None and self.last.time < motion.time:
-            return self.last.time, motion.time
-        return None
-
-    def interrupt(self) -> None:
-        """Let the next measurement begin anew."""
-        self.velocity.restart()
-        self.force.restart()
-        self.regressors.restart()
-        self.last_regressors = ()
-        self.held = self.last = None
-
-    def note_gap(self) -> None:
-        """Warn once when there are nothing but gaps."""
-        self._gaps += 1
-        if self._warn and self._gaps == 20 and not self.velocity.steps:
-            self._warn(f'the messages of {self.input} are further apart than max_gap: '
-                       'nothing can be identified from them')
-
-    def warn_if_clamped(self) -> None:
-        """Warn once when the samples come too slowly for the cutoff."""
-        steps, clamped = self.velocity.steps, self.velocity.clamped
-        if self._warn and self._is_chosen and steps >= 50 and clamped > steps // 2:
-            self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.input}, and '
-                       'clamped to that')
-            self._warn = None

@@ -212,7 +212,8 @@ def _text(path: Path) -> str:
         raise ParameterFileError(f'{path}: {error.strerror}') from None
     except UnicodeDecodeError as error:
         raise ParameterFileError(
-            f'{path}: is not UTF-8 text (byte {error.start} of the file)') from None
+            f'{path}: is not UTF-8 text (byte {error.start} of the file), takes a parameter '
+            'file') from None
 
 
 def _line(event: yaml.Event) -> int:

@@ -1,0 +1,129 @@
+"""A source of velocities with what its steps need from one to the next."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from rovid_core.model.dofs import OWN
+from rovid_core.model.lowpass import LowPass
+from rovid_core.model.samples import Motion
+from rovid_core.settings.run import Settings
+from rovid_core.velocity.attitude_history import SharedMotion
+from rovid_core.velocity.velocity_source import VelocitySource
+
+NS = 1e-9
+
+
+class FilteredSource(VelocitySource):
+    """
+    A velocity source with the filters of its DOFs, and how far their steps have come.
+
+    Parameters
+    ----------
+    settings : Settings
+        The run.
+    input : str
+        The source.
+    shared : SharedMotion
+        What the sources know of each other.
+    warn : callable
+        Called with one line if the samples come too slowly.
+
+    Attributes
+    ----------
+    indices : tuple of int
+        Numbers of its DOFs in ``settings.dofs``.
+    velocity, force : LowPass
+        Of these DOFs.
+    held : Motion or None
+        A velocity that waits for the force of its span.
+    last : Motion or None
+        Where the next step begins.
+    couplings : tuple of str
+        Of all its DOFs, each once, but for ``OWN``.
+    own : list of (int, str)
+        Those of ``OWN`` behind them, with the number of the DOF among those of the source.
+    coupling_indices : list of tuple of int
+        Which of all these each of its DOFs has, in the order of its settings.
+    watched, watched_indices
+        The same of the regressors that are watched; nothing waits for these.
+    regressors : LowPass
+        Of the couplings.
+    last_regressors : tuple of float
+        Those of the couplings over the interval of ``last``.
+    timeout : int
+        Longest time between two steps [ns].
+
+    """
+
+    def __init__(self, settings: Settings, input: str, shared: SharedMotion,
+                 warn: Callable[[str], None]) -> None:
+        self.velocity = LowPass(settings.cutoff)
+        self.force = LowPass(settings.cutoff)
+        self.regressors = LowPass(settings.cutoff)
+        super().__init__(settings, input, shared)
+        self.indices = tuple(settings.dofs.index(d) for d in self.dofs)
+        names = [settings.couplings(d) for d in self.dofs]
+        self.couplings, _ = _union([[x for x in one if x not in OWN] for one in names])
+        self.own = [(j, x) for j, one in enumerate(names) for x in one if x in OWN]
+        everything = [*self.couplings, *self.own]
+        self.coupling_indices = [tuple([everything.index((j, x) if x in OWN else x) for x in one])
+                                 for j, one in enumerate(names)]
+        self.has_couplings = bool(everything)
+        self.watched, self.watched_indices = _union([settings.watched(d) for d in self.dofs])
+        self.last_regressors: tuple[float, ...] = ()
+        self.held: Motion | None = None
+        self.last: Motion | None = None
+        self._warn: Callable[[str], None] | None = warn
+        self._gaps = 0
+
+    def change(self, settings: Settings) -> None:
+        """Use other limits and another cutoff; the filters go on from where they are."""
+        super().change(settings)
+        self.timeout = round(settings.timeout_of(self.input) / NS)
+        self._is_chosen = settings.cutoff != Settings.cutoff  # else it follows the rate
+        self.velocity.retune(settings.cutoff)
+        self.force.retune(settings.cutoff)
+        self.regressors.retune(settings.cutoff)
+
+    def coupling_span(self, motion: Motion) -> tuple[int, int] | None:
+        """
+        Return the span [ns] over which a motion's couplings are means, None at a first point.
+
+        It is the interval of the motion, or, of a point, the step that ends there.
+        """
+        if motion.start < motion.end:
+            return motion.start, motion.end
+        if self.last is not None and self.last.time < motion.time:
+            return self.last.time, motion.time
+        return None
+
+    def interrupt(self) -> None:
+        """Let the next measurement begin anew."""
+        self.velocity.restart()
+        self.force.restart()
+        self.regressors.restart()
+        self.last_regressors = ()
+        self.held = self.last = None
+
+    def note_gap(self) -> None:
+        """Warn once when there are nothing but gaps."""
+        self._gaps += 1
+        if self._warn and self._gaps == 20 and not self.velocity.steps:
+            self._warn(f'the messages of {self.input} are further apart than max_gap: '
+                       'nothing can be identified from them')
+
+    def warn_if_clamped(self) -> None:
+        """Warn once when the samples come too slowly for the cutoff."""
+        steps, clamped = self.velocity.steps, self.velocity.clamped
+        if self._warn and self._is_chosen and steps >= 50 and clamped > steps // 2:
+            self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.input}, and '
+                       'clamped to that')
+            self._warn = None
+
+
+def _union(of_dofs: Sequence[Sequence[str]]
+           ) -> tuple[tuple[str, ...], list[tuple[int, ...]]]:
+    """Return all names of some DOFs, each once, and which of them each DOF has."""
+    union = tuple(dict.fromkeys(name for names in of_dofs for name in names))
+    return union, [tuple([union.index(name) for name in names]) for names in of_dofs]

@@ -25,11 +25,7 @@ _EXPLAINED = 0.1  # share of a DOF's changes below which nothing is known of wha
 _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
 _SMALL = 0.15  # share of the strongest thruster of a DOF below which another does nothing
 _TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
-# The first couplings to look at, and the DOFs that each is made of.
-_USUAL: dict[str, dict[str, tuple[str, ...]]] = {
-    'surge': {'vr': ('sway', 'yaw')}, 'sway': {'ur': ('surge', 'yaw')},
-    'yaw': {'v': ('sway',), 'uv': ('surge', 'sway')}}
-_GAINED = 0.03  # share of the changes that a coupling, or a latency, has to explain
+_GAINED = 0.03  # share of the changes that a latency has to explain
 _LATENCIES = tuple(0.25 * k for k in range(13))  # [s] of fixes that are tried
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
@@ -133,16 +129,14 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
         raise DiscoveryError(
             'have no time in common: ' + ', '.join(one.signal.topic for one in inputs.values()))
     thrusters = _thrusters(inputs['thrusters'], frames, moved, motors, guesses)
-    late = _latency(inputs, frames, thrusters)
+    late = _latency(inputs, frames, thrusters, moved)
     if late:
-        fixes = inputs['position']
-        inputs['position'] = replace(
-            fixes, keys={**fixes.keys, 'latency': late},
-            signal=replace(fixes.signal, times=fixes.signal.times - late))
+        inputs['position'] = _earlier(inputs['position'], late)
         moved, heading = _moved(inputs, frames, [])
         thrusters = _thrusters(inputs['thrusters'], frames, moved, motors, [])
-        guesses.append(f'position.latency {late:g} s: what {fixes.signal.topic} shows comes so '
-                       'much later after its command than what the other inputs show')
+        guesses.append(
+            f'position.latency {late:g} s: what {inputs["position"].signal.topic} shows comes so '
+            'much later after its command than what the other inputs show')
     made = Discovery(frames, inputs, others, thrusters, guesses=guesses)
     original = moved
     if heading and thrusters.how != 'data' and {'surge', 'sway'} <= moved.velocities.keys():
@@ -175,24 +169,36 @@ def _wanted(found: Mapping[str, Sequence[Candidate]]) -> list[str]:
     return [*wanted, 'thrusters']
 
 
-def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters) -> float:
+def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
+             moved: Motion) -> float:
     """
     Return how much later fixes are stamped than taken [s], where the motion says so, otherwise 0.
 
-    A delay of the thrust would be seen by all inputs; the others have to know it.
+    A delay of the thrust is seen by all inputs: the DOFs that need no fixes tell it.
     """
-    if 'position' not in inputs or not {'attitude', 'depth'} & inputs.keys():
+    on_time = {dof: thrusters.rows[dof] for dof, source in (
+        ('heave', 'depth'), ('yaw', 'attitude')) if source in inputs and dof in thrusters.rows}
+    if 'position' not in inputs or not on_time:
         return 0.0
-    fixes = inputs['position'].signal
+    delayed = _with_delay(replace(thrusters, rows=on_time), moved)
+    if _explained(delayed, moved) < _EXPLAINED:
+        return 0.0
+    delayed = replace(delayed, rows=thrusters.rows)
 
     def explained(late: float) -> float:
-        moved, _ = _moved({**inputs, 'position': replace(inputs['position'], signal=replace(
-            fixes, times=fixes.times - late))}, frames, [])
-        return sum(push.explained for dof, (push, _) in _answers(thrusters, moved).items()
-                   if dof in ('surge', 'sway'))
+        shown, _ = _moved({**inputs, 'position': _earlier(inputs['position'], late)}, frames, [])
+        return math.fsum(_pushed(push) for dof, (push, _) in _answers(delayed, shown).items()
+                         if dof in ('surge', 'sway'))
 
     best = max(_LATENCIES, key=explained)
-    return best if explained(best) > explained(0.0) + _GAINED else 0.0
+    # the other way at another time: thrust that comes and goes, or that answers to the motion
+    return best if explained(best) > abs(explained(0.0)) + _GAINED else 0.0
+
+
+def _earlier(fixes: Candidate, late: float) -> Candidate:
+    """Return fixes that are known to be stamped late [s]."""
+    return replace(fixes, keys={**fixes.keys, 'latency': late},
+                   signal=replace(fixes.signal, times=fixes.signal.times - late))
 
 
 def _frames(signals: Sequence[Signal], inputs: Mapping[str, Candidate]) -> tuple[str, str]:
@@ -376,8 +382,8 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     together = commands / strength @ patterns
     made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
     forces = held(signal.times + made.delay, together, moved.times, moved.half)
-    answers = {dof: push for dof, velocity in moved.velocities.items()
-               if (push := answer(velocity, forces, moved.half))}
+    answers = {dof: push for dof in moved.velocities
+               if (push := answer(moved, dof, forces))}
     told = {dof: push for dof, push in answers.items() if push.explained > _EXPLAINED and np.any(
         np.abs(push.alphas) > SURE * push.errors)}
     if answers and not told:
@@ -401,10 +407,10 @@ def _force(made: Thrusters, dof: str, moved: Motion) -> Array:
 
 def _answers(made: Thrusters, moved: Motion) -> dict[str, tuple[Push, Array]]:
     found = {}
-    for dof, velocity in moved.velocities.items():
+    for dof in moved.velocities:
         force = _force(made, dof, moved) if dof in made.rows else np.zeros(len(moved.times))
         if np.ptp(force) > 1e-9:
-            push = answer(velocity, force[:, np.newaxis], moved.half)
+            push = answer(moved, dof, force[:, np.newaxis])
             if push is not None:
                 found[dof] = push, force
     return found
@@ -412,8 +418,12 @@ def _answers(made: Thrusters, moved: Motion) -> dict[str, tuple[Push, Array]]:
 
 def _explained(made: Thrusters, moved: Motion) -> float:
     """Return how much of the motion is explained, if forces push the way they point."""
-    return math.fsum(math.copysign(push.explained, push.alphas[0])
-                     for push, _ in _answers(made, moved).values())
+    return math.fsum(_pushed(push) for push, _ in _answers(made, moved).values())
+
+
+def _pushed(push: Push) -> float:
+    """Return how much of a motion is explained, less than nothing if it is against the force."""
+    return math.copysign(push.explained, push.alphas[0])
 
 
 def _with_delay(made: Thrusters, moved: Motion) -> Thrusters:
@@ -429,8 +439,7 @@ def _fit(made: Discovery, moved: Motion) -> None:
     """Fit each DOF that is driven, for initial values of the right size."""
     answers = _answers(made.thrusters, moved)
     for dof in [dof for dof in DOFS if dof in answers]:
-        alone, force = answers[dof]
-        couplings, push = _coupled(dof, force, alone, moved)
+        push, force = answers[dof]
         alpha, error = float(push.alphas[0]), float(push.errors[0])
         velocity = moved.velocities[dof]
         sign = 0 if abs(alpha) < SURE * error or push.explained < _EXPLAINED else (
@@ -444,8 +453,8 @@ def _fit(made: Discovery, moved: Motion) -> None:
         if quadratic == linear == 0.0:  # what stops it at its typical speed
             linear = strong / max(fast, 1e-6)
         made.dofs[dof] = Known(
-            mass, quadratic, linear, _amplitude(force), _amplitude(velocity), alone.explained,
-            sign, couplings)
+            mass, quadratic, linear, _amplitude(force), _amplitude(velocity), push.explained,
+            sign, tuple([name for name, size in push.coupled.items() if abs(size) > SURE]))
     _leave_out_dependent(made)
     speeds = [float(np.nanpercentile(np.abs(moved.velocities[dof]), 99.0)) for dof in made.dofs]
     made.fastest = max(speeds, default=1.0)
@@ -471,22 +480,6 @@ def _leave_out_dependent(made: Discovery) -> None:
                             f'{", ".join(made.dofs)} in this log')
 
 
-def _coupled(dof: str, force: Array, push: Push, moved: Motion) -> tuple[tuple[str, ...], Push]:
-    """Return the usual coupling of a DOF that explains most, if one does, and the fit with it."""
-    best: tuple[str, ...] = ()
-    coupled = push
-    for name, others in _USUAL.get(dof, {}).items():
-        if not {*others} <= moved.velocities.keys():
-            continue
-        term = np.prod([moved.velocities[other] for other in others], axis=0)
-        known = np.where(np.isfinite(term), moved.velocities[dof], np.nan)
-        both = answer(known, np.column_stack([force, np.nan_to_num(term)]), moved.half)
-        if both and both.explained >= coupled.explained + (0.0 if best else _GAINED) and (
-                abs(both.alphas[1]) > SURE * both.errors[1]):
-            best, coupled = (name,), both
-    return best, coupled
-
-
 def _heading_offset(thrusters: Thrusters, moved: Motion) -> float:
     """Return the heading offset [rad] with which most of surge and sway is explained."""
     def explained(angle: float) -> float:
@@ -508,7 +501,7 @@ def _all_turned(thrusters: Thrusters, moved: Motion, angle: float) -> bool:
     that lends it a part of the other's motion explains more too, and is none.
     """
     forces = np.column_stack([_force(thrusters, dof, moved) for dof in ('surge', 'sway')])
-    surge, sway = [answer(moved.velocities[dof], forces, moved.half) for dof in ('surge', 'sway')]
+    surge, sway = [answer(moved, dof, forces) for dof in ('surge', 'sway')]
     if surge is None or sway is None:
         return False
     answers = (surge.alphas + 1j * sway.alphas) * np.array([1.0, -1j])  # from where it is pushed

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from rovid_core.model.dofs import DOFS
+from rovid_core.model.dofs import COUPLINGS, DOFS
 from rovid_ros.discovery.signals import Array, Signal
 
 STEP = 0.1  # [s] of the grid
@@ -29,23 +29,43 @@ class Motion:
         [m/s] or [rad/s] by DOF, of those that were measured; NaN across gaps.
     half : float
         Half of the span [s] over which velocities are means.
+    tilting : dict of str to array
+        Rates of roll and pitch [rad/s], where an attitude says them.
+    turned : array, optional
+        How far the vehicle has turned about its own z [rad].
 
     """
 
     times: Array
     velocities: Mapping[str, Array]
     half: float
+    tilting: Mapping[str, Array] = field(default_factory=dict)
+    turned: Array | None = None
+
+    def coupled(self, dof: str) -> dict[str, Array]:
+        """Return what the other motions may push a DOF with, by name of the coupling."""
+        rates = {**self.velocities, **self.tilting}
+        known = {letter: rates[one] for letter, one in zip('uvwpqr', DOFS) if one in rates}
+        return {name: np.prod([known[letter] for letter in name], axis=0)
+                for name in COUPLINGS[dof] if {*name} <= known.keys()}
+
+    def drifting(self, dof: str) -> list[Array]:
+        """Return what a current of the water pushes a DOF with: it turns with the heading."""
+        if self.turned is None or dof not in ('surge', 'sway'):
+            return []
+        return [np.cos(self.turned), np.sin(self.turned)]
 
 
 @dataclass(frozen=True)
 class Push:
-    """How a DOF answers to commands: v' = sum of alpha u + beta v|v| + gamma v + delta."""
+    """How a DOF answers to commands: v' = sum of alpha u + beta v|v| + gamma v + delta + ..."""
 
     alphas: Array  # one per command
     beta: float
     gamma: float
     explained: float  # share of the changes of the velocity that only the commands explain
     errors: Array  # standard errors of the alphas
+    coupled: Mapping[str, float]  # couplings, in standard errors of theirs
 
 
 def motion(used: Mapping[str, Signal], angles: Array | None = None,
@@ -66,13 +86,16 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
                   default=STEP)
     half = max(0.2, slowest)
     velocities: dict[str, Array] = {}
-    known, attitudes, heading = np.empty(0), np.empty((0, 4)), np.empty(0)
-    if 'attitude' in used and angles is None:
-        known, attitudes = _continuous(used['attitude'])
-        velocities['yaw'] = _rate(known, _turned(attitudes), times, half)
-    elif 'attitude' in used and angles is not None:
-        known, heading = used['attitude'].times, np.unwrap(angles)
-        velocities['yaw'] = _rate(known, heading, times, half)
+    tilting: dict[str, Array] = {}
+    known, attitudes, turned = np.empty(0), np.empty((0, 4)), None
+    if 'attitude' in used:
+        attitude = used['attitude']
+        known, attitudes = _continuous(attitude) if angles is None else (
+            attitude.times, _level(np.unwrap(angles)))
+        roll, pitch, yaw = _turned(attitudes)
+        tilting = {'roll': _rate(known, roll, times, half),
+                   'pitch': _rate(known, pitch, times, half)}
+        velocities['yaw'], turned = _rate(known, yaw, times, half), np.interp(times, known, yaw)
     if 'angular_velocity' in used:
         gyro = used['angular_velocity']
         velocities['yaw'] = _mean(gyro.times, gyro.values[:, 2], times, half)
@@ -83,9 +106,6 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
         if len(attitudes):
             at = np.array([np.interp(times, known, column) for column in attitudes.T])
             velocities.update(zip(DOFS, _in_body(at, np.array(rates))))
-        elif len(heading):
-            turned = (rates[0] + 1j * rates[1]) * np.exp(-1j * np.interp(times, known, heading))
-            velocities['surge'], velocities['sway'] = turned.real, turned.imag
     if 'velocity' in used:
         body = used['velocity']
         for dof, column in zip(DOFS, body.values.T):
@@ -93,7 +113,8 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
     if 'depth' in used:
         depth = used['depth']
         velocities['heave'] = _rate(depth.times, depth_scale * depth.values[:, 0], times, half)
-    return Motion(times, {dof: _plausible(v) for dof, v in velocities.items()}, half)
+    return Motion(times, {dof: _plausible(v) for dof, v in velocities.items()}, half, tilting,
+                  turned)
 
 
 def _plausible(velocity: Array) -> Array:
@@ -113,13 +134,19 @@ def _continuous(attitude: Signal) -> tuple[Array, Array]:
     return attitude.times[known], q
 
 
+def _level(headings: Array) -> Array:
+    """Return the quaternions x, y, z, w of level bodies with continuous headings [rad]."""
+    zero = np.zeros_like(headings)
+    return np.column_stack([zero, zero, np.sin(0.5 * headings), np.cos(0.5 * headings)])
+
+
 def _turned(q: Array) -> Array:
-    """Return how far a body has turned about its own z at each attitude [rad]."""
+    """Return how far a body has turned about each of its axes at each attitude [rad]; (3, n)."""
     a, b = q[:-1].T, q[1:].T
     axis = a[3] * b[:3] - b[3] * a[:3] - np.cross(a[:3], b[:3], axis=0)
     sine = np.maximum(np.linalg.norm(axis, axis=0), 1e-12)
     angle = 2.0 * np.arctan2(sine, np.sum(a * b, axis=0))
-    return np.concatenate([[0.0], np.cumsum(angle * axis[2] / sine)])
+    return np.concatenate([np.zeros((3, 1)), np.cumsum(angle * axis / sine, axis=1)], axis=1)
 
 
 def _in_body(q: Array, velocity: Array) -> Array:
@@ -162,13 +189,15 @@ def _without_gaps(times: Array, values: Array, grid: Array, half: float) -> Arra
     return np.where(bad, np.nan, values)
 
 
-def answer(velocity: Array, commands: Array, half: float) -> Push | None:
+def answer(moved: Motion, dof: str, commands: Array) -> Push | None:
     """
-    Return how a velocity answers to commands, one column each; None where the log does not say.
+    Return how a DOF answers to commands, one column each; None where the log does not say.
 
     By least squares of the changes over a window on the integrals over it, which asks for no
-    derivative.
+    derivative. What the other DOFs and a current push it with is left to them: a vehicle that
+    turns while it moves sideways is pushed more by that than by its thrusters.
     """
+    velocity, half, coupled = moved.velocities[dof], moved.half, moved.coupled(dof)
     width = max(round(max(1.0, 2.0 * half) / STEP), 1)
     if len(velocity) <= 3 * width:
         return None
@@ -178,9 +207,10 @@ def answer(velocity: Array, commands: Array, half: float) -> Push | None:
             0.5 * STEP * (values[1:] + values[:-1]), axis=0)])
         return np.asarray(sums[width:] - sums[:-width])
 
-    known = np.isfinite(velocity)
-    velocity = np.where(known, velocity, 0.0)
-    speeds = np.column_stack([velocity * np.abs(velocity), velocity, np.ones_like(velocity)])
+    known = np.isfinite(velocity) & np.isfinite(sum(coupled.values(), np.zeros(len(velocity))))
+    velocity, *pushing = [np.where(known, x, 0.0) for x in (velocity, *coupled.values())]
+    speeds = np.column_stack([velocity * np.abs(velocity), velocity, np.ones_like(velocity),
+                              *pushing, *moved.drifting(dof)])
     regressors = integral(np.column_stack([commands, speeds]))
     changes = velocity[width:] - velocity[:-width]
     good = np.convolve(~known, np.ones(width + 1), 'valid') < 0.5  # no gap within
@@ -200,7 +230,8 @@ def answer(velocity: Array, commands: Array, half: float) -> Push | None:
     # windows overlap: only every width-th is new
     errors = np.sqrt(squares * left * width)
     return Push(solution[:count], float(solution[count]), float(solution[count + 1]),
-                max(0.0, without - left) / whole if whole else 0.0, errors[:count])
+                max(0.0, without - left) / whole if whole else 0.0, errors[:count],
+                dict(zip(coupled, (solution / np.maximum(errors, 1e-12))[count + 3:])))
 
 
 def _fitted(regressors: Array, changes: Array) -> tuple[Array, Array, Array]:
@@ -220,8 +251,7 @@ def best_delay(moved: Motion, times: Array, commands: Mapping[str, Array]) -> fl
     ``commands`` are by DOF, a row per time [s] and a column each.
     """
     def explained(delay: float) -> float:
-        pushes = [answer(moved.velocities[dof], held(times + delay, columns, moved.times,
-                                                     moved.half), moved.half)
+        pushes = [answer(moved, dof, held(times + delay, columns, moved.times, moved.half))
                   for dof, columns in commands.items()]
         return sum(push.explained for push in pushes if push)
     return max(DELAYS, key=explained)

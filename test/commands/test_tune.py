@@ -62,8 +62,8 @@ def test_a_current_is_no_weaker_thrust_in_reverse(tmp_path: Path) -> None:
         CONFIG / 'bluerov2_ardusub.yaml', tmp_path / 'tuned.yaml'))
     assert after.thrusters.reverse == before.thrusters.reverse
     assert after.thrusters.deadband == before.thrusters.deadband
-    assert {dof: after.couplings(dof) for dof in ('surge', 'sway', 'yaw')} == {
-        'surge': ('vr',), 'sway': ('ur',), 'yaw': ('v', 'uv')}
+    for dof in ('surge', 'sway', 'yaw'):
+        assert after.couplings(dof) == before.couplings(dof)
 
 
 def test_the_tuned_file_replays_better(

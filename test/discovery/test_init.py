@@ -3,7 +3,6 @@
 from collections.abc import Callable
 import math
 from pathlib import Path
-from random import Random
 import re
 from typing import Any
 
@@ -246,34 +245,6 @@ def test_the_rough_model_counts_with_couplings(tmp_path: Path) -> None:
     truth = example_truth('auv').simulation.dofs
     for dof, known in made.dofs.items():
         assert 0.5 < known.mass / truth[dof].mass < 1.6, dof
-
-
-def test_a_vehicle_that_turns_while_it_is_pushed_sideways(
-        repository: Path, tmp_path: Path, initialised: Callable[[Path], Settings]) -> None:
-    """Two axes at a time push it less than its own turning does; a guess would be nonsense."""
-    log, file = tmp_path / 'dive.mcap', repository / 'config' / 'bluerov2_ardusub.yaml'
-    drawn, largest = Random(1), {'surge': 48.0, 'sway': 48.0, 'heave': 52.0, 'yaw': 3.6}
-    pushed: dict[str, list[float]] = {dof: [] for dof in largest}
-    for _ in range(30):
-        pair = drawn.sample(list(largest), 2)
-        for dof, force in largest.items():
-            size = force * drawn.uniform(0.25, 1.0) * drawn.choice((-1.0, 1.0))
-            pushed[dof].append(size if dof in pair else 0.0)
-    profile = ','.join(f'{dof}=steps:{"/".join(map(str, forces))}@4'
-                       for dof, forces in pushed.items())
-    assert main(['simulate', '--params-file', str(file), '-p', 'simulation.coriolis:=true',
-                 '--profile', profile, '--duration', '120', '--output', str(log)]) == 0
-    known = settings_from(load(file))
-    found = initialised(log)
-    assert found.dofs == known.dofs
-    assert found.position.latency == 0.0
-    for dof in found.dofs:
-        row = DOFS.index(dof)
-        assert found.thrusters.allocation[row] == known.thrusters.allocation[row]
-        assert found.dof[dof].mass == pytest.approx(known.simulation.dofs[dof].mass, rel=0.15)
-    assert found.couplings('surge') == ('vr',)
-    assert found.couplings('sway') == ('ur',)
-    assert found.couplings('yaw') == ('uv',)
 
 
 @pytest.mark.parametrize('example, seconds, late', [('lbl_rov', 300, 1.5), ('bluerov2', 60, None)])

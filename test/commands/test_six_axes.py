@@ -1,0 +1,50 @@
+"""A vehicle of another simulator that moves in all axes: what its user gets without any tuning."""
+
+import json
+from pathlib import Path
+
+import pytest
+from rovid_core.model.dofs import DOFS
+from rovid_ros.commands.main import main
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
+
+from test.support.six_axes import Dive, dive
+from test.support.trials import CONFIG
+
+SHIPPED = CONFIG / 'bluerov2_ardusub.yaml'
+
+
+@pytest.fixture(scope='module')
+def dived(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, float]]:
+    """Return a log and the true masses."""
+    log = tmp_path_factory.mktemp('six_axes') / 'dive.mcap'
+    return log, dive(log, Dive(), seed=3, duration=240.0)
+
+
+def test_the_shipped_file_finds_the_masses(
+        dived: tuple[Path, dict[str, float]], tmp_path: Path) -> None:
+    """Without a coupling of its inertia they are off by up to 20 %."""
+    assert_found(*dived, SHIPPED, tmp_path / 'result.json')
+
+
+def test_init_is_not_misled_by_what_the_axes_do_to_each_other(
+        dived: tuple[Path, dict[str, float]], tmp_path: Path) -> None:
+    """Two axes at a time push it less than its turning does."""
+    log, masses = dived
+    made = tmp_path / 'made.yaml'
+    assert main(['init', str(log), '--output', str(made)]) == 0
+    found, known = settings_from(load(made)), settings_from(load(SHIPPED))
+    assert found.dofs == known.dofs
+    assert found.position.latency == 0.0
+    for row in map(DOFS.index, known.dofs):
+        assert found.thrusters.allocation[row] == known.thrusters.allocation[row]
+    assert_found(log, masses, made, tmp_path / 'result.json')
+
+
+def assert_found(log: Path, masses: dict[str, float], file: Path, result: Path) -> None:
+    """Replay a log, and compare the masses with the true ones."""
+    assert main(['replay', str(log), '--params-file', str(file), '--json', str(result)]) == 0
+    dofs = json.loads(result.read_text())['dofs']
+    assert {dof: dofs[dof]['mass'] for dof in masses} == pytest.approx(masses, rel=0.04)
+    assert {dofs[dof]['status'] for dof in masses} == {'converged'}

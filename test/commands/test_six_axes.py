@@ -24,7 +24,7 @@ def dived(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, flo
 
 def test_the_shipped_file_finds_the_masses(
         dived: tuple[Path, dict[str, float]], tmp_path: Path) -> None:
-    """Without a coupling of its inertia they are off by up to 20 %."""
+    """Without a coupling of its inertia yaw comes out half as large again."""
     assert_found(*dived, SHIPPED, tmp_path / 'result.json')
 
 
@@ -46,5 +46,5 @@ def assert_found(log: Path, masses: dict[str, float], file: Path, result: Path) 
     """Replay a log, and compare the masses with the true ones."""
     assert main(['replay', str(log), '--params-file', str(file), '--json', str(result)]) == 0
     dofs = json.loads(result.read_text())['dofs']
-    assert {dof: dofs[dof]['mass'] for dof in masses} == pytest.approx(masses, rel=0.04)
+    assert {dof: dofs[dof]['mass'] for dof in masses} == pytest.approx(masses, rel=0.08)
     assert {dofs[dof]['status'] for dof in masses} == {'converged'}

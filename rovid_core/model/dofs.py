@@ -37,14 +37,18 @@ RESTORING = ('sin_roll', 'sin_pitch')
 HEADING = ('cos_heading', 'sin_heading')
 """What a current pushes surge and sway with; watched, for it takes more to estimate a current."""
 
-COUPLING_PRIORS = {
-    'sin_roll': 20.0, 'sin_pitch': 20.0, 'v': 5.0, 'uv': 20.0, 'vw': 20.0, 'uw': 20.0}
-"""
-Standard deviations of couplings before any data, in SI; 2 for the others.
+_PRIORS = {'sin_roll': 20.0, 'sin_pitch': 20.0, 'v': 5.0, 'uv': 20.0, 'vw': 20.0, 'uw': 20.0}
 
-Those of surge, sway and heave are ratios of masses. Those of the angular DOFs have a mass over
-a moment of inertia in them, which is some tens for a small vehicle.
-"""
+
+def coupling_prior(name: str) -> float:
+    """
+    Return the standard deviation of a coupling before any data, in SI.
+
+    Those of surge, sway and heave are ratios of masses. Those of the angular DOFs have a mass
+    over a moment of inertia in them, which is some tens for a small vehicle.
+    """
+    return _PRIORS.get(name, 2.0)
+
 
 Four = tuple[float, float, float, float]
 """Values in the order of ``PARAMETERS`` (or of ``PHYSICAL``)."""

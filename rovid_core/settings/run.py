@@ -14,7 +14,7 @@ from typing import Any
 
 from rovid_core.model.dofs import (
     ANGULAR_DOFS,
-    COUPLING_PRIORS,
+    coupling_prior,
     COUPLINGS,
     DOFS,
     Four,
@@ -153,7 +153,7 @@ class Scales:
         """Return the standard deviations of the couplings before any data, in SI."""
         # what acts on reverse only may take as much of it as there is
         own = {name: self._acceleration * scale for name, scale in zip(OWN, self.regressor)}
-        return tuple([own.get(x) or COUPLING_PRIORS.get(x, 2.0) for x in self.couplings])
+        return tuple([own.get(x) or coupling_prior(x) for x in self.couplings])
 
     @property
     def _acceleration(self) -> float:

@@ -8,7 +8,7 @@ import math
 from typing import Any
 
 import numpy as np
-from rovid_core.model.dofs import DOFS
+from rovid_core.model.dofs import coupling_prior, DOFS
 from rovid_core.settings.run import ThrusterSettings
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model
 from rovid_ros.discovery.ardusub import allocation, Frame, FRAMES, Motors
@@ -25,6 +25,7 @@ _EXPLAINED = 0.1  # share of a DOF's changes below which nothing is known of wha
 _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
 _SMALL = 0.15  # share of the strongest thruster of a DOF below which another does nothing
 _TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
+_AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
 _GAINED = 0.03  # share of the changes that a latency has to explain
 _LATENCIES = tuple(0.25 * k for k in range(13))  # [s] of fixes that are tried
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
@@ -454,10 +455,16 @@ def _fit(made: Discovery, moved: Motion) -> None:
             linear = strong / max(fast, 1e-6)
         made.dofs[dof] = Known(
             mass, quadratic, linear, _amplitude(force), _amplitude(velocity), push.explained,
-            sign, tuple([name for name, size in push.coupled.items() if abs(size) > SURE]))
+            sign, _couplings(push))
     _leave_out_dependent(made)
     speeds = [float(np.nanpercentile(np.abs(moved.velocities[dof]), 99.0)) for dof in made.dofs]
     made.fastest = max(speeds, default=1.0)
+
+
+def _couplings(push: Push) -> tuple[str, ...]:
+    """Return the couplings that a log knows, and that predict better than none."""
+    return tuple([name for name, (kappa, error) in push.coupled.items()
+                  if SURE * error < coupling_prior(name) and kappa**2 > _AKAIKE * error**2])
 
 
 def _amplitude(values: Array) -> float:

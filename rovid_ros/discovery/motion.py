@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -65,7 +65,7 @@ class Push:
     gamma: float
     explained: float  # share of the changes of the velocity that only the commands explain
     errors: Array  # standard errors of the alphas
-    coupled: Mapping[str, float]  # couplings, in standard errors of theirs
+    coupled: Mapping[str, Sequence[float]]  # each coupling, and its standard error
 
 
 def motion(used: Mapping[str, Signal], angles: Array | None = None,
@@ -231,7 +231,7 @@ def answer(moved: Motion, dof: str, commands: Array) -> Push | None:
     errors = np.sqrt(squares * left * width)
     return Push(solution[:count], float(solution[count]), float(solution[count + 1]),
                 max(0.0, without - left) / whole if whole else 0.0, errors[:count],
-                dict(zip(coupled, (solution / np.maximum(errors, 1e-12))[count + 3:])))
+                dict(zip(coupled, np.column_stack([solution, errors])[count + 3:].tolist())))
 
 
 def _fitted(regressors: Array, changes: Array) -> tuple[Array, Array, Array]:

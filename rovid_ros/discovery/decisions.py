@@ -143,8 +143,7 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
     if heading and thrusters.how != 'data' and {'surge', 'sway'} <= moved.velocities.keys():
         for _ in range(2):  # what is far off spoils the delay, and that the angle
             made.yaw_offset = _heading_offset(made.thrusters, original)
-            turned = _turned(original, made.yaw_offset).velocities
-            moved = replace(original, velocities={**original.velocities, **turned})
+            moved = _turned(original, made.yaw_offset)
             made.thrusters = _with_delay(made.thrusters, moved)
     made.inputs['thrusters'] = replace(inputs['thrusters'], signal=made.thrusters.signal)
     _fit(made, moved)
@@ -489,8 +488,11 @@ def _leave_out_dependent(made: Discovery) -> None:
 
 def _heading_offset(thrusters: Thrusters, moved: Motion) -> float:
     """Return the heading offset [rad] with which most of surge and sway is explained."""
+    plane = replace(thrusters, rows={
+        dof: row for dof, row in thrusters.rows.items() if dof in ('surge', 'sway')})
+
     def explained(angle: float) -> float:
-        return _explained(thrusters, _turned(moved, angle))
+        return _explained(plane, _turned(moved, angle))
 
     coarse = max(np.arange(-15, 17) * math.pi / 16.0, key=explained)
     fine = max(coarse + np.arange(-10, 11) * 0.02, key=explained)
@@ -521,7 +523,8 @@ def _all_turned(thrusters: Thrusters, moved: Motion, angle: float) -> bool:
 def _turned(moved: Motion, angle: float) -> Motion:
     """Return the motion in the plane with another heading."""
     plane = (moved.velocities['surge'] + 1j * moved.velocities['sway']) * np.exp(-1j * angle)
-    return replace(moved, velocities={'surge': plane.real, 'sway': plane.imag})
+    return replace(moved, velocities={
+        **moved.velocities, 'surge': plane.real, 'sway': plane.imag})
 
 
 def _say(made: Discovery) -> None:

@@ -618,4 +618,15 @@ MUTANTS = [
     *_of('rovid_ros/discovery/motion.py', 'test/discovery/test_init.py',
          ('a current pushes nothing where init looks',
           'return [np.cos(self.turned), np.sin(self.turned)]', 'return []')),
+    *_of('rovid_core/settings/inputs.py', 'test/commands/test_six_axes.py '
+         'what_no_motion_of_a_dof_shows_another_tells_it',
+         ('a row of thrusters hides nothing',
+          'return min(row) < 0.0 < max(row)', 'return False')),
+    *_of('rovid_core/identify/status.py', 'test/core/test_status.py '
+         'what_a_dof_cannot_see_of_the_thrusters_it_is_told',
+         ('what another DOF shows does not count',
+          'if not reason and self._hides_weaker and self._weaker:', 'if False:'),
+         ('what was forgotten still counts for the others',
+          'self._weaker.discard(self._name)\n        self._was_excited',
+          'self._was_excited')),
 ]

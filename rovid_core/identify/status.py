@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import math
 
 from rovid_core.identify.excitation import BATCH, Excitation, Gram, MIN_EXCITATION
-from rovid_core.identify.last_minute import LastMinute
+from rovid_core.identify.last_minute import KEYS, LastMinute
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
@@ -55,6 +55,15 @@ class DofStatus:
     the last minute besides, which has to show the mass (``LastMinute``). Otherwise the status is
     ``converging``.
 
+    Parameters
+    ----------
+    name : str
+        Of the DOF.
+    weaker : set of str
+        The DOFs that show that the vehicle's thrusters push otherwise backwards; shared by all.
+    hides_weaker : bool
+        Whether this DOF cannot say so itself: then it believes the others.
+
     Attributes
     ----------
     settled : bool
@@ -66,8 +75,11 @@ class DofStatus:
 
     """
 
-    def __init__(self, scales: Scales, adaptation_time: float) -> None:
+    def __init__(self, scales: Scales, adaptation_time: float, name: str = '',
+                 weaker: set[str] | None = None, hides_weaker: bool = False) -> None:
         self._scales = scales
+        self._name, self._hides_weaker = name, hides_weaker
+        self._weaker = set() if weaker is None else weaker
         self._drift = _Drift()
         self._set_times(adaptation_time)
         self.reset()
@@ -85,6 +97,7 @@ class DofStatus:
         self._last_minute = LastMinute(self._scales)
         self._time = 0.0
         self._judgement = CONVERGING
+        self._weaker.discard(self._name)
         self._was_excited = False
         self.settled = False
         self.fit = math.nan
@@ -143,6 +156,10 @@ class DofStatus:
         excitation = None if identifier.covariance and not reason else gram
         note = identifier.note
         texts = tuple([text for text in (note, '' if reason in note else reason) if text])
+        if not self._hides_weaker and any(KEYS['reverse_thrust'] in text for text in texts):
+            self._weaker.add(self._name)
+        else:
+            self._weaker.discard(self._name)
         return Judgement('converging' if reason else 'converged', texts, excitation)
 
     def _objection(self, gram: Gram, identifier: Identifier, trusted: bool, adapt: bool) -> str:
@@ -157,6 +174,9 @@ class DofStatus:
             reason = '' if trusted else 'the parameters are frozen'
         if not (reason or identifier.judges_errors):
             reason = self._last_minute.doubt(trusted)
+        if not reason and self._hides_weaker and self._weaker:
+            reason = (f'{min(self._weaker)} shows that the thrusters push otherwise backwards, '
+                      f'which scales this mass, too: {KEYS["reverse_thrust"]}')
         return reason
 
 

@@ -11,6 +11,7 @@ from rovid_core.identify.estimate import DofEstimate
 from rovid_core.identify.method import Identifier
 from rovid_core.identify.status import DofStatus, Judgement
 from rovid_core.inputs.units_and_signs import TypicalSizeCheck, UnsignedCommandCheck
+from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales, Settings
@@ -34,6 +35,8 @@ class Identification:
         Called with the DOF and the reason for every step that is refused.
     identifier : Identifier, optional
         The method, where it is not the configured one for this DOF alone.
+    weaker : set of str, optional
+        Shared by the DOFs of a vehicle: those that show that thrusters push otherwise backwards.
 
     Attributes
     ----------
@@ -48,7 +51,7 @@ class Identification:
 
     def __init__(self, settings: Settings, i: int, unsigned: UnsignedCommandCheck,
                  reject: Callable[[str, str], None],
-                 identifier: Identifier | None = None) -> None:
+                 identifier: Identifier | None = None, weaker: set[str] | None = None) -> None:
         self._name = name = settings.dofs[i]
         dof, method = settings.dof[name], settings.identifier
         self._i = i
@@ -57,7 +60,8 @@ class Identification:
         # a method may leave couplings out, and raw gains have their own adaptation time
         scales = replace(Scales.of(dof), couplings=settings.couplings(name))
         self._status = DofStatus(scales, getattr(
-            self.identifier, 'adaptation_time', method.adaptation_time))
+            self.identifier, 'adaptation_time', method.adaptation_time), name, weaker,
+            settings.thrusters.hides_reverse(DOFS.index(name)))
         self.sizes = TypicalSizeCheck(name, dof)
         self._unsigned = unsigned
         self._reject = reject

@@ -117,8 +117,9 @@ class Pipeline:
         self._planar = PlanarSteps(settings, self._shared.attitude) if (
             settings.estimates_current) else None
         rows = self._planar.filter.rows if self._planar is not None else {}
+        weaker: set[str] = set()
         self.dofs = [Identification(settings, i, self._commands.unsigned, reject,
-                                    rows.get(settings.dofs[i]))
+                                    rows.get(settings.dofs[i]), weaker)
                      for i in range(len(settings.dofs))]
         self.adapt = settings.enable
 

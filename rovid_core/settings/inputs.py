@@ -72,6 +72,15 @@ class ThrusterSettings:
         """Return the number of thrusters."""
         return len(self.gain)
 
+    def hides_reverse(self, dof: int) -> bool:
+        """
+        Tell whether some thrusters push backwards whichever way they drive a DOF, by its number.
+
+        Weaker thrust backwards is then a weaker force both ways: no motion of the DOF shows it.
+        """
+        row = self.allocation[dof]
+        return min(row) < 0.0 < max(row)
+
     def __post_init__(self) -> None:
         """Check the shapes against each other."""
         n = self.count

@@ -42,6 +42,22 @@ def test_init_is_not_misled_by_what_the_axes_do_to_each_other(
     assert_found(log, masses, made, tmp_path / 'result.json')
 
 
+def test_what_no_motion_of_a_dof_shows_another_tells_it(tmp_path: Path) -> None:
+    """
+    Half of the thrusters of surge, sway and yaw always run backwards: all are weaker both ways.
+
+    Heave, whose thrusters all run the same way, has another thrust down than up.
+    """
+    log, result = tmp_path / 'dive.mcap', tmp_path / 'result.json'
+    masses = dive(log, Dive(reverse=0.8), seed=1, duration=240.0)
+    assert main(['replay', str(log), '--params-file', str(SHIPPED), '--json', str(result)]) == 0
+    dofs = json.loads(result.read_text())['dofs']
+    assert dofs['surge']['mass'] > 1.1 * masses['surge']
+    assert {dofs[dof]['status'] for dof in masses} == {'converging'}
+    for dof in ('surge', 'sway'):
+        assert 'heave shows that the thrusters' in ' '.join(dofs[dof]['reasons'])
+
+
 def assert_found(log: Path, masses: dict[str, float], file: Path, result: Path) -> None:
     """Replay a log, and compare the masses with the true ones."""
     assert main(['replay', str(log), '--params-file', str(file), '--json', str(result)]) == 0

@@ -4,6 +4,7 @@ from dataclasses import replace
 from math import pi, sin
 
 import pytest
+from rovid_core.identify.last_minute import KEYS
 from rovid_core.identify.status import DofStatus, Judgement, STATUSES
 from rovid_core.model.dofs import Four
 from rovid_core.model.plant import advance
@@ -68,6 +69,25 @@ def test_between_the_two_limits_it_stays_what_it_was(status):
     assert judge(status, Known(0.01))[0] == 'converged'
     assert judge(status, Known(0.07))[0] == 'converged'
     assert judge(status, Known(0.2))[0] == 'converging'
+
+
+def test_what_a_dof_cannot_see_of_the_thrusters_it_is_told():
+    scales, weaker = Scales(150.0, 0.5, TRUTH, (True,) * 4), set()
+    heave = DofStatus(scales, 3.0, 'heave', weaker)
+    surge = DofStatus(scales, 3.0, 'surge', weaker, hides_weaker=True)
+    assert judge(surge, Known(0.02))[0] == 'converged'
+    shown = Known(0.02)
+    shown.note = f'reverse thrust: {KEYS["reverse_thrust"]}'
+    assert judge(heave, shown)[0] == 'converged'
+    name, reasons = judge(surge, Known(0.02))
+    assert name == 'converging'
+    assert reasons[0].startswith('heave shows that the thrusters push otherwise backwards')
+    assert judge(DofStatus(scales, 3.0, 'roll', weaker), Known(0.02))[0] == 'converged'
+    heave.reset()
+    assert judge(surge, Known(0.02))[0] == 'converged'
+    # what it sees itself is no more than a chance
+    judge(surge, shown)
+    assert not weaker
 
 
 def test_an_acceleration_that_is_not_known_is_not_converged(status):

@@ -150,7 +150,8 @@ def test_a_coupling_that_is_missing_is_added() -> None:
     config = Path(__file__).parents[2] / 'config'
     truth = settings_from({**load(config / 'odometry_wrench.yaml'),
                            **load(config / 'examples' / 'auv.yaml')})
-    settings = replace(truth, dofs=('surge', 'sway', 'yaw'))
+    settings = replace(truth, dofs=('surge', 'sway', 'yaw'), dof={
+        dof: replace(its, couplings=()) for dof, its in truth.dof.items()})
     tuned = tune(log_of(settings, 180.0), settings)
     changes = tuned.changes()
     assert 'vr' in changes['surge.couplings']  # type: ignore[operator]

@@ -24,6 +24,7 @@ from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
 
 from test.support.dataflash_logs import dive, heavy, PARAMETERS
+from test.support.six_axes import Dive, dive as six_axes_dive
 
 
 @pytest.fixture
@@ -256,6 +257,12 @@ def test_fixes_that_are_stamped_late_show(
     made = discover([log])
     # in steps of 0.25 s, and roughly
     assert made.inputs['position'].keys.get('latency') == (late and pytest.approx(late, abs=0.3))
+
+
+def test_fixes_are_not_late_because_the_thrust_then_opposes_the_motion(tmp_path: Path) -> None:
+    log = tmp_path / 'dive.mcap'
+    six_axes_dive(log, Dive(current=(0.2, -0.1)), seed=2, duration=90.0)
+    assert 'latency' not in discover([log]).inputs['position'].keys
 
 
 # --- asking, and what cannot be done ------------------------------------------------------

@@ -622,6 +622,10 @@ MUTANTS = [
          'what_no_motion_of_a_dof_shows_another_tells_it',
          ('a row of thrusters hides nothing',
           'return min(row) < 0.0 < max(row)', 'return False')),
+    *_of('rovid_core/settings/inputs.py', 'test/core/test_thrust.py '
+         'which_dofs_hide_weaker_thrust_backwards',
+         ('a motor that turns the other way hides nothing',
+          'share * gain for share, gain in zip', 'share for share, _ in zip')),
     *_of('rovid_core/identify/status.py', 'test/core/test_status.py '
          'what_a_dof_cannot_see_of_the_thrusters_it_is_told',
          ('what another DOF shows does not count',

@@ -74,11 +74,11 @@ class ThrusterSettings:
 
     def hides_reverse(self, dof: int) -> bool:
         """
-        Tell whether some thrusters push backwards whichever way they drive a DOF, by its number.
+        Tell whether a DOF, by its number, is driven both ways by some negative commands.
 
         Weaker thrust backwards is then a weaker force both ways: no motion of the DOF shows it.
         """
-        row = self.allocation[dof]
+        row = [share * gain for share, gain in zip(self.allocation[dof], self.gain)]
         return min(row) < 0.0 < max(row)
 
     def __post_init__(self) -> None:

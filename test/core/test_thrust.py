@@ -241,3 +241,9 @@ def test_shapes_that_do_not_match_name_their_key(changes, key):
     with pytest.raises(SettingsError) as caught:
         replace(TWO, **changes)
     assert caught.value.key == key
+
+
+def test_which_dofs_hide_weaker_thrust_backwards() -> None:
+    # the second motor turns the other way: surge takes a negative command whichever way it goes
+    assert [TWO.hides_reverse(dof) for dof in range(6)] == [True, *[False] * 5]
+    assert [replace(TWO, gain=(40.0, 20.0)).hides_reverse(dof) for dof in (0, 5)] == [False, True]

@@ -83,7 +83,7 @@ class Vehicle:
         self._quadratic = draw.uniform([40.0, 80.0, 90.0, 0.5, 0.5, 0.6],
                                        [150.0, 250.0, 250.0, 1.5, 1.5, 2.0])
         self._buoyancy = draw.uniform(-3.0, 3.0)
-        self._weight = np.array([0.0, 0.0, -below]), 9.81 * dry
+        self._centre, self._weight = np.array([0.0, 0.0, -below]), 9.81 * dry
         self._share = given.drag_of_speed
         self._current = np.array([*given.current, 0.0])
 
@@ -104,9 +104,9 @@ class Vehicle:
         speed = np.abs(through)
         speed[:3] += self._share * (np.linalg.norm(linear) - speed[:3])
         drag = (self._linear + self._quadratic * speed) * through
-        up, (centre, weight) = turn[2], self._weight
+        up = turn[2]
         outside = np.concatenate([
-            self._buoyancy * up + turn.T @ pull, np.cross(centre, -weight * up)])
+            self._buoyancy * up + turn.T @ pull, np.cross(self._centre, -self._weight * up)])
         change = self._inverse @ (ALLOCATION @ thrust - coriolis - drag + outside)
         change[:3] -= np.cross(rates, drift)  # the current turns in body axes
         return np.asarray(change)

@@ -12,7 +12,7 @@ REASONS = {
     'missing_name': 'a name of thrusters.names is not in the message',
     'wrong_length': 'the array has not one value per thruster',
     'not_numeric': 'the field holds something that is no number',
-    'not_estimated': 'its covariance of -1 says that the sensor has no estimate of it',
+    'not_estimated': 'the sensor has none: a covariance of -1 (Imu) or no fix (NavSatFix)',
     'no_clock': 'unstamped, and the clock of the node stands at zero',
     'zero_stamp': 'unstamped; taken at the time of its arrival',
     # order in time

@@ -64,13 +64,15 @@ def _position(signal: Signal) -> Iterable[Candidate]:
     named = last in ('position', 'point', 'translation') or bool(
         signal.words & {'position', 'pos', 'lbl', 'usbl', 'fix'})
     vector = signal.shape == 'vector' or (signal.shape == 'array' and ',' in signal.path)
-    if not (vector and named and _moves(signal, 0.01)):
+    geographic = signal.shape == 'geographic'
+    if not (vector and named or geographic) or not _moves(signal, 0.01):
         return
     speeds = _speeds(signal)
     if not len(speeds) or np.median(speeds) > 20.0:
         return
     typed = last in ('position', 'point', 'translation')
-    yield Candidate(signal, 3.0 * typed + _points(
+    # a GPS is under water the last one to be right
+    yield Candidate(signal, 3.0 * typed - 3.0 * geographic + _points(
         signal, ('position', 'pose', 'odom', 'odometry', 'mocap', 'lbl', 'usbl', 'local', 'nav',
                  'fix', 'gps', 'viso'), ('joint', 'angular')))
 
@@ -126,6 +128,8 @@ def _depth(signal: Signal) -> Iterable[Candidate]:
 def _velocity(signal: Signal) -> Iterable[Candidate]:
     last = signal.path.rpartition('.')[2]
     words = signal.words & {'velocity', 'vel', 'dvl', 'twist', 'viso'}
+    if 'gps' in signal.words:  # that of the world
+        return
     vector = signal.shape == 'vector' or (signal.shape == 'array' and ',' in signal.path)
     if vector and words and last not in ('angular', 'angular_velocity') and (
             last not in ('position', 'point', 'acceleration', 'linear_acceleration')):

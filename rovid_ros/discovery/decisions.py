@@ -125,6 +125,8 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
     if not frames:
         frames, why = _frames(signals, inputs)
         guesses.append(why)
+    if frames == 'ned' and 'position' in inputs:
+        inputs['position'] = _in_ned(inputs['position'])
     moved, heading = _moved(inputs, frames, guesses)
     if not len(moved.times):
         raise DiscoveryError(
@@ -162,9 +164,12 @@ def _list(signals: Sequence[Signal]) -> str:
 def _wanted(found: Mapping[str, Sequence[Candidate]]) -> list[str]:
     """Return the inputs to use: no second source of what is measured already."""
     wanted = [name for name in ('position', 'depth', 'attitude') if name in found]
+    if 'velocity' in found and 'position' in found and (
+            found['position'][0].signal.shape == 'geographic'):
+        wanted.remove('position')  # a DVL sees the ground also under water
     if 'attitude' not in found and 'angular_velocity' in found:
         wanted.append('angular_velocity')
-    if 'position' not in found and 'velocity' in found:
+    if 'position' not in wanted and 'velocity' in found:
         wanted.append('velocity')
     return [*wanted, 'thrusters']
 
@@ -199,6 +204,15 @@ def _earlier(fixes: Candidate, late: float) -> Candidate:
     """Return fixes that are known to be stamped late [s]."""
     return replace(fixes, keys={**fixes.keys, 'latency': late},
                    signal=replace(fixes.signal, times=fixes.signal.times - late))
+
+
+def _in_ned(position: Candidate) -> Candidate:
+    """Return positions as all others are, where those on the earth are taken east, north, up."""
+    signal = position.signal
+    if signal.shape != 'geographic':
+        return position
+    return replace(position, signal=replace(
+        signal, values=signal.values[:, (1, 0, 2)] * np.array([1.0, 1.0, -1.0])))
 
 
 def _frames(signals: Sequence[Signal], inputs: Mapping[str, Candidate]) -> tuple[str, str]:

@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from rovid_ros.logs.log import Log
-from rovid_ros.messages.field_paths import field_names, getter, parse, parse_all, shape_of
+from rovid_ros.messages.field_paths import (
+    field_names,
+    GEOGRAPHIC,
+    getter,
+    parse,
+    parse_all,
+    shape_of,
+)
+from rovid_ros.messages.geographic import LocalMetres
 from rovid_ros.messages.types import Decoder, WireType
 
 Array = npt.NDArray[np.float64]
@@ -21,7 +29,7 @@ MOST_SAMPLES = 20_000  # of a topic; of one with more, every second message, eve
 _MOST_ENTRIES = 64  # of an array that could be a vehicle's
 # Large, and none of them is an input.
 _LEFT_OUT = re.compile(
-    r'sensor_msgs/msg/(\w*Image|CameraInfo|PointCloud2?|\w*LaserScan|LaserEcho|NavSatFix)|'
+    r'sensor_msgs/msg/(\w*Image|CameraInfo|PointCloud2?|\w*LaserScan|LaserEcho)|'
     r'(rcl_interfaces|rosgraph_msgs|diagnostic_msgs|visualization_msgs|tf2?_msgs|rosbag2_\w+|'
     r'stereo_msgs|nav_msgs/msg/(OccupancyGrid|Path))/?.*')
 
@@ -33,9 +41,9 @@ class Signal:
     topic: str
     type: str
     path: str  # '' for the whole message
-    shape: str  # vector, quaternion, wrench, array or number
+    shape: str  # vector, quaternion, geographic, wrench, array or number
     times: Array  # [s] of the samples, by their stamps where there are some, increasing
-    values: Array  # a row per sample
+    values: Array  # a row per sample; of what is geographic, metres east, north and up
     names: tuple[str, ...] = ()  # of the entries of an array, where the message has them
     rate: float = 0.0  # [Hz] in the log, with what was left out
     longest_gap: float = 0.0  # [s] between two samples of the log
@@ -142,6 +150,11 @@ class _Sampler:
                              rate, 1e-9 * self._gap, lag)
 
 
+def _has_fix(position: Any) -> bool:
+    """Tell whether a geographic position is one; a NavSatFix says so."""
+    return 'status' not in field_names(position) or position.status.status >= 0
+
+
 def _stamp(message: Any) -> int:
     """Return the stamp of a message [ns], 0 if it has none."""
     header = getattr(message, 'header', None)
@@ -156,7 +169,7 @@ def _paths(value: Any, path: str) -> Iterator[tuple[str, str]]:
         whole = isinstance(value, np.ndarray) and value.dtype == np.uint8
         if not whole and 1 <= len(value) <= _MOST_ENTRIES:
             yield path, shape
-    elif shape in ('vector', 'quaternion', 'number', 'wrench'):
+    elif shape in ('vector', 'quaternion', 'geographic', 'number', 'wrench'):
         yield path, shape
     else:
         for name in field_names(value):
@@ -174,6 +187,10 @@ def _values(messages: Sequence[Any], path: str, shape: str) -> tuple[Array, tupl
     found = [get(message) for message in messages]
     if names:
         return np.array([[getattr(one, name) for name in names] for one in found], float), ()
+    if shape == 'geographic':
+        local = LocalMetres()
+        return np.array([local(*[getattr(one, name) for name in GEOGRAPHIC])
+                         if _has_fix(one) else (math.nan,) * 3 for one in found]), ()
     if shape == 'wrench':
         return np.array([[getattr(getattr(one, half), name) for half in ('force', 'torque')
                           for name in 'xyz'] for one in found], float), ()

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from rovid_ros.logs.container import Block, Channel, Container, Raw, written_size
+from rovid_ros.messages.geographic import metres_per_degree
 
 MAGIC = b'\xa3\x95\x80'
 PACKAGE = 'ardupilot'  # that the types of records seem to be from
@@ -307,16 +308,12 @@ class DataflashFile(Container):
         return made
 
     def _local(self, made: npt.NDArray[Any], format: _Format) -> tuple[Any, ...]:
-        """Return north, east and down [m] of the first fix, on the ellipsoid of WGS 84."""
+        """Return north, east and down [m] of the first fix."""
         latitude, longitude, altitude = self._first_fix or (math.nan, math.nan, math.nan)
-        eccentricity, radius = 0.00669437999014, 6378137.0  # squared; [m] at the equator
-        flat = 1.0 - eccentricity * math.sin(math.radians(latitude)) ** 2
-        across = radius / math.sqrt(flat)
+        north, east = metres_per_degree(latitude)
         turn = np.remainder(made['Lng'] - longitude + 180.0, 360.0) - 180.0
         local = np.array([
-            across * (1.0 - eccentricity) / flat * np.radians(made['Lat'] - latitude),
-            across * math.cos(math.radians(latitude)) * np.radians(turn),
-            altitude - made['Alt']])
+            north * (made['Lat'] - latitude), east * turn, altitude - made['Alt']])
         if 'Status' in format.columns:
             local[:, made['Status'] < _FIX] = np.nan
         return tuple(local)

@@ -21,6 +21,7 @@ from rovid_ros.messages.field_paths import (
     describe,
     field_names,
     FieldError,
+    GEOGRAPHIC,
     getter,
     MissingIndexError,
     nearest,
@@ -29,6 +30,7 @@ from rovid_ros.messages.field_paths import (
     Step,
     walk,
 )
+from rovid_ros.messages.geographic import LocalMetres
 from rovid_ros.messages.serialised_layout import find_layout, NoLayoutError
 from rovid_ros.messages.types import standard_types, WireType
 
@@ -325,6 +327,8 @@ def _reading(source: Source, message: Any, settings: Settings, blank: bool = Fal
             return Reading((tuple(steps),), _heading(settings))
         attitude = Reading(_component_paths(steps, 'xyzw'), _quaternion(settings))
         return _unless_not_estimated(message, steps, attitude)
+    if shape == 'geographic':
+        return _geographic(message, steps)
     turn = _turn(source.input, settings)
     if shape == 'twist':
         return _pair(steps, ('linear', 'angular'), turn)
@@ -372,6 +376,21 @@ def _unless_not_estimated(message: Any, steps: Sequence[Step], reading: Reading)
         return reading.make(*values)
 
     return Reading(((*steps[:-1], name, 0), *reading.paths), make)
+
+
+def _geographic(message: Any, steps: Sequence[Step]) -> Reading:
+    """Return how to read latitude and longitude, which are the same whatever the frames are."""
+    position = Reading(tuple([(*steps, name) for name in GEOGRAPHIC]), LocalMetres())
+    status = (*steps, 'status', 'status')  # of a NavSatFix
+    if 'status' not in field_names(getter(steps)(message)):
+        return position
+
+    def make(status: Any, *values: Any) -> Floats:
+        if status < 0:
+            raise RefusedError('not_estimated')
+        return position.make(*values)
+
+    return Reading((status, *position.paths), make)
 
 
 def _component_paths(steps: Sequence[Step], names: Sequence[str]) -> tuple[tuple[Step, ...], ...]:

@@ -20,6 +20,9 @@ import numpy as np
 
 Step = str | int | slice
 
+GEOGRAPHIC = ('latitude', 'longitude', 'altitude')
+"""Fields of a position on the earth, [deg] and [m]."""
+
 _MOST_COMPARED = 1000
 _LONGEST_NAME = 256
 
@@ -159,7 +162,7 @@ def _no_field(value: Any, name: str, path: str) -> str:
 
 
 _ACCEPTED = {
-    'position': ('vector', 'array'),
+    'position': ('vector', 'array', 'geographic'),
     'depth': ('number',),
     'attitude': ('quaternion', 'number', 'array'),
     'angular_velocity': ('vector', 'array'),
@@ -170,7 +173,8 @@ _ACCEPTED = {
 }
 _WANTED = {
     'vector': 'x, y and z', 'array': 'an array of numbers', 'number': 'a number',
-    'quaternion': 'a quaternion', 'twist': 'a twist', 'wrench': 'a wrench',
+    'quaternion': 'a quaternion', 'geographic': 'latitude, longitude and altitude',
+    'twist': 'a twist', 'wrench': 'a wrench',
 }
 # Where a path ends above what the input takes, it goes on by the first of these that is there.
 _DESCENT = {
@@ -189,8 +193,8 @@ def resolve(input: str, path: str, message: Any, key: str) -> tuple[list[Step], 
     """
     Follow a path, and on from there to the next thing that the input takes.
 
-    Return the whole way, the value there and its shape: vector, quaternion, twist, wrench, array
-    or number.
+    Return the whole way, the value there and its shape: vector, quaternion, geographic, twist,
+    wrench, array or number.
     """
     steps = parse(path, key)
     value = walk(message, steps, path, key)
@@ -223,10 +227,12 @@ def resolve_all(input: str, path: str, message: Any, key: str) -> list[list[Step
 
 
 def shape_of(value: Any) -> str:
-    """Return vector, quaternion, twist, wrench, array or number; '' for anything else."""
+    """Return vector, quaternion, geographic, twist, wrench, array or number; '' for others."""
     names = field_names(value)
     if {'x', 'y', 'z'}.issubset(names):
         return 'quaternion' if 'w' in names else 'vector'
+    if {*GEOGRAPHIC}.issubset(names):
+        return 'geographic'
     if {'linear', 'angular'}.issubset(names):
         return 'twist'
     if {'force', 'torque'}.issubset(names):

@@ -13,7 +13,15 @@ from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.velocity.attitude_history import from_angles, from_yaw, product, rotate_back
 from rovid_ros.config.input_topics import sources
 from rovid_ros.messages.converter import Converter
-from rovid_ros.messages.field_paths import getter, parse_all, resolve, resolve_all, Step
+from rovid_ros.messages.field_paths import (
+    GEOGRAPHIC,
+    getter,
+    parse_all,
+    resolve,
+    resolve_all,
+    Step,
+)
+from rovid_ros.messages.geographic import metres_per_degree
 from rovid_ros.messages.types import build, standard_types
 
 Values = tuple[float, ...]
@@ -149,6 +157,9 @@ class SensorMessages:
             return dict(zip('xyzw', _quaternion(settings, value)))
         if place.shape == 'vector':
             return dict(zip('xyz', _vector(settings, place.input, value)))
+        if place.shape == 'geographic':  # of a world that begins where both are 0
+            (north, east), (x, y, z) = metres_per_degree(0.0), value[:3]
+            return dict(zip(GEOGRAPHIC, (y / north, x / east, z)))
         if place.shape in ('twist', 'wrench'):
             names = ('linear', 'angular') if place.shape == 'twist' else ('force', 'torque')
             return {

@@ -1,11 +1,13 @@
 """``rovid init``: the configuration of a log that nobody has described."""
 
 from collections.abc import Callable
+from dataclasses import replace
 import math
 from pathlib import Path
 import re
 from typing import Any
 
+import numpy as np
 import pytest
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import Settings
@@ -19,7 +21,7 @@ from rovid_ros.config.parameters import settings_from
 from rovid_ros.discovery.ardusub import allocation, FRAMES, motors
 from rovid_ros.discovery.candidates import candidates
 from rovid_ros.discovery.decisions import decide
-from rovid_ros.discovery.signals import read_signals
+from rovid_ros.discovery.signals import read_signals, Signal
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
 
@@ -104,6 +106,40 @@ def test_an_allocation_is_estimated(logs: dict[str, Path], repository: Path,
         largest = max(map(abs, forces))
         assert found.thrusters.allocation[row] == pytest.approx(
             [force / largest for force in forces], abs=0.15), dof
+
+
+@pytest.mark.parametrize('frames', ['enu', 'ned'])
+def test_a_gps_will_do(frames: str, repository: Path, tmp_path: Path,
+                       initialised: Callable[[Path], Settings]) -> None:
+    settings = settings_from(load(repository / 'config' / 'odometry_wrench.yaml'))
+    kind, log = 'sensor_msgs/msg/NavSatFix', tmp_path / 'dive.mcap'
+    simulate_log(replace(settings, frames=frames, attitude=replace(
+        settings.attitude, topic='/ned/odometry' if frames == 'ned' else '/odometry'),
+        position=replace(settings.position, topic='/fix', type=kind, field='')), log, 45.0, 1)
+    found = initialised(log)
+    assert found.frames == frames
+    assert inputs(found)['position'] == '/fix '
+    for dof, mass in (('surge', 90.0), ('sway', 110.0), ('heave', 120.0)):
+        assert found.dof[dof].mass == pytest.approx(mass, rel=0.2), dof
+
+
+def test_a_dvl_goes_before_a_gps(repository: Path, tmp_path: Path) -> None:
+    """What a GPS says is seldom right under water; its velocity is never that of the body."""
+    settings = settings_from(load(repository / 'config' / 'odometry_wrench.yaml'))
+    log = tmp_path / 'dvl.mcap'
+    velocity = replace(settings.velocity, topic='/dvl')
+    simulate_log(replace(settings, velocity=velocity), log, 30.0, 1)
+    with Log([log]) as opened:
+        signals = [signal for signal in read_signals(opened, 0.0, None)
+                   if signal.path != 'pose.pose.position']
+    times = np.arange(0.0, 30.0, 0.2)
+    path = np.column_stack([times, np.sin(times), 0.0 * times])
+    signals += [Signal('/gps/fix', 'sensor_msgs/msg/NavSatFix', '', 'geographic', times, path),
+                Signal('/gps/vel', 'geometry_msgs/msg/TwistStamped', 'twist.linear', 'vector',
+                       times, path, rate=100.0)]
+    made = decide(candidates(signals), signals, lambda name, found: found[0]).inputs
+    assert made['velocity'].signal.topic == '/dvl'
+    assert 'position' not in made
 
 
 @pytest.mark.parametrize('offset', [math.pi / 2, -2.0])

@@ -1,7 +1,7 @@
 """Messages to samples: field paths, stamps, frames, thrusters, and what is refused."""
 
 from array import array
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import Any
@@ -161,6 +161,30 @@ def test_what_an_imu_has_no_estimate_of(make: Any) -> None:
                             ('angular_velocity', 'not_estimated'): 1}
 
 
+def test_latitude_and_longitude_are_metres_of_a_world_with_z_up(make: Any) -> None:
+    """0.001 deg of latitude at 60 deg and, across the date line, 0.0002 deg of longitude."""
+    fixes = [(60.0, 179.9999, 5.0, 0), (60.001, -179.9999, 7.0, 2), (60.002, 179.9999, 5.0, -1),
+             (math.nan, 179.9999, 5.0, 0)]
+    for frames in ('enu', 'ned'):
+        case = Case(settings(position=InputSettings('/gps'), frames=frames))
+        one, other, *more = [case.values('/gps', make('sensor_msgs/msg/NavSatFix', {
+            'latitude': latitude, 'longitude': longitude, 'altitude': altitude,
+            'status': {'status': status}})) for latitude, longitude, altitude, status in fixes]
+        moved = np.subtract(other['position'], one['position'])
+        assert moved == pytest.approx((11.160, 111.412, 2.0), abs=0.002)
+        assert case.refused == {('position', 'not_estimated'): 1}
+        assert 'position' not in more[0] and math.isnan(more[1]['position'][1])
+
+
+def test_who_begins_later_measures_from_the_same_place(make: Any) -> None:
+    def position(latitudes: Sequence[float]) -> Any:
+        case = Case(settings(position=InputSettings('/gps')))
+        return [case.values('/gps', make('sensor_msgs/msg/NavSatFix', {
+            'latitude': latitude, 'longitude': -76.6})) for latitude in latitudes][-1]
+
+    assert position([39.3001, 39.3021]) == position([39.3021])
+
+
 def test_one_sign_for_all_thrusters(make: Any) -> None:
     case = Case(settings({'gain': (1.0, 1.0, 1.0)}, sign=InputSettings('/way', field='data')))
     assert case.values('/way', make('std_msgs/msg/Int8', {'data': -1})) == {'sign': (-1.0,)}
@@ -189,10 +213,12 @@ def test_depth_is_scaled(make: Any) -> None:
      "position.field: 'point[0]': geometry_msgs/msg/Point has no entries to index"),
     ('geometry_msgs/msg/PointStamped', 'position', 'header',
      "position.field: 'header' of geometry_msgs/msg/PointStamped is std_msgs/msg/Header, which "
-     'has stamp, frame_id; position takes x, y and z or an array of numbers'),
+     'has stamp, frame_id; position takes x, y and z or an array of numbers or latitude, '
+     'longitude and altitude'),
     ('sensor_msgs/msg/Imu', 'position', 'orientation',
      "position.field: 'orientation' of sensor_msgs/msg/Imu is geometry_msgs/msg/Quaternion, "
-     'which has x, y, z, w; position takes x, y and z or an array of numbers'),
+     'which has x, y, z, w; position takes x, y and z or an array of numbers or latitude, '
+     'longitude and altitude'),
     ('geometry_msgs/msg/PointStamped', 'depth', 'point',
      "depth.field: 'point' of geometry_msgs/msg/PointStamped is geometry_msgs/msg/Point, which "
      'has x, y, z; depth takes a number'),

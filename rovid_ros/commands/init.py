@@ -114,7 +114,8 @@ def _others_vehicles(log: Log, made: Discovery) -> list[str]:
     """Return a line for each file that lacks a topic of the configuration."""
     uses: dict[str, list[str]] = {}
     for name, one in made.inputs.items():
-        uses.setdefault(one.signal.topic, []).append(_SHORT.get(name, name))
+        for topic in one.signal.topics or [one.signal.topic]:
+            uses.setdefault(topic, []).append(_SHORT.get(name, name))
     lacking: dict[str, list[str]] = {}
     for topic, names in uses.items():
         for file in log.files_without(topic):

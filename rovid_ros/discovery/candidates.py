@@ -5,15 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 import math
+import re
 from typing import Any
 
 import numpy as np
-from rovid_ros.discovery.signals import Array, part, Signal
+from rovid_ros.discovery.signals import Array, part, Signal, together
 
 PWM = (1000.0, 2000.0)  # [us] servo pulses, and what a controller makes of them
 NEUTRAL = 1500.0  # [us]
 _PASCAL = 1.0 / (1000.0 * 9.80665)  # [m/Pa] of fresh water
 _ATMOSPHERE = 101325.0  # [Pa]
+_THRUSTER = {'thruster', 'thrusters', 'thrust', 'motor', 'motors', 'propeller', 'propellers'}
 _GRAVITY = (8.8, 10.8)  # [m/s^2] length of what an accelerometer sees on average
 # What is asked for, and not what is.
 _ASKED = {'goal', 'target', 'setpoint', 'desired', 'waypoint', 'ref', 'error', 'trajectory'}
@@ -30,7 +32,7 @@ class Candidate:
 
 def candidates(signals: Sequence[Signal]) -> dict[str, list[Candidate]]:
     """Return what could be each input, the likeliest first; inputs without any are left out."""
-    signals = [*signals, *_inertial_parts(signals)]
+    signals = [*signals, *_inertial_parts(signals), *_one_topic_each(signals)]
     found: dict[str, list[Candidate]] = {}
     for name, judge in _JUDGES.items():
         judged = [one for signal in signals for one in judge(signal)]
@@ -167,6 +169,19 @@ def _inertial_parts(signals: Sequence[Signal]) -> list[Signal]:
                     if np.max(np.abs(columns.values)) < 20.0:
                         found.append(columns)
     return found
+
+
+def _one_topic_each(signals: Sequence[Signal]) -> list[Signal]:
+    """Return the commands of thrusters that have a topic each, as /thruster1/cmd and so on."""
+    groups: dict[tuple[Any, ...], list[Signal]] = {}
+    for signal in signals:
+        parts = signal.topic.split('/')
+        if signal.shape == 'number' and signal.words & _THRUSTER:
+            groups.setdefault((signal.type, signal.path, len(parts), re.sub(
+                r'\d+', '', parts[-1])), []).append(signal)
+    return [together(sorted(group, key=lambda one: [
+        (int(digits or 0), text) for text, digits in re.findall(r'(\D+)(\d*)', one.topic)]))
+        for group in groups.values()]
 
 
 def _thrusters(signal: Signal) -> Iterable[Candidate]:

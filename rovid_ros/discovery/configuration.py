@@ -68,7 +68,10 @@ def _up(value: float) -> float:
 
 
 def _source(signal: Signal) -> list[str]:
-    return [f'      topic: {_text(signal.topic)}', f'      type: {signal.type}',
+    topics = [f'      topic: {_text(signal.topic)}']
+    if signal.topics:
+        topics = ['      topics:', *[f'        - {_text(topic)}' for topic in signal.topics]]
+    return [*topics, f'      type: {signal.type}',
             f'      field: {_text(signal.path)}']
 
 

@@ -361,7 +361,7 @@ def _chain(gain: tuple[float, ...], **more: Any) -> ThrusterSettings:
 
 def _path(signal: Signal, used: Sequence[int]) -> str:
     """Return the path to some columns of an array."""
-    if list(used) == list(range(signal.values.shape[1])):
+    if signal.topics or list(used) == list(range(signal.values.shape[1])):
         return signal.path
     if ',' in signal.path:
         names = [name.strip() for name in signal.path.split(',')]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 import math
 import re
@@ -48,6 +48,7 @@ class Signal:
     rate: float = 0.0  # [Hz] in the log, with what was left out
     longest_gap: float = 0.0  # [s] between two samples of the log
     lag: float = 0.0  # [s] from the stamp to the receipt, the longest
+    topics: tuple[str, ...] = ()  # of the entries of an array, where each has its own
 
     @cached_property
     def words(self) -> frozenset[str]:
@@ -68,9 +69,23 @@ class Signal:
 
 def part(signal: Signal, columns: Sequence[int], path: str, shape: str) -> Signal:
     """Return a signal of some columns of another."""
-    return Signal(signal.topic, signal.type, path, shape, signal.times,
-                  signal.values[:, list(columns)], (), signal.rate, signal.longest_gap,
-                  signal.lag)
+    return replace(signal, path=path, shape=shape, values=signal.values[:, list(columns)],
+                   names=(), topics=tuple([
+                       topic for k, topic in enumerate(signal.topics) if k in columns]))
+
+
+def together(signals: Sequence[Signal]) -> Signal:
+    """Return numbers that come on a topic each as one array: each holds until its next one."""
+    first = max(signal.times[0] for signal in signals)
+    times = np.unique(np.concatenate([signal.times for signal in signals]))
+    times = times[times >= first]
+    values = [signal.values[np.searchsorted(signal.times, times, 'right') - 1, 0]
+              for signal in signals]
+    topics = tuple([signal.topic for signal in signals])
+    return replace(
+        max(signals, key=lambda signal: signal.longest_gap), topics=topics,
+        topic=topics[0] if len(topics) == 1 else f'{topics[0]} to {topics[-1]}', shape='array',
+        times=times, values=np.column_stack(values))
 
 
 def read_signals(log: Log, start: float, duration: float | None,

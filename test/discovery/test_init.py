@@ -100,12 +100,31 @@ def test_an_allocation_is_estimated(logs: dict[str, Path], repository: Path,
     known = settings_from(load(repository / 'config' / 'jhurov.yaml'))
     assert found.thrusters.names == known.thrusters.names
     assert found.depth_scale == pytest.approx(known.depth_scale, rel=1e-3)
+    assert_rows(found, known)
+
+
+def assert_rows(found: Settings, known: Settings) -> None:
+    """Compare what each command does."""
     for dof in ('surge', 'heave', 'yaw'):
         row = DOFS.index(dof)
         forces = [a * k for a, k in zip(known.thrusters.allocation[row], known.thrusters.gain)]
         largest = max(map(abs, forces))
         assert found.thrusters.allocation[row] == pytest.approx(
             [force / largest for force in forces], abs=0.15), dof
+
+
+def test_thrusters_may_have_a_topic_each(repository: Path, tmp_path: Path,
+                                         initialised: Callable[[Path], Settings]) -> None:
+    known = settings_from(load(repository / 'config' / 'jhurov.yaml'))
+    topics = tuple([f'/model/rov/joint/thruster{k}_joint/cmd_thrust' for k in (9, 10, 11)])
+    log = tmp_path / 'dive.mcap'
+    simulate_log(replace(known, thrusters=replace(
+        known.thrusters, topics=topics, type='std_msgs/msg/Float64', field='data', names=(),
+        stamp='')),
+        log, 45.0, 1)
+    found = initialised(log)
+    assert found.thrusters.topics == topics
+    assert_rows(found, known)
 
 
 @pytest.mark.parametrize('frames', ['enu', 'ned'])

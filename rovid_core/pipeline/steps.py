@@ -46,6 +46,9 @@ class Scorer(Protocol):
                  axes: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())) -> None:
         """Add a step and its times [ns]: start, start of the measurement, end."""
 
+    def begin_anew(self, dof: str) -> None:
+        """Forget the steps of a DOF so far: their couplings are not those of what follows."""
+
     def add_current(self, time: int, x: float, y: float) -> None:
         """Add the current of the water that is known by now."""
 
@@ -504,9 +507,12 @@ class Pipeline:
         """Forget what DOFs have learned that were coupled with a velocity that was not known."""
         for source in self._sources:
             for i in source.indices if self._planar_of(source) is None else ():
-                if couplings.has_velocity(self._settings.couplings(self._settings.dofs[i])):
+                dof = self._settings.dofs[i]
+                if couplings.has_velocity(self._settings.couplings(dof)):
                     self.dofs[i].begin_anew()
                     source.last = None
+                    if self._scorer is not None:
+                        self._scorer.begin_anew(dof)
 
     def _axis(self, dof: str, time: int) -> tuple[float, ...]:
         """Return x and y of the axis of surge or sway in the world, () where no current shows."""

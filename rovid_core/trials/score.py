@@ -132,13 +132,13 @@ class ScoreLog:
         self._block = block
         self._couplings = {dof: settings.couplings(dof) for dof in settings.dofs}
         # of a DOF that moves with the water: its axis in the world, in the middle and at the end
-        axes = {dof: 4 if settings.sees_current and dof in ('surge', 'sway') else 0
-                for dof in settings.dofs}
-        self._tables = {dof: SpillingTable(2, 4 + 2 * len(names) + axes[dof], block)
-                        for dof, names in self._couplings.items()}
-        self._axes = axes
+        self._axes = {dof: 4 if settings.sees_current and dof in ('surge', 'sway') else 0
+                      for dof in settings.dofs}
         self.water = LogWater()
-        self.runs: dict[str, list[ScoredRun]] = {dof: [] for dof in settings.dofs}
+        self._tables: dict[str, SpillingTable] = {}
+        self.runs: dict[str, list[ScoredRun]] = {}
+        for dof in settings.dofs:
+            self.begin_anew(dof)
         self._references = SpillingTable(1, len(DOFS), block)
 
     def begin_run(self, dof: str, time: int, velocity: float, axis: Axis = ()) -> None:
@@ -182,6 +182,12 @@ class ScoreLog:
         self._tables[dof].append(
             span[1:], (*step.forces, step.velocity[2], step.mean, *couplings, *ends))
         self.runs[dof][-1].count += 1
+
+    def begin_anew(self, dof: str) -> None:
+        """Forget the steps of a DOF so far."""
+        self._tables[dof] = SpillingTable(
+            2, 4 + 2 * len(self._couplings[dof]) + self._axes[dof], self._block)
+        self.runs[dof] = []
 
     def add_current(self, time: int, x: float, y: float) -> None:
         """Add the current of the water in the world [m/s] at a time [ns], where it is known."""

@@ -7,6 +7,7 @@ import re
 import pytest
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import CurrentSettings, DofSettings
+from rovid_core.trials.score import ScoreLog
 
 from test.support.moving_water import (
     away,
@@ -78,13 +79,15 @@ def with_yaw():
 
 
 def test_yaw_is_coupled_with_the_velocity_through_the_water():
-    true = TRUTH['yaw']
-    yaw = followed(Stream(with_yaw()), FIXES)[-1].dofs[2]
+    true, scores = TRUTH['yaw'], ScoreLog(with_yaw())
+    yaw = followed(Stream(with_yaw(), scorer=scores), FIXES)[-1].dofs[2]
     assert yaw.steps > 1900  # of 2,000
     # over ground, until the current is known, it was a thousand times the true one
     assert 1.0 / yaw.parameters[0] == pytest.approx(true.mass, rel=0.03)
     assert yaw.couplings[1] == pytest.approx(
         (TRUTH['surge'].mass - TRUTH['sway'].mass) / true.mass, rel=0.03)
+    # it is not scored on what it has not learned from
+    assert scores.score('yaw', (*yaw.parameters, *yaw.couplings)).fit > 0.97
 
 
 def test_yaw_goes_on_when_the_filter_of_surge_and_sway_begins_anew():

@@ -189,6 +189,11 @@ class ScoreLog:
             2, 4 + 2 * len(self._couplings[dof]) + self._axes[dof], self._block)
         self.runs[dof] = []
 
+    def take_steps(self, other: ScoreLog, dofs: Sequence[str]) -> None:
+        """Take the steps of some DOFs of another log of the same settings."""
+        for dof in dofs:
+            self._tables[dof], self.runs[dof] = other._tables[dof], other.runs[dof]
+
     def add_current(self, time: int, x: float, y: float) -> None:
         """Add the current of the water in the world [m/s] at a time [ns], where it is known."""
         self.water.add(time, x, y)

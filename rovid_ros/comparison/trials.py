@@ -24,6 +24,7 @@ from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.offline import METHODS as OFFLINE, subsets
 from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog
+from rovid_core.velocity.couplings import NO_PRODUCTS
 from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.player import PipelinePlayer, repeat_control
 from rovid_ros.results.documents import couplings_document, json_number, json_numbers, Result
@@ -77,6 +78,7 @@ class TrialPlayer(PipelinePlayer):
               for method in ONLINE}
         paper = replace(of.pop(PAPER), all_methods=True)
         super().__init__(paper, ScoreLog(paper))
+        self._paper = paper
         self._others = {method: Stream(one) for method, one in of.items()}
         self.history = {dof: History() for dof in settings.dofs}  # of the adaptive identifier
         self.currents: list[tuple[int, Current]] = []  # of the water, with their times [ns]
@@ -120,6 +122,20 @@ class TrialPlayer(PipelinePlayer):
                 '; '.join(notes), identifier.couplings, identifier.uncertainty.couplings_std,
                 0.0 if math.isnan(identifier.delay) else identifier.delay)
         return found
+
+    def in_current(self) -> tuple[PipelinePlayer, Sequence[str]] | None:
+        """
+        Return what plays the log again in its current, and for which DOFs; None for none.
+
+        Couplings with a velocity are of that through the water, which was not known at first. Of
+        surge and sway the scores themselves make them so.
+        """
+        dofs = [dof for dof in self._paper.dofs if dof not in ('surge', 'sway') and any(
+            name not in NO_PRODUCTS and {*name} & {'u', 'v'}
+            for name in self._paper.couplings(dof))]
+        if not (self.currents and dofs):
+            return None
+        return PipelinePlayer(self._paper, water=self.scores.water), dofs
 
     def push(self, dof: str) -> float:
         """

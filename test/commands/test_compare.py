@@ -1,5 +1,7 @@
 """``rovid compare`` on simulated trials: models, choice of terms, scores, files."""
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 import json
 import os
 from pathlib import Path
@@ -15,8 +17,9 @@ from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score
 from rovid_ros.commands.compare import read_trials
 from rovid_ros.commands.main import main
+from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.comparison.report_data import sentence
-from rovid_ros.comparison.trials import Model, unseen
+from rovid_ros.comparison.trials import compare, Model, unseen
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.writer import LogWriter
@@ -91,6 +94,25 @@ def test_a_replay_speaks_of_the_whole_log(folder: Path) -> None:
         surge = json.loads(found.read_text())['dofs']['surge']
         assert (surge['status'] == 'unexcited') == (name == 'idle'), surge
         assert ('no thrust' in surge['reasons']) == (name == 'idle')
+
+
+def test_yaw_is_pushed_by_the_velocity_through_the_water(tmp_path: Path) -> None:
+    """Which is known once the log has been read; over ground yaw's fit was 0.5."""
+    known = settings_from(load(CONFIG.with_name('odometry_wrench.yaml')))
+    moving = replace(known.simulation, coriolis=True, current=(0.2, -0.1))
+    settings = replace(known, dofs=('surge', 'sway', 'yaw'), simulation=moving)
+    simulate_log(settings, tmp_path / 'dive.mcap', 60.0, 1)
+    trials = read_trials([tmp_path / 'dive.mcap'], [], settings, pytest.fail)
+
+    def each(label: str, work: Callable[[Any], Any], given: Sequence[Any]) -> list[Any]:
+        return [work(one) for one in given]
+
+    models = {model.method: model for model in compare(trials, settings, each)
+              if model.dof == 'yaw' and not model.selected}
+    for method in ('ekf', 'output_error'):
+        assert models[method].scores['dive.mcap'].fit > 0.9
+        assert 1.0 / models[method].fit.parameters[0] == pytest.approx(
+            moving.dofs['yaw'].mass, rel=0.05)
 
 
 def test_averages_leave_out_logs_that_do_not_push() -> None:

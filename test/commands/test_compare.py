@@ -101,7 +101,7 @@ def test_yaw_is_pushed_by_the_velocity_through_the_water(tmp_path: Path) -> None
     known = settings_from(load(CONFIG.with_name('odometry_wrench.yaml')))
     moving = replace(known.simulation, coriolis=True, current=(0.2, -0.1))
     settings = replace(known, dofs=('surge', 'sway', 'yaw'), simulation=moving)
-    simulate_log(settings, tmp_path / 'dive.mcap', 60.0, 1)
+    simulate_log(settings, tmp_path / 'dive.mcap', 45.0, 1)
     trials = read_trials([tmp_path / 'dive.mcap'], [], settings, pytest.fail)
 
     def each(label: str, work: Callable[[Any], Any], given: Sequence[Any]) -> list[Any]:

@@ -13,7 +13,7 @@ from rovid_core.model.samples import Event
 from rovid_core.model.trajectory import Array, linear_recurrence
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.force_history import MAX_FORCE
-from rovid_core.thrust.thruster_curve import are_commands, wrench, wrench_model
+from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench
 from rovid_core.trials.score import ScoreLog
 from rovid_core.trials.water import LogWater
 
@@ -168,9 +168,13 @@ class TuningLog(ScoreLog):
     def commanded(self, thrusters: ThrusterSettings | None = None) -> CommandedForce:
         """Return the force on the DOFs of the run, in their order, with these thrusters."""
         thrusters = thrusters or self._settings.thrusters
-        force = wrench_model(thrusters, self._settings.dofs)
-        forces = np.array([force(raw) for raw in self.commands().tolist()])
-        return CommandedForce(np.array(self._times), forces.T, thrusters.hold == 'linear')
+        model, each = thruster_model(thrusters), []
+        for raw, gain in zip(self.commands().T, thrusters.gain):
+            told, where = np.unique(raw, return_inverse=True)  # of pulses there are few
+            each.append(np.array([gain * model(one) for one in told.tolist()])[where])
+        forces = np.array([thrusters.allocation[DOFS.index(dof)]
+                           for dof in self._settings.dofs]) @ np.array(each)
+        return CommandedForce(np.array(self._times), forces, thrusters.hold == 'linear')
 
     def heading(self, times: NDArray[np.int64]) -> Array:
         """Return the heading of the vehicle at some times [ns], without jumps [rad]."""

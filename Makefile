@@ -32,7 +32,7 @@ help:
 	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest, WORKERS=3 at once'
 	@echo '            COMPILE=1: the same tests on an installation that mypyc has compiled'
 	@echo 'make lint   linters and types only'
-	@echo 'make figures  every table of docs/measurements/, in about 75 minutes; ARGS="accuracy speed.step"'
+	@echo 'make figures  every table of docs/measurements/, in about 90 minutes; ARGS="accuracy speed.step"'
 	@echo 'make bench  those of docs/measurements/speed.md alone'
 	@echo 'make picture  docs/report.png, the report of two simulated trials; needs Chromium'
 	@echo 'make browser  Debian Chromium, for the tests that open the report (needs root)'

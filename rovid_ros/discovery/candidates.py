@@ -16,6 +16,7 @@ NEUTRAL = 1500.0  # [us]
 _PASCAL = 1.0 / (1000.0 * 9.80665)  # [m/Pa] of fresh water
 _ATMOSPHERE = 101325.0  # [Pa]
 _THRUSTER = {'thruster', 'thrusters', 'thrust', 'motor', 'motors', 'propeller', 'propellers'}
+_MEASURED = {'temperature', 'temp', 'voltage', 'vel', 'velocity', 'pos', 'position', 'angle'}
 _GRAVITY = (8.8, 10.8)  # [m/s^2] length of what an accelerometer sees on average
 # What is asked for, and not what is.
 _ASKED = {'goal', 'target', 'setpoint', 'desired', 'waypoint', 'ref', 'error', 'trajectory'}
@@ -176,7 +177,8 @@ def _one_topic_each(signals: Sequence[Signal]) -> list[Signal]:
     groups: dict[tuple[Any, ...], list[Signal]] = {}
     for signal in signals:
         parts = signal.topic.split('/')
-        if signal.shape == 'number' and signal.words & _THRUSTER:
+        if signal.shape == 'number' and signal.words & _THRUSTER and not (
+                signal.words & _MEASURED):
             groups.setdefault((signal.type, signal.path, len(parts), re.sub(
                 r'\d+', '', parts[-1])), []).append(signal)
     return [together(sorted(group, key=lambda one: [

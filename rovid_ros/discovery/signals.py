@@ -69,9 +69,9 @@ class Signal:
 
 def part(signal: Signal, columns: Sequence[int], path: str, shape: str) -> Signal:
     """Return a signal of some columns of another."""
+    topics = tuple([signal.topics[k] for k in columns]) if signal.topics else ()
     return replace(signal, path=path, shape=shape, values=signal.values[:, list(columns)],
-                   names=(), topics=tuple([
-                       topic for k, topic in enumerate(signal.topics) if k in columns]))
+                   names=(), topics=topics)
 
 
 def together(signals: Sequence[Signal]) -> Signal:

@@ -127,6 +127,14 @@ def test_thrusters_may_have_a_topic_each(repository: Path, tmp_path: Path,
     assert_rows(found, known)
 
 
+def test_what_is_measured_of_a_motor_is_no_command() -> None:
+    times = np.arange(0.0, 30.0, 0.2)
+    for topic, is_one in (('/motor1/cmd', True), ('/motor1/temperature', False)):
+        signal = Signal(topic, 'std_msgs/msg/Float64', 'data', 'number', times,
+                        np.sin(times)[:, np.newaxis], rate=5.0)
+        assert ('thrusters' in candidates([signal])) is is_one
+
+
 @pytest.mark.parametrize('frames', ['enu', 'ned'])
 def test_a_gps_will_do(frames: str, repository: Path, tmp_path: Path,
                        initialised: Callable[[Path], Settings]) -> None:

@@ -83,10 +83,6 @@ def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Setti
                         warn=warnings.append)
         for line in warnings:
             warn(f'{name}: {line}')
-        again = player.in_current()
-        if again is not None:
-            replay([path], settings, again[0], start=start, duration=duration)
-            player.scores.take_steps(again[0].scores, again[1])
         trials.append(Trial(name, i < len(train), result, player, warnings))
     return trials
 

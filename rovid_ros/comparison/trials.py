@@ -24,7 +24,6 @@ from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.offline import METHODS as OFFLINE, subsets
 from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog
-from rovid_core.velocity.couplings import NO_PRODUCTS
 from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.player import PipelinePlayer, repeat_control
 from rovid_ros.results.documents import couplings_document, json_number, json_numbers, Result
@@ -68,7 +67,10 @@ class TrialPlayer(PipelinePlayer):
     """
     The pipeline of every online method, each as a replay with that method has it.
 
-    The adaptive identifier's steps carry what the scores of all methods need.
+    The adaptive identifier's steps carry what the scores of all methods need. Those of yaw and
+    heave with couplings are taken of the filter of surge and sway, where there is one: products
+    of measured velocities are noisy, so that no method finds the whole coupling, and they are not
+    through the water.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -78,8 +80,12 @@ class TrialPlayer(PipelinePlayer):
               for method in ONLINE}
         paper = replace(of.pop(PAPER), all_methods=True)
         super().__init__(paper, ScoreLog(paper))
-        self._paper = paper
-        self._others = {method: Stream(one) for method, one in of.items()}
+        self._filtered = {method: ScoreLog(one) for method, one in of.items()
+                          if one.estimates_current}
+        self._others = {method: Stream(one, scorer=self._filtered.get(method))
+                        for method, one in of.items()}
+        self._coupled = [dof for dof in settings.dofs if dof not in ('surge', 'sway') and any(
+            {*name} <= {*'uvwpqr'} and {*name} & {*'uv'} for name in settings.couplings(dof))]
         self.history = {dof: History() for dof in settings.dofs}  # of the adaptive identifier
         self.currents: list[tuple[int, Current]] = []  # of the water, with their times [ns]
 
@@ -101,7 +107,10 @@ class TrialPlayer(PipelinePlayer):
         """Release what is still held back at the log's end."""
         for stream in self._others.values():
             stream.end()
-        return self._kept(super().finish())
+        kept = self._kept(super().finish())
+        for scores in self._filtered.values():
+            self.scores.take_steps(scores, self._coupled)
+        return kept
 
     def fits(self, dof: str) -> dict[str, Fit]:
         """Return what every online method ended with."""
@@ -122,20 +131,6 @@ class TrialPlayer(PipelinePlayer):
                 '; '.join(notes), identifier.couplings, identifier.uncertainty.couplings_std,
                 0.0 if math.isnan(identifier.delay) else identifier.delay)
         return found
-
-    def in_current(self) -> tuple[PipelinePlayer, Sequence[str]] | None:
-        """
-        Return what plays the log again in its current, and for which DOFs; None for none.
-
-        Couplings with a velocity are of that through the water, which was not known at first. Of
-        surge and sway the scores themselves make them so.
-        """
-        dofs = [dof for dof in self._paper.dofs if dof not in ('surge', 'sway') and any(
-            name not in NO_PRODUCTS and {*name} & {'u', 'v'}
-            for name in self._paper.couplings(dof))]
-        if not (self.currents and dofs):
-            return None
-        return PipelinePlayer(self._paper, water=self.scores.water), dofs
 
     def push(self, dof: str) -> float:
         """

@@ -10,7 +10,6 @@ from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
-from rovid_core.trials.water import LogWater
 from rovid_ros.config.parameters import changed
 from rovid_ros.logs.log import LogMessage, Maker
 from rovid_ros.messages.converter import Converter, Unpacker
@@ -44,17 +43,11 @@ class Player(Protocol):
 
 
 class PipelinePlayer:
-    """
-    Plays a log through the pipeline alone: conversion and stream, no ROS.
+    """Plays a log through the pipeline alone: conversion and stream, no ROS."""
 
-    With ``water``, what is known of its current, couplings are of velocities through it.
-    """
-
-    def __init__(self, settings: Settings, scores: ScoreLog | None = None,
-                 water: LogWater | None = None) -> None:
+    def __init__(self, settings: Settings, scores: ScoreLog | None = None) -> None:
         self.scores = scores or ScoreLog(settings)
-        self.stream = Stream(settings, scorer=self.scores,
-                             water=None if water is None else water.at)
+        self.stream = Stream(settings, scorer=self.scores)
         self.converter = Converter(settings, self.stream.reject)
 
     def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:

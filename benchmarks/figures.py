@@ -94,7 +94,7 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'coupled': Section('Vehicles that move in all axes at once', 'accuracy.coupled_vehicles',
                            '', '--seeds 1 --duration 60', 2.0),
         'six_axes': Section('A BlueROV2 in six axes', 'accuracy.six_axes', '--seeds 4',
-                            '--seeds 1 --duration 120 --only all', 35.0),
+                            '--seeds 1 --duration 120 --only all', 36.0),
         'control': Section('A controller with feed-forward', 'accuracy.feed_forward',
                            '--seeds 10', '--seeds 1 --duration 90', 4.5),
         'coupled_aid': Section('All axes at once, by aid', 'accuracy.coupled_vehicles',

@@ -25,18 +25,17 @@ class LocalMetres:
     """
 
     def __init__(self) -> None:
-        self._is_known = False
-        self._latitude = self._longitude = self._north = self._east = 0.0
+        # latitude and longitude of the origin [deg], and how long a degree of each is there [m]
+        self._origin: tuple[float, float, float, float] | None = None
 
     def __call__(self, latitude: float, longitude: float, altitude: float) -> tuple[
             float, float, float]:
         """Return east, north and up [m] of degrees and the altitude [m]; NaN for what is NaN."""
-        if not self._is_known:
+        if self._origin is None:
             if not math.isfinite(latitude + longitude):
                 return (math.nan, math.nan, math.nan)
-            self._latitude = round(latitude * GRID) / GRID
-            self._longitude = round(longitude * GRID) / GRID
-            self._north, self._east = metres_per_degree(self._latitude)
-            self._is_known = True
-        turn = (longitude - self._longitude + 180.0) % 360.0 - 180.0
-        return (self._east * turn, self._north * (latitude - self._latitude), float(altitude))
+            near = round(latitude * GRID) / GRID
+            self._origin = (near, round(longitude * GRID) / GRID, *metres_per_degree(near))
+        parallel, meridian, north, east = self._origin
+        turn = (longitude - meridian + 180.0) % 360.0 - 180.0
+        return (east * turn, north * (latitude - parallel), float(altitude))

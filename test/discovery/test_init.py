@@ -114,14 +114,18 @@ def assert_rows(found: Settings, known: Settings) -> None:
 
 
 def test_thrusters_may_have_a_topic_each(repository: Path, tmp_path: Path,
-                                         initialised: Callable[[Path], Settings]) -> None:
+                                         initialised: Callable[[Path], Settings],
+                                         capsys: pytest.CaptureFixture[str]) -> None:
     known = settings_from(load(repository / 'config' / 'jhurov.yaml'))
     topics = tuple([f'/model/rov/joint/thruster{k}_joint/cmd_thrust' for k in (9, 10, 11)])
-    log = tmp_path / 'dive.mcap'
-    simulate_log(replace(known, thrusters=replace(
+    log, other = tmp_path / 'dive.mcap', tmp_path / 'other.mcap'
+    settings = replace(known, thrusters=replace(
         known.thrusters, topics=topics, type='std_msgs/msg/Float64', field='data', names=(),
-        stamp='')),
-        log, 45.0, 1)
+        stamp=''))
+    simulate_log(settings, log, 45.0, 1)
+    simulate_log(settings, other, 10.0, 2)
+    discover([log, other])
+    assert not capsys.readouterr().err  # neither lacks what the other has
     found = initialised(log)
     assert found.thrusters.topics == topics
     assert_rows(found, known)
@@ -148,6 +152,18 @@ def test_a_gps_will_do(frames: str, repository: Path, tmp_path: Path,
     assert inputs(found)['position'] == '/fix '
     for dof, mass in (('surge', 90.0), ('sway', 110.0), ('heave', 120.0)):
         assert found.dof[dof].mass == pytest.approx(mass, rel=0.2), dof
+
+
+def test_what_is_no_fix_is_left_out(tmp_path: Path) -> None:
+    log = tmp_path / 'fixes.mcap'
+    with LogWriter(log) as writer:
+        for k, (status, latitude) in enumerate([(-1, 0.0), *[(0, 39.3)] * 4, (-1, 50.0)]):
+            writer.write('/fix', 'sensor_msgs/msg/NavSatFix', {
+                'status': {'status': status}, 'latitude': latitude}, 10**9 * (k + 1))
+    with Log([log]) as opened:
+        [fixes] = [one for one in read_signals(opened, 0.0, None) if one.shape == 'geographic']
+    assert fixes.values.shape == (4, 3)
+    assert not np.ptp(fixes.values)
 
 
 def test_a_dvl_goes_before_a_gps(repository: Path, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from rovid_ros.messages.static_frames import TOPIC
 from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import NODE_NAME, ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
-from rovid_ros.node.silence import PERIOD, SilenceWatch
+from rovid_ros.node.stale_estimates import PERIOD, StaleEstimates
 from rovid_ros.node.transport.inputs import InputDecoder, message_classes, Subscriptions
 from rovid_ros.node.transport.message_types import definition
 from rovid_ros.node.transport.publishers import Publishers
@@ -188,7 +188,7 @@ class IdentifierNode(ParameterNode):
         self.converter = Converter(settings, self.stream.reject)
         self._classes = message_classes(settings, self.converter) if self._live else {}
         self._health = HealthMonitor(self, self.stream, self._recorder, live=self._live)
-        self._silence = SilenceWatch(self, self.stream)
+        self._silence = StaleEstimates(self, self.stream)
         self._decoder = InputDecoder(
             self.stream, self.converter, self._classes, self._health.arrivals,
             self.get_logger(), keep=self._recorder is not None)

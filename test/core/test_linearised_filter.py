@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter
-from rovid_core.identify.ekf.single.recent_force import RecentForce
 
 
 def parabola(times, values, i, time):
@@ -11,7 +11,7 @@ def parabola(times, values, i, time):
 
 
 def test_the_impulse_of_a_smooth_force_is_the_mean_of_the_parabolas_on_either_side():
-    random, recent = np.random.default_rng(0), RecentForce()
+    random, recent = np.random.default_rng(0), DelayedForce()
     spans, forces = random.uniform(0.02, 0.1, 400), random.normal(size=400)
     for piece in zip(spans.tolist(), forces.tolist()):
         recent.add([piece])
@@ -36,7 +36,7 @@ def test_the_impulse_of_a_smooth_force_is_the_mean_of_the_parabolas_on_either_si
     (0.1, 0.2), (0.1, 0.75), (0.3, 0.7), (-0.4, 0.1), (-0.4, 1.4), (0.7, 1.9), (1.2, 1.3),
     (-0.5, -0.2)])
 def test_a_held_force_moves_a_body_as_its_pieces_do(start, end):
-    recent, edges, forces = RecentForce(), [0.0, 0.3, 0.7, 1.0], [2.0, -1.0, 0.5]
+    recent, edges, forces = DelayedForce(), [0.0, 0.3, 0.7, 1.0], [2.0, -1.0, 0.5]
     for k in range(3):
         recent.add([(edges[k + 1] - edges[k], forces[k])], held=True)
     time = np.linspace(start, end, 20_001)
@@ -46,7 +46,7 @@ def test_a_held_force_moves_a_body_as_its_pieces_do(start, end):
     assert impulse == pytest.approx(force @ dt, abs=1e-4)
     assert moment == pytest.approx(((end - middle) * force) @ dt, abs=1e-4)
     assert (first, last) == (force[0], force[-1])
-    same = RecentForce()
+    same = DelayedForce()
     same.restore(recent.state())
     assert same.over(start, end) == (impulse, moment, first, last)
 
@@ -59,7 +59,7 @@ def test_the_force_ends_where_the_step_begins():
     """As at 20 Hz, with the delay at its lower bound because commands are stamped late."""
     filter = LinearisedFilter((*THETA[:4], -0.05), VARIANCES, 0.0)
     filter.set_motion(0.0, (1e-4, 1.0))
-    force = RecentForce()
+    force = DelayedForce()
     force.add([(0.05, 1.0), (0.05, 0.5)])
     assert force.end - 0.05 == 0.05
     filter.move(force, 0.05, 0.1)
@@ -68,7 +68,7 @@ def test_the_force_ends_where_the_step_begins():
 
 
 def sines(duration, dt=0.1):
-    force = RecentForce()
+    force = DelayedForce()
     force.add([(dt, 0.0)] * 3)
     for k in range(round(duration / dt)):
         force.add([(dt, float(np.sin(0.5 * k * dt) + 0.5 * np.sin(1.3 * k * dt)))])
@@ -93,7 +93,7 @@ def test_sensitivities_are_derivatives_of_the_motion(i):
 
 def staircase(duration, dt=0.1):
     """Commands that jump at every fix and once between two, as those of a controller do."""
-    random, force = np.random.default_rng(3), RecentForce()
+    random, force = np.random.default_rng(3), DelayedForce()
     force.add([(dt, 0.0)] * 3, held=True)
     for k in range(round(duration / dt)):
         force.add([(0.4 * dt, float(random.normal())), (0.6 * dt, float(random.normal()))],
@@ -156,7 +156,7 @@ def test_the_covariance_stays_symmetric_and_positive_over_very_many_updates():
     random = np.random.default_rng(0)
     filter = LinearisedFilter(THETA, VARIANCES, 0.05)
     filter.set_motion(0.0, (1e-4, 1.0))
-    force, time, h = RecentForce(), 0.0, 0.1
+    force, time, h = DelayedForce(), 0.0, 0.1
     force.add([(h, 0.0)] * 2)
     box = [(0, 1e-3, 1e3), (1, -1e3, 0.0), (2, -1e3, 0.0), (4, -0.05, 0.6)]
     for k in range(50_000):

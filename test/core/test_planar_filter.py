@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
-from rovid_core.identify.ekf.planar.filter import PlanarFilter
+from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Noise, Row
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
-from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.identify.last_minute import DEAD_BAND
 from rovid_core.model.samples import PlanarPiece
 
@@ -20,7 +20,7 @@ def _moved(theta, velocity=(0.3, -0.1), count=12):
     filter = PlanarFilter(ROWS, theta, [0.0] * 15, Noise(0.0, 0.0))
     filter.set_motion(velocity, (1.0, 0.0, 0.0, 1.0), 0.01, 0.0)
     filter.set_position((2.0, 3.0), 0.0)
-    recent = RecentForce(), RecentForce()
+    recent = DelayedForce(), DelayedForce()
     for k in range(count + 10):
         recent[0].add([(STEP, 0.2 + 0.08 * k)])
         recent[1].add([(STEP, 0.9 - 0.06 * k)])
@@ -62,7 +62,7 @@ def test_a_body_at_rest_in_the_water_drifts_with_it():
     filter.set_motion((0.0, 0.0), (0.0, 1.0, -1.0, 0.0), 0.0, 0.0)
     filter.motion[2:4] = 0.0
     filter.set_position((1.0, 1.0), 0.0)
-    filter.move((RecentForce(), RecentForce()), 0.0, 2.0,
+    filter.move((DelayedForce(), DelayedForce()), 0.0, 2.0,
                 [PlanarPiece(0.0, 1.0, -1.0, 0.0, 0.0, 0.0, 0.1)], ((), (0.0,)), 0.0)
     assert filter.motion[:2] == pytest.approx([1.4, 0.8])
 
@@ -98,7 +98,7 @@ def test_what_bends_with_the_thrust_is_taken_of_each_command(k, column, bent):
         filter = PlanarFilter(ROWS, THETA, [0.0] * 15, Noise(0.0, 0.0))
         filter.set_motion((0.3, -0.1), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
         filter.set_position((2.0, 3.0), 0.0)
-        recent = RecentForce(), RecentForce()
+        recent = DelayedForce(), DelayedForce()
         for i, one in enumerate(recent):
             alpha = THETA[ROWS[i].first]
             forces = COMMANDS + (size / alpha * bent(COMMANDS) if i == k else 0.0)

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.planar.filter import PlanarFilter
+from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Noise, Row
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter
-from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.identify.estimate import Estimate
 from rovid_core.model.dofs import OWN
 from rovid_core.model.plant import advance
@@ -151,9 +151,9 @@ def test_tuning_adds_the_drag_and_leaves_the_thrust_to_the_thrusters() -> None:
 THETA = (0.5, -0.5, -0.2, 0.01, -0.15, -0.2, 0.04)  # alpha to delta, those of ``OWN``, delay
 
 
-def held(count: int) -> Iterator[tuple[RecentForce, float, float]]:
+def held(count: int) -> Iterator[tuple[DelayedForce, float, float]]:
     """Commands that jump within a step, forwards and backwards."""
-    random, force = np.random.default_rng(3), RecentForce()
+    random, force = np.random.default_rng(3), DelayedForce()
     force.add([(0.1, 0.0)] * 3, held=True)
     for k in range(count):
         force.add([(0.04, float(random.normal(-0.3))), (0.06, float(random.normal(-0.3)))],
@@ -204,7 +204,7 @@ def test_a_weaker_force_moves_as_weaker_thrusters_do() -> None:
         single = LinearisedFilter(
             theta if known else (*theta[:4], 0.0, *theta[5:]), [1.0] * 7, 0.0, own=(4, 5))
         both = [*(theta if known else (*theta[:4], 0.0, *theta[5:])), *BOTH[7:]]
-        planar, force = PlanarFilter(ROWS, both, [0.0] * 16, Noise(0.0, 0.0)), RecentForce()
+        planar, force = PlanarFilter(ROWS, both, [0.0] * 16, Noise(0.0, 0.0)), DelayedForce()
         for push in np.random.default_rng(3).normal(-0.3, 1.0, 80).tolist():
             force.add([(0.04, push if known else push + weaker * min(push, 0.0))], held=True)
             start, end = force.end - 0.06, force.end - 0.02  # two commands in a step

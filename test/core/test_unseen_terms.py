@@ -9,7 +9,7 @@ import pytest
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.unseen_terms import averaged, expected, judged, summed
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
-from rovid_core.identify.ekf.single.recent_force import RecentForce
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
@@ -137,7 +137,7 @@ def test_the_sizes_are_those_of_thrusters_and_hulls():
 
 
 def test_a_force_that_bends_is_taken_of_each_command():
-    recent = RecentForce()
+    recent = DelayedForce()
     recent.add([(0.3, 2.0), (0.2, -1.0), (0.1, 0.05), (0.4, -0.5)], held=True)
     for start, end in ((0.05, 0.95), (0.31, 0.45), (-0.5, 0.4), (0.45, 1.3), (1.2, 1.4)):
         time = np.linspace(start, end, 200_001)
@@ -146,7 +146,7 @@ def test_a_force_that_bends_is_taken_of_each_command():
                 np.minimum(force, 0.0), np.clip(force, -0.2, 0.2))):
             assert got[0] == pytest.approx(np.trapezoid(bent, time), abs=1e-4)
             assert got[1] == pytest.approx(np.trapezoid(bent * (end - time), time), abs=1e-4)
-    assert RecentForce().bent(0.0, 1.0) == ((0.0, 0.0), (0.0, 0.0))
+    assert DelayedForce().bent(0.0, 1.0) == ((0.0, 0.0), (0.0, 0.0))
 
 
 def test_what_nothing_tells_yet_goes_on_after_a_restore():

@@ -50,11 +50,11 @@ from rovid_core.identify.ekf.extended_kalman import (
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, SAID
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty
-from rovid_core.identify.ekf.planar.filter import Array
+from rovid_core.identify.ekf.planar.filter_with_current import Array
 from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS
 from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement, PlanarMember
-from rovid_core.identify.ekf.planar.model import PlanarModel
 from rovid_core.identify.ekf.planar.prediction import PlanarPrediction
+from rovid_core.identify.ekf.planar.prior import PlanarModel
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.planar.turning import Turning
 from rovid_core.identify.ekf.saved_steps import read_planar_step

@@ -16,7 +16,7 @@ from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
-from rovid_core.identify.ekf.planar.filter import PlanarFilter
+from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import (
     ALTERNATIVES,
     AXES,
@@ -26,8 +26,8 @@ from rovid_core.identify.ekf.planar.layout import (
     PlanarInnovation,
     Row,
 )
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import Bounds, floats
-from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
@@ -80,7 +80,7 @@ class PlanarClock:
 
     Attributes
     ----------
-    recent : pair of RecentForce
+    recent : pair of DelayedForce
         On surge and sway.
     ahead : float
         [s] from the last measurement to the end of the last step.
@@ -93,7 +93,7 @@ class PlanarClock:
 
     def restart(self) -> None:
         """Begin a new path."""
-        self.recent = RecentForce(), RecentForce()
+        self.recent = DelayedForce(), DelayedForce()
         self._fix = -1.0
         self.ahead = 0.0
 

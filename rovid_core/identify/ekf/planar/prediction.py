@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from rovid_core.identify.ekf.divergence import DivergenceError
-from rovid_core.identify.ekf.planar.filter import PlanarFilter
+from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Noise, Row
 from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement
 from rovid_core.identify.ekf.single.free_prediction import KEPT, SPAN

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import LAG
-from rovid_core.identify.ekf.single.recent_force import RecentForce
 
 
 class Push:
     """
-    The force over the last step; see ``RecentForce.over``, and ``LinearisedFilter``.
+    The force over the last step; see ``DelayedForce.over``, and ``LinearisedFilter``.
 
     Attributes
     ----------
@@ -37,16 +37,14 @@ class Push:
         """Begin anew."""
         self.lagged, self.last = 0.0, math.nan
 
-    def move(self, recent: RecentForce, start: float, end: float, delay: float) -> None:
+    def move(self, recent: DelayedForce, start: float, end: float, delay: float) -> None:
         """Go on from ``start`` to ``end`` [s] with a force that acts after a delay [s]."""
         h, before = end - start, self.last
-        start -= delay
-        end -= delay
-        self.impulse, self.moment, first, self.last = recent.over(start, end)
+        self.impulse, self.moment, first, self.last = recent.over(start, end, delay)
         self.before = first if before != before else before
         force = self.impulse / h
         gone = 1.0 - math.exp(-h / LAG)
         self.lag = (force - self.lagged) * gone * LAG / h
         self.lagged += gone * (force - self.lagged)
         (self.reverse, self.reverse_moment), (self.cut, self.cut_moment) = recent.bent(
-            start, end)
+            start, end, delay)

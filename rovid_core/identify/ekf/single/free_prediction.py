@@ -6,9 +6,9 @@ from collections.abc import Mapping
 import math
 from typing import Any, Final
 
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import floats, LinearisedFilter, NONE_OWN
 from rovid_core.identify.ekf.single.measurements import Measurement
-from rovid_core.identify.ekf.single.recent_force import RecentForce
 
 SPAN: Final = 1.0
 """[s] over which velocities are taken from the path."""
@@ -51,7 +51,7 @@ class FreePrediction:
         """Wait for the end of the block: the path begins anew."""
         self._theta, self._mark, self._time = [], [], -1.0
 
-    def move(self, recent: RecentForce, span: Measurement) -> None:
+    def move(self, recent: DelayedForce, span: Measurement) -> None:
         """Go on to the next measurement and compare."""
         if not self._theta:
             return
@@ -63,7 +63,7 @@ class FreePrediction:
         start, self._time = self._time, span.end
         push = self._theta[3] + math.fsum(
             [kappa * one for kappa, one in zip(self._theta[4:], span.couplings)])
-        self._motion = x, v = self._moved(recent, start - self._theta[-1], h, push)
+        self._motion = x, v = self._moved(recent, start, h, push)
         if not abs(v) < 1e6:
             self.interrupt()
             return
@@ -79,19 +79,20 @@ class FreePrediction:
             self._add((x - model) / dt, (span.value - measured) / dt)
             self._mark = [span.end, x, span.value]
 
-    def _moved(self, recent: RecentForce, start: float, h: float,
+    def _moved(self, recent: DelayedForce, start: float, h: float,
                push: float) -> tuple[float, float]:
         """Return path and velocity after ``h`` [s] of the force and of a constant push."""
-        alpha, beta, gamma = self._theta[0], self._theta[1], self._theta[2]
+        alpha, beta, gamma, delay = *self._theta[:3], self._theta[-1]
         x, v = self._motion
         pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
         h /= pieces
         for k in range(pieces):
-            impulse, _, _, _ = recent.over(start + k * h, start + (k + 1) * h)
+            begin, end = start + k * h, start + (k + 1) * h
+            impulse, _, _, _ = recent.over(begin, end, delay)
             u = alpha * impulse / h + push
             drag = beta
             if self._has_own:
-                astern, _ = recent.bent(start + k * h, start + (k + 1) * h)
+                astern, _ = recent.bent(begin, end, delay)
                 u += self._of(self._thrust) * astern[0] / h
                 drag = min(beta + self._of(self._drag if v < 0.0 else -1), 0.0)
             w = v + 0.5 * h * (u + (drag * abs(v) + gamma) * v)

@@ -20,7 +20,7 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.divergence import DivergenceError
-from rovid_core.identify.ekf.single.recent_force import RecentForce
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.sensitivities import Parameter, Regressor
 from rovid_core.identify.last_minute import DEAD_BAND
 from rovid_core.model.dofs import Three
@@ -149,14 +149,14 @@ class LinearisedFilter:
         self._lagged = 0.0
         self._force = math.nan  # at the end of the last step, where there was one
 
-    def move(self, recent: RecentForce, start: float, end: float,
+    def move(self, recent: DelayedForce, start: float, end: float,
              couplings: Sequence[float] = (), watched: Sequence[float] = ()) -> None:
         """
         Predict from ``start`` to ``end`` [s], in steps that resolve the drag.
 
         Parameters
         ----------
-        recent : RecentForce
+        recent : DelayedForce
             Of the force.
         start, end : float
             [s]
@@ -176,14 +176,13 @@ class LinearisedFilter:
             self._predict(recent, start + (end - start) * k / pieces,
                           start + (end - start) * (k + 1) / pieces, couplings, watched)
 
-    def _predict(self, recent: RecentForce, start: float, end: float,
+    def _predict(self, recent: DelayedForce, start: float, end: float,
                  couplings: Sequence[float], watched: Sequence[float]) -> None:
         h = end - start
         x, v, f = self.motion
         alpha, beta, gamma = self._alpha.value, self._beta.value, self._gamma.value
-        start -= self._delay.value
-        end -= self._delay.value
-        impulse, moment, first, last = recent.over(start, end)
+        delay = self._delay.value
+        impulse, moment, first, last = recent.over(start, end, delay)
         force = impulse / h
         # a straight line with the same integral and the same way; this is half its rise
         du = alpha * (3.0 * force - 6.0 * moment / (h * h))
@@ -193,7 +192,7 @@ class LinearisedFilter:
                 u += one.value * regressor
         goes_back = v < 0.0
         if self._has_own:
-            astern, _ = recent.bent(start, end)
+            astern, _ = recent.bent(start, end, delay)
             more = self._astern(astern[0] / h, astern[1] / (h * h), goes_back, force < 0.0)
             u, du, beta = u + more[0], du + more[1], min(beta + more[2], 0.0)
             alpha += more[3]  # as a delay feels it
@@ -226,7 +225,7 @@ class LinearisedFilter:
             share = DEAD_BAND / max(abs(force), recent.bend)
             of_cut, cut_way = share * of_alpha, share * alpha_way
         else:
-            reverse, cut = recent.bent(start, end)
+            reverse, cut = recent.bent(start, end, delay)
             of_reverse, reverse_way = felt(reverse[0], reverse[1], h, rate, s)
             of_cut, cut_way = felt(cut[0], cut[1], h, rate, s)
         drag = w * size

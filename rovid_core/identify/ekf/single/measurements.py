@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import Any, Final
 
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import (
     floats,
     NONE_OWN,
     POSITION,
     VELOCITY,
 )
-from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.model.samples import Step
 
 LEAST_INTERVAL: Final = 0.039
@@ -75,7 +75,7 @@ class MeasurementClock:
 
     Attributes
     ----------
-    recent : RecentForce
+    recent : DelayedForce
         The force.
     ahead : float
         [s] from the last measurement to the end of the last step.
@@ -93,7 +93,7 @@ class MeasurementClock:
 
     def restart(self) -> None:
         """Begin a new path."""
-        self.recent = RecentForce()
+        self.recent = DelayedForce()
         self._path = 0.0
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []

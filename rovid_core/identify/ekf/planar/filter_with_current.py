@@ -31,6 +31,7 @@ from rovid_core.identify.ekf.planar.layout import (
     SIZE,
 )
 from rovid_core.identify.ekf.planar.push import Push
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import (
     Bounds,
     CANDIDATES,
@@ -41,7 +42,6 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     LARGEST_SUBSTEPS,
     LONGEST,
 )
-from rovid_core.identify.ekf.single.recent_force import RecentForce
 from rovid_core.model.samples import PlanarPiece
 
 Array = NDArray[np.float64]
@@ -178,7 +178,7 @@ class PlanarFilter:
         self.covariance[0, 0] = self.covariance[1, 1] = variance
         self.sensitivities[:2] = 0.0
 
-    def move(self, recent: Sequence[RecentForce], start: float, end: float,
+    def move(self, recent: Sequence[DelayedForce], start: float, end: float,
              pieces: Sequence[PlanarPiece], couplings: Sequence[Sequence[float]],
              heading_noise: float, alone: bool = False) -> None:
         """
@@ -186,7 +186,7 @@ class PlanarFilter:
 
         Parameters
         ----------
-        recent : pair of RecentForce
+        recent : pair of DelayedForce
             On surge and sway.
         start, end : float
             [s]
@@ -237,7 +237,7 @@ class PlanarFilter:
                 theta[row.first + 2],
                 scale * theta[row.turning] * rate if row.turning >= 0 else 0.0)
 
-    def _predict(self, recent: Sequence[RecentForce], start: float, end: float,
+    def _predict(self, recent: Sequence[DelayedForce], start: float, end: float,
                  piece: PlanarPiece, couplings: Sequence[Sequence[float]],
                  heading_noise: float, alone: bool) -> None:
         h, r = end - start, piece.rate

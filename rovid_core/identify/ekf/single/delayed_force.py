@@ -1,4 +1,4 @@
-"""The force of the last seconds, as a function of time."""
+"""The thrust delay: the force of the last seconds, and what a body feels of it a while later."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ KEPT = 4.0
 """[s] that are kept, at least."""
 
 
-class RecentForce:
+class DelayedForce:
     """
     A force in spans that follow each other, each of them a straight line.
 
@@ -105,9 +105,15 @@ class RecentForce:
         self._near = i
         return i
 
-    def over(self, start: float, end: float) -> tuple[float, float, float, float]:
+    def over(self, start: float, end: float,
+             delay: float = 0.0) -> tuple[float, float, float, float]:
         """
-        Return what a body feels of the force from ``start`` to ``end`` [s], the later one.
+        Return what a body feels from ``start`` to ``end`` [s], the later one.
+
+        Parameters
+        ----------
+        start, end, delay : float
+            [s]; each force acts a delay after it was asked for.
 
         Returns
         -------
@@ -116,6 +122,8 @@ class RecentForce:
             is how far the impulse has moved a unit mass by then, and the force at both times.
 
         """
+        start -= delay
+        end -= delay
         times, means = self._times, self._means
         if not means:
             return 0.0, 0.0, 0.0, 0.0
@@ -143,14 +151,17 @@ class RecentForce:
             start, slope, mean = stop, slopes[i], means[i]
         return impulse, moment, first, mean + 0.5 * slope * length
 
-    def bent(self, start: float, end: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    def bent(self, start: float, end: float,
+             delay: float = 0.0) -> tuple[tuple[float, float], tuple[float, float]]:
         """
         Return impulse and moment of the force in reverse, and of what a dead band takes of it.
 
         The latter is ``DEAD_BAND`` and has the sign of the force, and is less below ``bend``. Of
         each span by itself: the mean of commands that jump is none of the forces that acted.
-        ``start`` is before ``end`` [s].
+        ``start`` is before ``end`` [s]; ``delay`` as above.
         """
+        start -= delay
+        end -= delay
         times, means, slopes = self._times, self._means, self._slopes
         newest = len(means) - 1
         i = self._span(start)

@@ -13,7 +13,7 @@ PERIOD = 0.25  # [s] A node that made no step for so long looks whether it has t
 REPEAT = 1.0  # [s] from one message about it to the next, while nothing else changes
 
 
-class SilenceWatch:
+class StaleEstimates:
     """
     Tells when steps stay away, which no message can tell.
 

@@ -151,7 +151,8 @@ class BatchStart(Generic[M]):
         member : Learner
             As it went through it so far.
         guesses : sequence of sequences of p floats
-            Parameters to begin with; the best end counts.
+            Parameters to begin with, one after another until the passes settle; the best end
+            counts.
         most : int
             Passes at most.
 
@@ -167,14 +168,17 @@ class BatchStart(Generic[M]):
         best, least = None, inf
         for theta in guesses:
             with suppress(ArithmeticError):
-                found, value = self._iterate(member, theta, passes)
+                found, value, settled = self._iterate(member, theta, passes)
                 if value < least:
                     best, least = found, value
+                if settled:
+                    break
         if best is None:
             raise DivergenceError('no pass came to an end')
         return best
 
-    def _iterate(self, member: M, theta: Sequence[float], passes: int) -> tuple[M, float]:
+    def _iterate(self, member: M, theta: Sequence[float], passes: int) -> tuple[M, float, bool]:
+        """Return a member, how badly it fits, and whether more passes would change nothing."""
         noise = member.innovations.noise
         for _ in range(passes):
             found = self._new(member.unmodelled, theta)
@@ -190,10 +194,11 @@ class BatchStart(Generic[M]):
             last, theta = theta, found.filter.theta
             moved = [abs(a - b) - SETTLED * sqrt(row[i]) for i, (a, b, row) in enumerate(
                 zip(last, theta, found.filter.theta_covariance))]
-            if abs(level - 1.0) < SETTLED and max(moved) <= 0.0:
+            settled = abs(level - 1.0) < SETTLED and max(moved) <= 0.0
+            if settled:
                 break
         found.innovations.noise = noise
-        return found, value
+        return found, value, settled
 
     def _pass(self, member: M) -> list[float]:
         clock = self._new_clock()

@@ -304,7 +304,7 @@ class FilterBank(Generic[M]):
                     # one that went astray has taken that for noise
                     member.innovations.noise = min(member.innovations.noise, noise)
                     members[k] = start.solve(
-                        member, [member.filter.theta, *([first.filter.theta] if early else [])],
+                        member, [*([first.filter.theta] if early else []), member.filter.theta],
                         passes)
             members[self.number] = first
             for member in members:

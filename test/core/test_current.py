@@ -99,6 +99,16 @@ def test_yaw_goes_on_when_the_filter_of_surge_and_sway_begins_anew():
     assert stream.rejected_by_reason() == refused
 
 
+@pytest.mark.parametrize(('input', 'noise'), [('position', 0.005), ('velocity', 0.01)])
+def test_what_comes_fast_is_taken_together_at_no_loss(input, noise):
+    fast = Run(input=input, rate=100.0, noise=noise, duration=60.0)
+    last = followed(Stream(settings(fast)), fast)[-1]
+    assert away(last.current[:2]) < 0.01
+    assert all(masses_held(last))
+    for dof in last.dofs:
+        assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.02)
+
+
 def test_the_interval_of_the_current_holds_it(turning):
     late = [one.current for one in turning if one.current.status == 'known']
     assert len(late) > 200

@@ -1,14 +1,17 @@
 """The filter of surge and sway: its linearisation, and what it takes up from."""
 
+import json
+
 import numpy as np
 import pytest
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Noise, Row
+from rovid_core.identify.ekf.planar.member import PlanarClock
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
 from rovid_core.identify.last_minute import DEAD_BAND
-from rovid_core.model.samples import PlanarPiece
+from rovid_core.model.samples import PlanarPiece, PlanarStep
 
 ROWS = (Row(0, 6, 0.5, 4, ()), Row(6, 13, 0.4, 10, ((11, 0),)))
 THETA = [0.6, -0.5, -0.2, 0.05, 0.3, 0.04, 0.5, -0.4, -0.1, -0.03, -0.35, 0.2, 0.03, 0.15, -0.1]
@@ -51,6 +54,32 @@ def test_covariance_of_the_motion_is_that_of_motions_which_began_otherwise():
                                     ((0.3, -0.0999), (0.3, -0.1001)))]
     expected = 0.01 * sum(np.outer(slope, slope) for slope in slopes)
     assert filter.covariance[:4, :4] == pytest.approx(expected[:4, :4], rel=0.02, abs=1e-5)
+
+
+def test_fixes_that_come_fast_are_one_measurement_of_their_mean():
+    """At 100 Hz, while heading, velocities and what they are coupled with change evenly."""
+    clocks, found = [PlanarClock((2.0, 3.0)), PlanarClock((2.0, 3.0))], []
+    for k in range(17):
+        time = 0.01 * k + 0.005
+        step = PlanarStep(0.01, (0.0, 0.0), 0.01, (0.005, 0.005), ((k, k), (0.0, 0.0)),
+                          (time, -time), (PlanarPiece(1.0, 0.0, 0.0, 1.0, 0.0, 0.0, time),),
+                          (1.0, 0.0, 0.0, 1.0), 0.1, ((time,), ()), ((), ()))
+        found += [one for one in [clocks[0].add_step(step)] if one is not None]
+        clocks[1].restore(json.loads(json.dumps(clocks[0].state())))
+        clocks.reverse()  # a saved clock goes on as if it had not been
+    first, *spans = found
+    assert first.begins
+    assert len(spans) == 4
+    assert [span.end for span in spans] == pytest.approx([0.03, 0.07, 0.11, 0.15])
+    assert [span.start for span in spans] == [first.end, *[span.end for span in spans[:-1]]]
+    for span in spans:
+        assert span.value == pytest.approx((span.end, -span.end))
+        assert span.couplings == ((pytest.approx(span.end),), ())
+        assert span.dt == pytest.approx(0.04)
+        assert span.heading_noise == pytest.approx(0.1)
+        (piece,) = span.pieces
+        # a step has the mean since the fix before
+        assert piece.rate == pytest.approx(0.5 * (span.start + span.end) + 0.005, abs=2e-3)
 
 
 def test_a_body_at_rest_in_the_water_drifts_with_it():

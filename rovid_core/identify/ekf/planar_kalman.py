@@ -206,15 +206,18 @@ class PlanarKalman:
                      and not changed)
         self._time += step.dt
         span = clock.add_step(step)
-        if start is not None:
-            self._turning.add(span.pieces, (span.end - span.start) / len(span.pieces),
-                              start.duration)
-        # between a turn and the solution with a current nothing can be learned without it
-        learns = adapt and (self._free or not self._turning.has_turned)
-        self._prediction.move(clock, span)
-        found = [self._update(member, span, learns, beginning) for member in self._bank.members]
+        found = [0 for _ in self._bank.members]
+        if span is not None:
+            if start is not None:
+                self._turning.add(span.pieces, (span.end - span.start) / len(span.pieces),
+                                  start.duration)
+            # between a turn and the solution with a current nothing can be learned without it
+            learns = adapt and (self._free or not self._turning.has_turned)
+            self._prediction.move(clock, span)
+            found = [self._update(member, span, learns, beginning)
+                     for member in self._bank.members]
         came = found[self._bank.number]
-        if adapt:
+        if adapt and span is not None:
             self._bank.choose()
         if came == LOST and beginning:
             # it began with an outlier

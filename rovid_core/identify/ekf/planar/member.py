@@ -28,6 +28,7 @@ from rovid_core.identify.ekf.planar.layout import (
 )
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import Bounds, floats
+from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
@@ -73,6 +74,8 @@ class PlanarClock:
     """
     Turn steps into measurements of the position or the velocity; see ``MeasurementClock``.
 
+    Fixes that come fast are taken together there as well as here.
+
     Parameters
     ----------
     forces : pair of floats
@@ -94,11 +97,13 @@ class PlanarClock:
     def restart(self) -> None:
         """Begin a new path."""
         self.recent = DelayedForce(), DelayedForce()
-        self._fix = -1.0
+        self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
+        self._group: list[list[float]] = []
+        self._way: list[tuple[float, PlanarPiece]] = []  # [s] since the last measurement
         self.ahead = 0.0
 
-    def add_step(self, step: PlanarStep) -> PlanarMeasurement:
-        """Return what a step measures."""
+    def add_step(self, step: PlanarStep) -> PlanarMeasurement | None:
+        """Return what a step measures, None where more fixes come into the measurement."""
         first = self._fix < 0.0
         spans = step.parts if step.interval else (step.dt,)
         end = self.recent[0].end + step.dt
@@ -107,27 +112,77 @@ class PlanarClock:
                 self.recent, self._forces, step.forces, step.held):
             recent.add(held or tuple(zip(spans, forces)), bool(held), unit)
         start = end - step.dt if first else self._fix
-        self._fix, self.ahead = at, end - at
-        looks = None
-        if not step.interval:
-            a, b, c, d = step.axes
-            looks = np.array(((0.0, 0.0, 1.0, 0.0, a, b, 0.0, 0.0),
-                              (0.0, 0.0, 0.0, 1.0, c, d, 0.0, 0.0)))
-        return PlanarMeasurement(start, at, step.value, looks, first and step.interval > 0.0,
-                                 step.pieces, step.heading_noise, step.dt, step.couplings)
+        if first or not (self._group or self._way) and at - self._last >= LEAST_INTERVAL:
+            self._fix, self._last, self.ahead = at, at, end - at
+            return PlanarMeasurement(
+                start, at, step.value, _looks(step.axes) if not step.interval else None,
+                first and step.interval > 0.0, step.pieces, step.heading_noise, step.dt,
+                step.couplings)
+        before = self._group[-1][0] if self._group else self._last
+        self._way += [((at - before) / len(step.pieces), piece) for piece in step.pieces]
+        self._group.append([at, step.dt, step.heading_noise, *step.value, *step.axes,
+                            *step.couplings[0], *step.couplings[1]])
+        if at - self._last < LEAST_INTERVAL:
+            self.ahead = end - self._fix
+            return None
+        found = self._mean(start, step)
+        self._fix, self._last, self.ahead = found.end, at, end - found.end
+        if found.end == at:
+            self._way = []  # but for rounding
+        return found
+
+    def _mean(self, start: float, step: PlanarStep) -> PlanarMeasurement:
+        """Return the mean of the fixes that came together, the last of them with a step."""
+        group, self._group = self._group, []
+        sums = [math.fsum(column) for column in zip(*group)]
+        end, _, noise, x, y, a, b, c, d, *couplings = [total / len(group) for total in sums]
+        count = len(step.couplings[0])
+        return PlanarMeasurement(
+            start, end, (x, y), _looks((a, b, c, d)) if not step.interval else None, False,
+            self._mean_pieces(end - start, len(step.pieces)), noise, sums[1],
+            (tuple(couplings[:count]), tuple(couplings[count:])))
+
+    def _mean_pieces(self, length: float, count: int) -> tuple[PlanarPiece, ...]:
+        """Take equal parts of so many seconds off the way, each with the mean of its pieces."""
+        found, part = [], length / count
+        for _ in range(count):
+            sums, left = [0.0] * len(PlanarPiece._fields), part
+            while left > 0.0 and self._way:
+                h, piece = self._way[0]
+                used = min(h, left)
+                sums = [total + used * value for total, value in zip(sums, piece)]
+                left -= used
+                if used < h:
+                    self._way[0] = h - used, piece
+                else:
+                    del self._way[0]
+            found.append(PlanarPiece(*[total / (part - left) for total in sums]))
+        return tuple(found)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'recent': [recent.state() for recent in self.recent], 'fix': self._fix,
-                'ahead': self.ahead}
+                'last': self._last, 'ahead': self.ahead,
+                'group': [list(row) for row in self._group],
+                'way': [[h, *piece] for h, piece in self._way]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        fix, ahead = floats([state[name] for name in ('fix', 'ahead')], 2)
+        fix, last, ahead = floats([state[name] for name in ('fix', 'last', 'ahead')], 3)
+        group = [floats(row, len(row)) for row in state['group']]
+        way = [floats(row, 1 + len(PlanarPiece._fields)) for row in state['way']]
         one, other = state['recent']
         for recent, found in zip(self.recent, (one, other)):
             recent.restore(found)
-        self._fix, self.ahead = fix, ahead
+        self._fix, self._last, self.ahead, self._group = fix, last, ahead, group
+        self._way = [(h, PlanarPiece(*piece)) for h, *piece in way]
+
+
+def _looks(axes: Sequence[float]) -> Looks:
+    """Return what velocities of surge and sway over ground are of the motion."""
+    a, b, c, d = axes
+    return np.array(((0.0, 0.0, 1.0, 0.0, a, b, 0.0, 0.0),
+                     (0.0, 0.0, 0.0, 1.0, c, d, 0.0, 0.0)))
 
 
 class PlanarMember:

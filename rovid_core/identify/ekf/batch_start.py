@@ -12,7 +12,6 @@ from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.evidence.innovations import CLIPPED, HUBER, Innovations
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.saved_steps import finite_number
-from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.samples import PlanarStep, Step
 
@@ -62,8 +61,8 @@ class Learner(Protocol):
     def restart(self, start: Any) -> None:
         """Take up from a measured velocity."""
 
-    def move(self, clock: Any, span: Any) -> None:
-        """Predict to the time of a measurement."""
+    def move(self, recent: Any, span: Any) -> None:
+        """Predict to the time of a measurement under what force there was."""
 
     def learn(self, span: Any, used: bool) -> list[float]:
         """Take a measurement at fixed parameters; return its sizes in standard deviations."""
@@ -74,6 +73,10 @@ class Learner(Protocol):
 
 class Clock(Protocol):
     """What turns steps into measurements."""
+
+    @property
+    def recent(self) -> Any:
+        """Return the force since the path began."""
 
     def restart(self) -> None:
         """Begin a new path."""
@@ -96,7 +99,7 @@ class BatchStart(Generic[M]):
     new : callable
         Makes a member at some parameters, for what moves the vehicle besides its model.
     new_clock : callable
-        Makes what turns steps into measurements.
+        Makes what turns steps into measurements and forgets no force.
     read : callable
         Makes a piece from its numbers; raises ValueError if they do not fit.
     budget : int
@@ -115,10 +118,12 @@ class BatchStart(Generic[M]):
         """Forget all."""
         self.duration, self.next = 0.0, PERIOD  # [s]
         self._pieces: list[tuple[Any, int]] = []
+        self._measured: list[tuple[Any, Any, int]] = []
 
     def add(self, piece: Any, use: int = USED) -> None:
         """Add a step, or the velocity at which the filter takes up, as a member wants it."""
         self._pieces.append((piece, use))
+        self._measured = []
         if isinstance(piece, STEPS) and use != UNLEARNED:
             self.duration += piece.dt
 
@@ -133,6 +138,7 @@ class BatchStart(Generic[M]):
 
     def accept_last_outliers(self, count: int) -> None:
         """Let the last outliers count: they were the vehicle."""
+        self._measured = []
         k = len(self._pieces)
         while count and k:
             k -= 1
@@ -162,9 +168,9 @@ class BatchStart(Generic[M]):
             If that leads nowhere.
 
         """
-        # fixes that come fast are taken together
-        count = len(guesses) * max(min(len(self._pieces), int(self.duration / LEAST_INTERVAL)), 1)
-        passes = min(max(self._budget // count, 1), most)
+        if not self._measured:
+            self._measure()
+        passes = min(max(self._budget // (len(guesses) * max(len(self._measured), 1)), 1), most)
         best, least = None, inf
         for theta in guesses:
             with suppress(ArithmeticError):
@@ -201,20 +207,27 @@ class BatchStart(Generic[M]):
         return found, value, settled
 
     def _pass(self, member: M) -> list[float]:
-        clock = self._new_clock()
         sizes: list[float] = []
-        for piece, use in self._pieces:
-            if not isinstance(piece, STEPS):
-                clock.restart()
-                member.restart(piece)
+        for recent, span, use in self._measured:
+            if recent is None:
+                member.restart(span)
                 continue
-            span = clock.add_step(piece)
-            if span is None:
-                continue
-            member.move(clock, span)
+            member.move(recent, span)
             if use != OUTLIER:
                 sizes += member.learn(span, use == USED)
         return sizes
+
+    def _measure(self) -> None:
+        """Find what the pieces measure, and the force that acted, once for all passes."""
+        clock = self._new_clock()
+        for piece, use in self._pieces:
+            if not isinstance(piece, STEPS):
+                clock.restart()
+                self._measured.append((None, piece, use))
+                continue
+            span = clock.add_step(piece)
+            if span is not None:
+                self._measured.append((clock.recent, span, use))
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

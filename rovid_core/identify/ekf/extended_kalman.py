@@ -124,14 +124,14 @@ class ExtendedKalman(Identifier):
         member.filter.theta = list(theta)
         return member
 
-    def _new_clock(self) -> MeasurementClock:
+    def _new_clock(self, forgets: bool = True) -> MeasurementClock:
         scales = self._scales
         return MeasurementClock(scales.force, scales.velocity, len(scales.couplings),
-                                len(scales.watched), self._model.own)
+                                len(scales.watched), self._model.own, forgets)
 
     def _new_start(self) -> BatchStart[Member]:
         couplings, watched = len(self._scales.couplings), len(self._scales.watched)
-        return BatchStart(self._new, self._new_clock,
+        return BatchStart(self._new, lambda: self._new_clock(False),
                           lambda values: read_step(values, couplings, watched))
 
     def restart(self, velocity: float) -> None:
@@ -205,7 +205,7 @@ class ExtendedKalman(Identifier):
             self._publish()
 
     def _update(self, member: Member, span: Measurement, adapt: bool, beginning: bool) -> int:
-        member.move(self._clock, span)
+        member.move(self._clock.recent, span)
         if span.value is None:
             return 0
         return member.update(span.i, span.value, span.dt, adapt, beginning)

@@ -13,6 +13,7 @@ from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import SCATTERED
+from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import FreePrediction
 from rovid_core.identify.ekf.single.linearised_filter import (
     Bounds,
@@ -22,7 +23,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     NONE_OWN,
     POSITION,
 )
-from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
+from rovid_core.identify.ekf.single.measurements import Measurement
 from rovid_core.identify.ekf.unmodelled import UNMODELLED, Unmodelled
 from rovid_core.model.dofs import OWN
 
@@ -91,12 +92,12 @@ class Member:
         self.innovations.forget_outliers()
         self.prediction.interrupt()
 
-    def move(self, clock: MeasurementClock, span: Measurement) -> None:
+    def move(self, recent: DelayedForce, span: Measurement) -> None:
         """Predict to the time of a measurement."""
         filter = self.filter
-        self.prediction.move(clock.recent, span)
+        self.prediction.move(recent, span)
         if span.end > span.start:
-            filter.move(clock.recent, span.start, span.end, span.couplings,
+            filter.move(recent, span.start, span.end, span.couplings,
                         span.watched)
         # the noise of the fix between two intervals does not cancel when they are turned
         relative, noise = span.turn * span.turn, self.innovations.noise
@@ -331,7 +332,7 @@ class FilterBank(Generic[M]):
 
         """
         # after a change there is no verdict for a minute, and what changed may change back
-        if any(came == LOST and (self.changed_at > 0.0 if member.verdict is None
+        if LOST in found and any(came == LOST and (self.changed_at > 0.0 if member.verdict is None
                                  else member.verdict.scatter < RIGHT)
                for member, came in zip(self.members, found)):
             self._losses = [t for t in self._losses if t > time - LOST_WITHIN] + [time]

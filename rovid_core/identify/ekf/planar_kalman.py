@@ -149,11 +149,12 @@ class PlanarKalman:
             member.filter.motion[CURRENT] = member.filter.theta[-2:]
         return member
 
-    def _new_clock(self) -> PlanarClock:
-        return PlanarClock((self._model.scales[0].force, self._model.scales[1].force))
+    def _new_clock(self, forgets: bool = True) -> PlanarClock:
+        return PlanarClock(
+            (self._model.scales[0].force, self._model.scales[1].force), forgets)
 
     def _new_start(self) -> BatchStart[PlanarMember]:
-        return BatchStart(self._new, self._new_clock, self._read, BUDGET)
+        return BatchStart(self._new, lambda: self._new_clock(False), self._read, BUDGET)
 
     def restart(self, start: PlanarStart) -> None:
         """Take up from a measured velocity over ground, keeping the parameters."""
@@ -213,7 +214,7 @@ class PlanarKalman:
                                   start.duration)
             # between a turn and the solution with a current nothing can be learned without it
             learns = adapt and (self._free or not self._turning.has_turned)
-            self._prediction.move(clock, span)
+            self._prediction.move(clock.recent, span)
             found = [self._update(member, span, learns, beginning)
                      for member in self._bank.members]
         came = found[self._bank.number]
@@ -242,7 +243,7 @@ class PlanarKalman:
 
     def _update(self, member: PlanarMember, span: PlanarMeasurement, adapt: bool,
                 beginning: bool) -> int:
-        member.move(self._clock, span)
+        member.move(self._clock.recent, span)
         return 0 if span.begins else member.update(span, adapt, beginning)
 
     def _in_range(self, step: PlanarStep) -> bool:

@@ -33,6 +33,9 @@ from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
 
+Recent = tuple[DelayedForce, DelayedForce]
+"""The force on surge and on sway."""
+
 
 class PlanarMeasurement(NamedTuple):
     """
@@ -80,6 +83,8 @@ class PlanarClock:
     ----------
     forces : pair of floats
         The units of the forces [N].
+    forgets : bool
+        Whether the force may go when it is old.
 
     Attributes
     ----------
@@ -90,13 +95,13 @@ class PlanarClock:
 
     """
 
-    def __init__(self, forces: tuple[float, float]) -> None:
-        self._forces = forces
+    def __init__(self, forces: tuple[float, float], forgets: bool = True) -> None:
+        self._forces, self._forgets = forces, forgets
         self.restart()
 
     def restart(self) -> None:
         """Begin a new path."""
-        self.recent = DelayedForce(), DelayedForce()
+        self.recent = DelayedForce(self._forgets), DelayedForce(self._forgets)
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []
         self._way: list[tuple[float, PlanarPiece]] = []  # [s] since the last measurement
@@ -240,10 +245,10 @@ class PlanarMember:
                                start.axes, v * v, start.gap)
         self.innovations.forget_outliers()
 
-    def move(self, clock: PlanarClock, span: PlanarMeasurement) -> None:
+    def move(self, recent: Recent, span: PlanarMeasurement) -> None:
         """Predict to the time of a measurement."""
         if span.end > span.start:
-            self.filter.move(clock.recent, span.start, span.end, span.pieces,
+            self.filter.move(recent, span.start, span.end, span.pieces,
                              span.couplings, span.heading_noise)
         if self.unmodelled.slip and span.looks is None:
             self.filter.widen_motion((self.unmodelled.slip * self.innovations.noise)**2, 0.0)

@@ -9,7 +9,7 @@ from typing import Any
 from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Noise, Row
-from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement
+from rovid_core.identify.ekf.planar.member import PlanarMeasurement, Recent
 from rovid_core.identify.ekf.single.free_prediction import KEPT, SPAN
 from rovid_core.identify.ekf.single.linearised_filter import floats
 
@@ -47,13 +47,13 @@ class PlanarPrediction:
         self._runs = False
         self._mark: list[float] = []  # time, position of the model, measured position
 
-    def move(self, clock: PlanarClock, span: PlanarMeasurement) -> None:
+    def move(self, recent: Recent, span: PlanarMeasurement) -> None:
         """Go on to the next measurement and compare."""
         if not self._runs:
             return
         model = self._model
         try:
-            model.move(clock.recent, span.start, span.end, span.pieces, span.couplings, 0.0,
+            model.move(recent, span.start, span.end, span.pieces, span.couplings, 0.0,
                        alone=True)
         except DivergenceError:
             self.interrupt()

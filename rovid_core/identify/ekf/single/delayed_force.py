@@ -22,6 +22,11 @@ class DelayedForce:
     line leans by what the means on either side say. After the newest span, and before the
     oldest, the force is the mean of that span.
 
+    Parameters
+    ----------
+    forgets : bool
+        Whether what is older than ``KEPT`` may go.
+
     Attributes
     ----------
     bend : float
@@ -31,7 +36,8 @@ class DelayedForce:
 
     """
 
-    def __init__(self) -> None:
+    def __init__(self, forgets: bool = True) -> None:
+        self._forgets = forgets
         self._times = [0.0]
         self._means: list[float] = []
         self._slopes: list[float] = []
@@ -83,7 +89,7 @@ class DelayedForce:
             slopes.append(slope)
             self._held = held
         self._set_size(squares, cubes)
-        if times[-1] - times[0] > 2.0 * KEPT:
+        if self._forgets and times[-1] - times[0] > 2.0 * KEPT:
             cut = bisect_right(times, times[-1] - KEPT) - 1
             for column in (times, means, slopes):
                 del column[:cut]

@@ -72,6 +72,8 @@ class MeasurementClock:
         How many there are; those of a step without any are taken as 0.
     own : tuple of 2 ints
         Index among the parameters of those that the filter makes itself; here they are 0.
+    forgets : bool
+        Whether the force may go when it is old.
 
     Attributes
     ----------
@@ -83,17 +85,18 @@ class MeasurementClock:
     """
 
     def __init__(self, force: float, velocity: float, couplings: int, watched: int = 0,
-                 own: tuple[int, int] = NONE_OWN) -> None:
+                 own: tuple[int, int] = NONE_OWN, forgets: bool = True) -> None:
         self._force, self._velocity = force, velocity
         self.couplings = couplings
         self.watched = watched
+        self._forgets = forgets
         self._own = [i - 4 for i in own if i >= 0]
         self._no_couplings, self._nothing_watched = [0.0] * couplings, (0.0,) * watched
         self.restart()
 
     def restart(self) -> None:
         """Begin a new path."""
-        self.recent = DelayedForce()
+        self.recent = DelayedForce(self._forgets)
         self._path = 0.0
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []

@@ -201,7 +201,7 @@ class ExtendedKalman(Identifier):
         elif BLOCK in found:
             self._end_blocks(found, step)
         self.v_hat = self._velocity(step)
-        if adapt:
+        if adapt and span is not None:
             self._publish()
 
     def _update(self, member: Member, span: Measurement, adapt: bool, beginning: bool) -> int:

@@ -237,7 +237,8 @@ class PlanarKalman:
             row.v_hat = self._velocity(DOFS.index(dof), step)
         self.water_velocity = (self._water_velocity(0, step), self._water_velocity(1, step)) if (
             self._is_found) else None
-        self._publish()
+        if span is not None:
+            self._publish()
         if self._current.status == 'known' and not self._knew_current:
             self._knew_current, self.current_is_new = True, self._start is not None
 

@@ -16,6 +16,8 @@ NEUTRAL = 1500.0  # [us]
 _PASCAL = 1.0 / (1000.0 * 9.80665)  # [m/Pa] of fresh water
 _ATMOSPHERE = 101325.0  # [Pa]
 _THRUSTER = {'thruster', 'thrusters', 'thrust', 'motor', 'motors', 'propeller', 'propellers'}
+_SIDES = {'left', 'right', 'port', 'starboard', 'front', 'rear', 'fore', 'aft', 'bow', 'stern',
+          'center', 'middle', 'lateral', 'vertical', 'horizontal'}
 _MEASURED = {'temperature', 'temp', 'voltage', 'vel', 'velocity', 'pos', 'position', 'angle'}
 _GRAVITY = (8.8, 10.8)  # [m/s^2] length of what an accelerometer sees on average
 # What is asked for, and not what is.
@@ -173,17 +175,21 @@ def _inertial_parts(signals: Sequence[Signal]) -> list[Signal]:
 
 
 def _one_topic_each(signals: Sequence[Signal]) -> list[Signal]:
-    """Return the commands of thrusters that have a topic each, as /thruster1/cmd and so on."""
+    """Return commands of thrusters that have a topic each, as /thruster1/cmd or /left_thrust."""
     groups: dict[tuple[Any, ...], list[Signal]] = {}
     for signal in signals:
         parts = signal.topic.split('/')
         if signal.shape == 'number' and signal.words & _THRUSTER and not (
                 signal.words & _MEASURED):
-            groups.setdefault((signal.type, signal.path, len(parts), re.sub(
-                r'\d+', '', parts[-1])), []).append(signal)
+            kind = [word for word in _words(parts[-1]) if word not in _SIDES]
+            groups.setdefault((signal.type, signal.path, len(parts), *kind), []).append(signal)
     return [together(sorted(group, key=lambda one: [
         (int(digits or 0), text) for text, digits in re.findall(r'(\D+)(\d*)', one.topic)]))
         for group in groups.values()]
+
+
+def _words(name: str) -> list[str]:
+    return [word for word in re.split(r'[^a-z]+', name.lower()) if word]
 
 
 def _thrusters(signal: Signal) -> Iterable[Candidate]:
@@ -195,11 +201,14 @@ def _thrusters(signal: Signal) -> Iterable[Candidate]:
     likely = ('thruster', 'thrusters', 'motor', 'motors', 'rc', 'rcou', 'out', 'pwm', 'servo',
               'esc', 'command', 'cmd', 'force', 'forces', 'effort', 'current', 'axes', 'actuator',
               'channels', 'thrust')
-    if not words & set(likely) or words & {'imu', 'magnetometer', 'states', 'gps'}:
+    named = any(_THRUSTER.intersection(_words(name)) for name in signal.names)
+    if not words & set(likely) or words & {'imu', 'magnetometer', 'gps'} or (
+            'states' in words and not named):
         return
     pulses = is_pwm(signal.values)
     columns = driven(signal.values)
-    yield Candidate(signal, 1.0 + _points(signal, likely, ('in', 'override', 'joint')) + (
+    unlikely = ('in', 'override') if named else ('in', 'override', 'joint')
+    yield Candidate(signal, 1.0 + _points(signal, likely, unlikely) + (
         1.5 * pulses + 1.5 * bool(words & {'force', 'forces', 'thrust'})) + 0.5 * (
         len(columns) > 1), {'pwm': pulses})
 

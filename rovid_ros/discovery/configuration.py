@@ -142,6 +142,8 @@ def _chain(made: Thrusters) -> list[str]:
             f'      limit: {chain.limit}', f'      deadband: {chain.deadband}',
             _line(6, 'model: polynomial', 'a T200 near 12 V; others need their own curve'),
             f'      polynomial: [{", ".join(map(repr, chain.polynomial))}]']
+    elif chain.model == 'quadratic':
+        lines.append(_line(6, 'model: quadratic', "a propeller's speed; its force is u|u|"))
     lines.append(_line(6, f'gain: [{", ".join(map(repr, chain.gain))}]',
                        'N per command; -1 where a motor is reversed' if made.how == 'frame' else
                        'newtons per command are not known'))

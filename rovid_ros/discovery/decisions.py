@@ -21,12 +21,13 @@ T200 = (0.0, 8.9, 0.0, 176.0, 0.0, -404.1, 0.0, 389.9, 0.0, -140.3)
 PULSES = {'scale': 0.0025, 'limit': 1.0, 'deadband': 0.0625, 'model': 'polynomial',
           'polynomial': T200}
 SURE = 3.0  # standard errors
+_DRIVEN = ('surge', 'sway', 'heave', 'yaw')
 _EXPLAINED = 0.1  # share of a DOF's changes below which nothing is known of what drives it
 _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
 _SMALL = 0.15  # share of the strongest thruster of a DOF below which another does nothing
 _TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
-_GAINED = 0.03  # share of the changes that a latency has to explain
+_GAINED = 0.03  # share of the changes that a latency or a curve has to explain
 _LATENCIES = tuple(0.25 * k for k in range(13))  # [s] of fixes that are tried
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
@@ -122,6 +123,7 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
     others = {name: [one for one in found[name] if one is not inputs.get(name)]
               for name in found}
     guesses: list[str] = []
+    guesses += _unused(found, inputs)
     if not frames:
         frames, why = _frames(signals, inputs)
         guesses.append(why)
@@ -164,14 +166,27 @@ def _list(signals: Sequence[Signal]) -> str:
 def _wanted(found: Mapping[str, Sequence[Candidate]]) -> list[str]:
     """Return the inputs to use: no second source of what is measured already."""
     wanted = [name for name in ('position', 'depth', 'attitude') if name in found]
-    if 'velocity' in found and 'position' in found and (
-            found['position'][0].signal.shape == 'geographic'):
-        wanted.remove('position')  # a DVL sees the ground also under water
+    if 'velocity' in found and 'position' in found:
+        velocity, position = found['velocity'][0].signal, found['position'][0].signal
+        # a DVL sees the ground also under water, and tells more of a motion than fixes between
+        # which it goes on unseen
+        if position.shape == 'geographic' or (
+                'dvl' in velocity.words and velocity.rate > position.rate):
+            wanted.remove('position')
     if 'attitude' not in found and 'angular_velocity' in found:
         wanted.append('angular_velocity')
     if 'position' not in wanted and 'velocity' in found:
         wanted.append('velocity')
     return [*wanted, 'thrusters']
+
+
+def _unused(found: Mapping[str, Sequence[Candidate]],
+            inputs: Mapping[str, Candidate]) -> list[str]:
+    """Say which sensor of the motion another one stands for."""
+    both = [found[name][0].signal for name in ('position', 'velocity') if name in found]
+    used = {one.signal.topic for one in inputs.values()}
+    return [f'{signal.place} is not used, for one source of the motion is enough'
+            for signal in both if len(both) == 2 and signal.topic not in used]
 
 
 def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
@@ -317,7 +332,14 @@ def _thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Motors 
                            'no thrust, as it explains more than 1500')
     else:
         names = signal.names if len(used) == count else ()
-        from_data = _by_data(narrow, _chain(gain, names=names), moved)
+        linear, quadratic = [_with_delay(_by_data(
+            narrow, _chain(gain, names=names, model=model), moved), moved)
+            for model in ('linear', 'quadratic')]
+        from_data = linear
+        if _explained(quadratic, moved) > _explained(linear, moved) + _GAINED:
+            from_data = quadratic
+            guesses.append('thrusters.model quadratic: as speeds of propellers the commands '
+                           'explain more of the motion than as forces')
     from_data = _with_delay(from_data, moved)
     if motors:
         return replace(from_data, how='frame', frame=motors.frame, sure_frame=True,
@@ -395,9 +417,8 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     patterns = patterns[sizes > _TOGETHER * sizes.max()].T
     together = commands / strength @ patterns
     made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
-    forces = held(signal.times + made.delay, together, moved.times, moved.half)
-    answers = {dof: push for dof in moved.velocities
-               if (push := answer(moved, dof, forces))}
+    answers = {dof: push for dof in moved.velocities if (push := answer(moved, dof, held(
+        signal.times + made.delay, together, moved.times, moved.halves[dof])))}
     told = {dof: push for dof, push in answers.items() if push.explained > _EXPLAINED and np.any(
         np.abs(push.alphas) > SURE * push.errors)}
     if answers and not told:
@@ -415,7 +436,7 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
 
 def _force(made: Thrusters, dof: str, moved: Motion) -> Array:
     """Return the force on a DOF at the times of the motion."""
-    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.half)
+    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.halves[dof])
     return np.asarray(forces @ np.array(made.rows[dof]))
 
 
@@ -460,7 +481,7 @@ def _fit(made: Discovery, moved: Motion) -> None:
             1 if alpha > 0.0 else -1)
         strong = float(np.sqrt(np.mean(force * force)))
         fast = float(np.sqrt(np.nanmean(velocity * velocity)))
-        if dof not in ('surge', 'sway', 'heave', 'yaw') or strong == 0.0:
+        if dof not in _DRIVEN or strong == 0.0:
             continue
         mass = 1.0 / max(abs(alpha), error, 1e-9)
         quadratic, linear = max(-push.beta * mass, 0.0), max(-push.gamma * mass, 0.0)
@@ -469,6 +490,10 @@ def _fit(made: Discovery, moved: Motion) -> None:
         made.dofs[dof] = Known(
             mass, quadratic, linear, _amplitude(force), _amplitude(velocity), push.explained,
             sign, _couplings(push))
+    still = [dof for dof in moved.velocities if dof in _DRIVEN and dof not in answers]
+    if still:
+        made.guesses.append(f'{", ".join(still)}: left out, for the commands explain next to '
+                            'nothing of the motion in this log')
     _leave_out_dependent(made)
     speeds = [float(np.nanpercentile(np.abs(moved.velocities[dof]), 99.0)) for dof in made.dofs]
     made.fastest = max(speeds, default=1.0)

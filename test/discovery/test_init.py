@@ -99,8 +99,26 @@ def test_an_allocation_is_estimated(logs: dict[str, Path], repository: Path,
         'attitude': '/imu/data orientation', 'thrusters': '/thrusters/current effort'}
     known = settings_from(load(repository / 'config' / 'jhurov.yaml'))
     assert found.thrusters.names == known.thrusters.names
+    assert found.thrusters.model == 'linear'
     assert found.depth_scale == pytest.approx(known.depth_scale, rel=1e-3)
     assert_rows(found, known)
+
+
+def test_speeds_of_propellers_are_told_from_forces(
+        repository: Path, tmp_path: Path, initialised: Callable[[Path], Settings]) -> None:
+    """Here they are the efforts of joints, as a driver of motors publishes them."""
+    known = settings_from(load(repository / 'config' / 'jhurov.yaml'))
+    simulate_log(replace(known, thrusters=replace(
+        known.thrusters, topics=('/joint_states',), model='quadratic',
+        names=('thruster_left', 'thruster_right', 'thruster_top'))),
+        tmp_path / 'dive.mcap', 45.0, 1)
+    found = initialised(tmp_path / 'dive.mcap')
+    assert found.thrusters.topics == ('/joint_states',)
+    assert found.thrusters.model == 'quadratic'
+    assert_rows(found, known)
+    said = (tmp_path / 'init.yaml').read_text()
+    assert 'thrusters.model quadratic: as speeds of propellers' in said
+    assert 'sway: left out, for the commands explain next to nothing' in said
 
 
 def assert_rows(found: Settings, known: Settings) -> None:
@@ -113,11 +131,13 @@ def assert_rows(found: Settings, known: Settings) -> None:
             [force / largest for force in forces], abs=0.15), dof
 
 
-def test_thrusters_may_have_a_topic_each(repository: Path, tmp_path: Path,
+@pytest.mark.parametrize('topics', [
+    tuple([f'/model/rov/joint/thruster{k}_joint/cmd_thrust' for k in (9, 10, 11)]),
+    ('/left_thrust_cmd', '/right_thrust_cmd', '/vertical_thrust_cmd')])
+def test_thrusters_may_have_a_topic_each(topics: tuple[str, ...], repository: Path, tmp_path: Path,
                                          initialised: Callable[[Path], Settings],
                                          capsys: pytest.CaptureFixture[str]) -> None:
     known = settings_from(load(repository / 'config' / 'jhurov.yaml'))
-    topics = tuple([f'/model/rov/joint/thruster{k}_joint/cmd_thrust' for k in (9, 10, 11)])
     log, other = tmp_path / 'dive.mcap', tmp_path / 'other.mcap'
     settings = replace(known, thrusters=replace(
         known.thrusters, topics=topics, type='std_msgs/msg/Float64', field='data', names=(),
@@ -166,7 +186,10 @@ def test_what_is_no_fix_is_left_out(tmp_path: Path) -> None:
     assert not np.ptp(fixes.values)
 
 
-def test_a_dvl_goes_before_a_gps(repository: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(('topic', 'path', 'shape'), [
+    ('/gps/fix', '', 'geographic'), ('/usbl/fix', 'point', 'vector')])
+def test_a_dvl_goes_before_a_gps_and_before_slow_fixes(
+        topic: str, path: str, shape: str, repository: Path, tmp_path: Path) -> None:
     """What a GPS says is seldom right under water; its velocity is never that of the body."""
     settings = settings_from(load(repository / 'config' / 'odometry_wrench.yaml'))
     log = tmp_path / 'dvl.mcap'
@@ -176,13 +199,14 @@ def test_a_dvl_goes_before_a_gps(repository: Path, tmp_path: Path) -> None:
         signals = [signal for signal in read_signals(opened, 0.0, None)
                    if signal.path != 'pose.pose.position']
     times = np.arange(0.0, 30.0, 0.2)
-    path = np.column_stack([times, np.sin(times), 0.0 * times])
-    signals += [Signal('/gps/fix', 'sensor_msgs/msg/NavSatFix', '', 'geographic', times, path),
+    places = np.column_stack([times, np.sin(times), 0.0 * times])
+    signals += [Signal(topic, 'a/msg/Fix', path, shape, times, places, rate=1.0),
                 Signal('/gps/vel', 'geometry_msgs/msg/TwistStamped', 'twist.linear', 'vector',
-                       times, path, rate=100.0)]
-    made = decide(candidates(signals), signals, lambda name, found: found[0]).inputs
-    assert made['velocity'].signal.topic == '/dvl'
-    assert 'position' not in made
+                       times, places, rate=100.0)]
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    assert made.inputs['velocity'].signal.topic == '/dvl'
+    assert 'position' not in made.inputs
+    assert f'{topic} {path}'.strip() + ' is not used' in ' '.join(made.guesses)
 
 
 @pytest.mark.parametrize('offset', [math.pi / 2, -2.0])

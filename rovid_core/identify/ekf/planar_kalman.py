@@ -201,22 +201,15 @@ class PlanarKalman:
             self.refused = 'diverged'
 
     def _add_step(self, step: PlanarStep, adapt: bool) -> None:
-        start, clock = self._start, self._clock
+        start = self._start
         changed = self._bank.changed_at > 0.0
         beginning = (start is not None and not self._windows and start.duration < SOON
                      and not changed)
         self._time += step.dt
-        span = clock.add_step(step)
-        found = [0 for _ in self._bank.members]
+        span = self._clock.add_step(step)
+        found = [0] * len(self._bank.members)
         if span is not None:
-            if start is not None:
-                self._turning.add(span.pieces, (span.end - span.start) / len(span.pieces),
-                                  start.duration)
-            # between a turn and the solution with a current nothing can be learned without it
-            learns = adapt and (self._free or not self._turning.has_turned)
-            self._prediction.move(clock.recent, span)
-            found = [self._update(member, span, learns, beginning)
-                     for member in self._bank.members]
+            found = self._take(span, adapt, beginning)
         came = found[self._bank.number]
         if adapt and span is not None:
             self._bank.choose()
@@ -242,10 +235,19 @@ class PlanarKalman:
         if self._current.status == 'known' and not self._knew_current:
             self._knew_current, self.current_is_new = True, self._start is not None
 
-    def _update(self, member: PlanarMember, span: PlanarMeasurement, adapt: bool,
-                beginning: bool) -> int:
-        member.move(self._clock.recent, span)
-        return 0 if span.begins else member.update(span, adapt, beginning)
+    def _take(self, span: PlanarMeasurement, adapt: bool, beginning: bool) -> list[int]:
+        """Take a measurement; return what comes of it for each member."""
+        if self._start is not None:
+            self._turning.add(span.pieces, (span.end - span.start) / len(span.pieces),
+                              self._start.duration)
+        # between a turn and the solution with a current nothing can be learned without it
+        learns = adapt and (self._free or not self._turning.has_turned)
+        recent, found = self._clock.recent, []
+        self._prediction.move(recent, span)
+        for member in self._bank.members:
+            member.move(recent, span)
+            found.append(0 if span.begins else member.update(span, learns, beginning))
+        return found
 
     def _in_range(self, step: PlanarStep) -> bool:
         return all(abs(force) <= LARGEST * scales.force

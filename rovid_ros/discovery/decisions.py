@@ -27,7 +27,8 @@ _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth an
 _SMALL = 0.15  # share of the strongest thruster of a DOF below which another does nothing
 _TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
-_GAINED = 0.03  # share of the changes that a latency or a curve has to explain
+_GAINED = 0.03  # share of the changes that a latency has to explain
+_SPEEDS = {'rpm', 'rps', 'speed', 'speeds'}  # of propellers
 _LATENCIES = tuple(0.25 * k for k in range(13))  # [s] of fixes that are tried
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
@@ -332,14 +333,9 @@ def _thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Motors 
                            'no thrust, as it explains more than 1500')
     else:
         names = signal.names if len(used) == count else ()
-        linear, quadratic = [_with_delay(_by_data(
-            narrow, _chain(gain, names=names, model=model), moved), moved)
-            for model in ('linear', 'quadratic')]
-        from_data = linear
-        if _explained(quadratic, moved) > _explained(linear, moved) + _GAINED:
-            from_data = quadratic
-            guesses.append('thrusters.model quadratic: as speeds of propellers the commands '
-                           'explain more of the motion than as forces')
+        from_data = _forces_or_speeds([
+            _with_delay(_by_data(narrow, _chain(gain, names=names, model=model), moved), moved)
+            for model in ('linear', 'quadratic')], moved, guesses)
     from_data = _with_delay(from_data, moved)
     if motors:
         return replace(from_data, how='frame', frame=motors.frame, sure_frame=True,
@@ -353,6 +349,25 @@ def _thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Motors 
         if ours > 0.5 * best and ours > 0.1:
             return _with_delay(made, moved)
     return _without_idle(from_data, signal, used, guesses)
+
+
+def _forces_or_speeds(models: Sequence[Thrusters], moved: Motion,
+                      guesses: list[str]) -> Thrusters:
+    """
+    Return thrusters whose force goes as the command, or with its square as a propeller's speed.
+
+    Where no name says that it is a speed, the square has to leave less than half unexplained of
+    what the command leaves: a curve that is neither, or a mean of few thrusters, favours one of
+    both a little.
+    """
+    forces, speeds = models
+    driven = len(forces.rows.keys() | speeds.rows.keys())
+    lacks = [driven - _explained(made, moved) for made in models]
+    if lacks[1] < lacks[0] * (1.0 if forces.signal.words & _SPEEDS else 0.5):
+        guesses.append('thrusters.model quadratic: as speeds of propellers the commands explain '
+                       'more of the motion than as forces')
+        return speeds
+    return forces
 
 
 def _without_idle(made: Thrusters, signal: Signal, used: Sequence[int],
@@ -418,7 +433,7 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     together = commands / strength @ patterns
     made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
     answers = {dof: push for dof in moved.velocities if (push := answer(moved, dof, held(
-        signal.times + made.delay, together, moved.times, moved.halves[dof])))}
+        signal.times + made.delay, together, moved.times, moved.half)))}
     told = {dof: push for dof, push in answers.items() if push.explained > _EXPLAINED and np.any(
         np.abs(push.alphas) > SURE * push.errors)}
     if answers and not told:
@@ -436,7 +451,7 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
 
 def _force(made: Thrusters, dof: str, moved: Motion) -> Array:
     """Return the force on a DOF at the times of the motion."""
-    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.halves[dof])
+    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.half)
     return np.asarray(forces @ np.array(made.rows[dof]))
 
 

@@ -27,8 +27,8 @@ class Motion:
         [s], with steps of ``STEP``.
     velocities : dict of str to array
         [m/s] or [rad/s] by DOF, of those that were measured; NaN across gaps.
-    halves : dict of str to float
-        Half of the span [s] over which each velocity is a mean.
+    half : float
+        Half of the span [s] over which velocities are means.
     tilting : dict of str to array
         Rates of roll and pitch [rad/s], where an attitude says them.
     turned : array, optional
@@ -38,7 +38,7 @@ class Motion:
 
     times: Array
     velocities: Mapping[str, Array]
-    halves: Mapping[str, float]
+    half: float
     tilting: Mapping[str, Array] = field(default_factory=dict)
     turned: Array | None = None
 
@@ -81,9 +81,10 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
     begin = max(signal.times[0] for signal in seen)
     end = min(signal.times[-1] for signal in seen)
     times = np.arange(begin, end, STEP) if end > begin else np.empty(0)
-    half_of = {name: max(0.2, float(np.median(np.diff(signal.times))))
-               for name, signal in used.items()}
-    halves: dict[str, float] = {}
+    slowest = max((float(np.median(np.diff(used[name].times)))
+                   for name in ('position', 'depth', 'attitude', 'velocity') if name in used),
+                  default=STEP)
+    half = max(0.2, slowest)
     velocities: dict[str, Array] = {}
     tilting: dict[str, Array] = {}
     known, attitudes, turned = np.empty(0), np.empty((0, 4)), None
@@ -92,32 +93,27 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
         known, attitudes = _continuous(attitude) if angles is None else (
             attitude.times, _level(np.unwrap(angles)))
         roll, pitch, yaw = _turned(attitudes)
-        halves['yaw'] = half = half_of['attitude']
         tilting = {'roll': _rate(known, roll, times, half),
                    'pitch': _rate(known, pitch, times, half)}
         velocities['yaw'], turned = _rate(known, yaw, times, half), np.interp(times, known, yaw)
     if 'angular_velocity' in used:
         gyro = used['angular_velocity']
-        halves['yaw'] = half = half_of['angular_velocity']
         velocities['yaw'] = _mean(gyro.times, gyro.values[:, 2], times, half)
     if 'position' in used:
-        fixes, half = used['position'], half_of['position']
-        halves.update(dict.fromkeys(DOFS[:3], half))
+        fixes = used['position']
         rates = [_rate(fixes.times, column, times, half) for column in fixes.values.T]
         velocities['heave'] = rates[2]
         if len(attitudes):
             at = np.array([np.interp(times, known, column) for column in attitudes.T])
             velocities.update(zip(DOFS, _in_body(at, np.array(rates))))
     if 'velocity' in used:
-        body, half = used['velocity'], half_of['velocity']
-        halves.update(dict.fromkeys(DOFS[:3], half))
+        body = used['velocity']
         for dof, column in zip(DOFS, body.values.T):
             velocities[dof] = _mean(body.times, column, times, half)
     if 'depth' in used:
         depth = used['depth']
-        halves['heave'] = half = half_of['depth']
         velocities['heave'] = _rate(depth.times, depth_scale * depth.values[:, 0], times, half)
-    return Motion(times, {dof: _plausible(v) for dof, v in velocities.items()}, halves, tilting,
+    return Motion(times, {dof: _plausible(v) for dof, v in velocities.items()}, half, tilting,
                   turned)
 
 
@@ -201,7 +197,7 @@ def answer(moved: Motion, dof: str, commands: Array) -> Push | None:
     derivative. What the other DOFs and a current push it with is left to them: a vehicle that
     turns while it moves sideways is pushed more by that than by its thrusters.
     """
-    velocity, half, coupled = moved.velocities[dof], moved.halves[dof], moved.coupled(dof)
+    velocity, half, coupled = moved.velocities[dof], moved.half, moved.coupled(dof)
     width = max(round(max(1.0, 2.0 * half) / STEP), 1)
     if len(velocity) <= 3 * width:
         return None
@@ -255,7 +251,7 @@ def best_delay(moved: Motion, times: Array, commands: Mapping[str, Array]) -> fl
     ``commands`` are by DOF, a row per time [s] and a column each.
     """
     def explained(delay: float) -> float:
-        pushes = [answer(moved, dof, held(times + delay, columns, moved.times, moved.halves[dof]))
+        pushes = [answer(moved, dof, held(times + delay, columns, moved.times, moved.half))
                   for dof, columns in commands.items()]
         return sum(push.explained for push in pushes if push)
     return max(DELAYS, key=explained)

@@ -112,7 +112,7 @@ def tune_latency(log: TuningLog, dofs: Sequence[Dof], commanded: CommandedForce,
         (0.0, pair[0]), [*product(LATENCIES, DELAYS)], (LATENCIES, DELAYS), turned_dofs.late, done)
     choice = choose(relative(errors, 0), 0)
     late = pairs[choice.index][0] if choice.is_better and choice.gain > WORTH else 0.0
-    good = [pairs[i][0] for i in choice.as_good]
+    good = [late, *[pairs[i][0] for i in choice.as_good]]  # what stays is no worse
     name = 'position' if late >= 0.0 else 'attitude'
     change = latencies(settings, {name: abs(late)})
     if name == 'position':

@@ -72,7 +72,7 @@ def _tune_curve(candidates: _Candidates,
         if 0 <= i + step < len(grid)])
     choice = candidates.choice
     found = candidates.tried[choice.index if choice.is_better else 0]
-    good = [candidates.tried[k] for k in choice.as_good]
+    good = [found, *[candidates.tried[k] for k in choice.as_good]]
     change = Change(candidates.present, found, min(good), max(good))
     return (Stage({f'thrusters.{candidates.key}': change}, choice.gain, choice.spread),
             candidates.thrusters(found))

@@ -97,8 +97,8 @@ def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settin
     if late.gain > max(late.spread, WORTH) and all(
             error[late.index].mean() < error[choice.index].mean() for error in errors):
         choice = choose(together, 0)
-    good = np.array([pairs[i] for i in choice.as_good])
     delay, lag = after = pairs[choice.index] if choice.is_better else present
+    good = np.array([after, *[pairs[i] for i in choice.as_good]])
     low, high = np.maximum(good.min(axis=0), 0.0), np.maximum(good.max(axis=0), 0.0)
     total = good.sum(axis=1)
     note = ''

@@ -23,6 +23,7 @@ FOLDS = 8  # blocks of time of equal length; each is held out once
 # [s] Shorter steps are joined, and longer ones simulated in parts: a vehicle's velocity hardly
 # bends in this time, and the impulse over it is exact whatever the delay
 STEP = 0.2
+FAST = 0.1  # [s] the same where steps are half as long or shorter: then a lag shows within it
 MIN_STEPS = 8  # a piece with fewer says nothing
 
 
@@ -114,11 +115,12 @@ def blocks(segments: Sequence[Segment], bounds: Array) -> Blocks | None:
 
 
 def _joined(nodes: NDArray[np.int64], means: Array) -> tuple[NDArray[np.int64], Array]:
-    """Join steps to about ``STEP``; ``means`` has shape (1 + k, steps)."""
+    """Join steps to about ``STEP`` or ``FAST``; ``means`` has shape (1 + k, steps)."""
     dt = np.diff(nodes) * NS
     if not len(dt):
         return nodes, means
-    size = max(1, round(STEP / float(np.median(dt))))
+    usual = float(np.median(dt))
+    size = max(1, round((FAST if usual <= 0.5 * FAST else STEP) / usual))
     count = len(dt) // size * size
     zero = np.zeros((len(means), 1))
     path = np.concatenate([zero, np.cumsum(means * dt, axis=1)], axis=1)[:, :count + 1:size]

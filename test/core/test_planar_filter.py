@@ -58,7 +58,7 @@ def test_covariance_of_the_motion_is_that_of_motions_which_began_otherwise():
 
 def test_fixes_that_come_fast_are_one_measurement_of_their_mean():
     """At 100 Hz, while heading, velocities and what they are coupled with change evenly."""
-    clocks, found = [PlanarClock((2.0, 3.0)), PlanarClock((2.0, 3.0))], []
+    clocks, found = [PlanarClock((2.0, 3.0), (1, 0)) for _ in range(2)], []
     for k in range(17):
         time = 0.01 * k + 0.005
         step = PlanarStep(0.01, (0.0, 0.0), 0.01, (0.005, 0.005), ((k, k), (0.0, 0.0)),

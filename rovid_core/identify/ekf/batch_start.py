@@ -169,7 +169,7 @@ class BatchStart(Generic[M]):
 
         """
         if not self._measured:
-            self._measure()
+            self._measured = self._measure()
         passes = min(max(self._budget // (len(guesses) * max(len(self._measured), 1)), 1), most)
         best, least = None, inf
         for theta in guesses:
@@ -217,17 +217,19 @@ class BatchStart(Generic[M]):
                 sizes += member.learn(span, use == USED)
         return sizes
 
-    def _measure(self) -> None:
-        """Find what the pieces measure, and the force that acted, once for all passes."""
+    def _measure(self) -> list[tuple[Any, Any, int]]:
+        """Return what the pieces measure and under what force, once for all passes."""
         clock = self._new_clock()
+        found: list[tuple[Any, Any, int]] = []
         for piece, use in self._pieces:
             if not isinstance(piece, STEPS):
                 clock.restart()
-                self._measured.append((None, piece, use))
+                found.append((None, piece, use))
                 continue
             span = clock.add_step(piece)
             if span is not None:
-                self._measured.append((clock.recent, span, use))
+                found.append((clock.recent, span, use))
+        return found
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

@@ -150,8 +150,8 @@ class PlanarKalman:
         return member
 
     def _new_clock(self, forgets: bool = True) -> PlanarClock:
-        return PlanarClock(
-            (self._model.scales[0].force, self._model.scales[1].force), forgets)
+        surge, sway = self._model.scales
+        return PlanarClock((surge.force, sway.force), self._model.regressors, forgets)
 
     def _new_start(self) -> BatchStart[PlanarMember]:
         return BatchStart(self._new, lambda: self._new_clock(False), self._read, BUDGET)

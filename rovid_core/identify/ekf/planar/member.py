@@ -83,6 +83,8 @@ class PlanarClock:
     ----------
     forces : pair of floats
         The units of the forces [N].
+    regressors : sequence of 2 ints
+        How many a step brings along for surge and for sway.
     forgets : bool
         Whether the force may go when it is old.
 
@@ -95,8 +97,9 @@ class PlanarClock:
 
     """
 
-    def __init__(self, forces: tuple[float, float], forgets: bool = True) -> None:
-        self._forces, self._forgets = forces, forgets
+    def __init__(self, forces: tuple[float, float], regressors: Sequence[int],
+                 forgets: bool = True) -> None:
+        self._forces, self._regressors, self._forgets = forces, regressors, forgets
         self.restart()
 
     def restart(self) -> None:
@@ -141,7 +144,7 @@ class PlanarClock:
         group, self._group = self._group, []
         sums = [math.fsum(column) for column in zip(*group)]
         end, _, noise, x, y, a, b, c, d, *couplings = [total / len(group) for total in sums]
-        count = len(step.couplings[0])
+        count = self._regressors[0]
         return PlanarMeasurement(
             start, end, (x, y), _looks((a, b, c, d)) if not step.interval else None, False,
             self._mean_pieces(end - start, len(step.pieces)), noise, sums[1],
@@ -174,7 +177,7 @@ class PlanarClock:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         fix, last, ahead = floats([state[name] for name in ('fix', 'last', 'ahead')], 3)
-        group = [floats(row, len(row)) for row in state['group']]
+        group = [floats(row, 9 + sum(self._regressors)) for row in state['group']]
         way = [floats(row, 1 + len(PlanarPiece._fields)) for row in state['way']]
         one, other = state['recent']
         for recent, found in zip(self.recent, (one, other)):

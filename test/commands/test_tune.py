@@ -54,7 +54,7 @@ def test_a_current_is_no_weaker_thrust_in_reverse(tmp_path: Path) -> None:
                'yaw=multisine:4@0.02-0.15x5')
     given = ['--params-file', f'{CONFIG}/bluerov2_ardusub.yaml', '-p', 'dofs:=[surge,sway,yaw]']
     assert main(['simulate', *given, '-p', 'simulation.coriolis:=true', '-p',
-                 'simulation.current:=[0.05,0.15]', '--profile', profile, '--duration', '120',
+                 'simulation.current:=[0.05,0.15]', '--profile', profile, '--duration', '90',
                  '--output', f'{tmp_path}/log.mcap']) == 0
     assert main(['tune', f'{tmp_path}/log.mcap', *given, '--json', f'{tmp_path}/tune.json',
                  '--output', f'{tmp_path}/tuned.yaml']) == 0

@@ -123,7 +123,7 @@ def test_the_filter_of_surge_and_sway_finds_both_at_once() -> None:
     arc = replace(
         arc, simulation=replace(settings.simulation, dofs={'surge': surge, 'yaw': turning}),
         thrusters=replace(settings.thrusters, gain=(1.0, 1.0), allocation=rows))
-    estimate, _ = identified(arc, 'reverse_thrust', 300.0)
+    estimate, _ = identified(arc, 'reverse_thrust', 200.0)
     found = estimate.dofs[0]
     assert found.status == 'converged', found.judgement
     assert 1.0 / found.parameters[0] == pytest.approx(MASS, rel=0.02)
@@ -137,7 +137,7 @@ def test_tuning_adds_the_drag_and_leaves_the_thrust_to_the_thrusters() -> None:
                              ('reverse_thrust', 'thrusters.reverse', WEAKER)):
         log = TuningLog(reading_settings(settings))
         stream = Stream(reading_settings(settings), recorder=log, scorer=log)
-        for time, input, sample in simulate(true(settings, name), 150.0, 1):
+        for time, input, sample in simulate(true(settings, name), 90.0, 1):
             stream.receive(Event(time, (Sample(input, sample),)))
         stream.finish()
         changes = tune(lambda _, log=log: log, settings).changes()

@@ -122,7 +122,7 @@ def test_a_fix_a_second_finds_the_delay_of_thrust_that_changes_sooner(surge: Set
                     frequencies=(0.05, 0.3))
     slow = replace(surge, simulation=replace(
         surge.simulation, position_rate=1.0, position_noise=0.01, dofs={'surge': truth}))
-    changes = tune(log_of(slow, 200.0, delay=0.4), slow).changes()
+    changes = tune(log_of(slow, 150.0, delay=0.4), slow).changes()
     assert changes.keys() == {'thrusters.delay', 'thrusters.time_constant'}
     # a fix a second does not tell them apart
     assert sum(changes.values()) == pytest.approx(0.4, abs=0.03)  # type: ignore[arg-type]
@@ -152,7 +152,7 @@ def test_a_coupling_that_is_missing_is_added() -> None:
                            **load(config / 'examples' / 'auv.yaml')})
     settings = replace(truth, dofs=('surge', 'sway', 'yaw'), dof={
         dof: replace(its, couplings=()) for dof, its in truth.dof.items()})
-    tuned = tune(log_of(settings, 180.0), settings)
+    tuned = tune(log_of(settings, 90.0), settings)
     changes = tuned.changes()
     assert 'vr' in changes['surge.couplings']  # type: ignore[operator]
     assert 'ur' in changes['sway.couplings']  # type: ignore[operator]
@@ -174,7 +174,7 @@ def test_with_another_heading_the_log_is_read_again_and_couplings_are_sought(
 
 
 def test_finds_how_late_fixes_are_stamped(rov: Settings) -> None:
-    read = log_of(rov, 120.0, late={'position': 0.3})
+    read = log_of(rov, 80.0, late={'position': 0.3})
     changes = tune(read, rov).changes()
     assert changes['position.latency'] == pytest.approx(0.3, abs=0.03)
     assert changes['max_wait'] == pytest.approx(0.4, abs=0.03)  # it may come so much later
@@ -190,7 +190,7 @@ def test_a_latency_that_only_turns_want_is_not_taken(rov: Settings) -> None:
 
 
 def test_an_attitude_that_is_stamped_late_is_told_from_fixes_that_are_not(rov: Settings) -> None:
-    changes = tune(log_of(rov, 120.0, late={'attitude': 0.3}), rov).changes()
+    changes = tune(log_of(rov, 80.0, late={'attitude': 0.3}), rov).changes()
     assert changes['attitude.latency'] == pytest.approx(0.3, abs=0.03)
     assert 'position.latency' not in changes
 

@@ -171,14 +171,14 @@ class BatchStart(Generic[M]):
         if not self._measured:
             self._measured = self._measure()
         passes = min(max(self._budget // (len(guesses) * max(len(self._measured), 1)), 1), most)
-        best, least = None, inf
+        best, least, settled = None, inf, False
         for theta in guesses:
+            if settled:
+                break
             with suppress(ArithmeticError):
                 found, value, settled = self._iterate(member, theta, passes)
                 if value < least:
                     best, least = found, value
-                if settled:
-                    break
         if best is None:
             raise DivergenceError('no pass came to an end')
         return best

@@ -432,8 +432,9 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     patterns = patterns[sizes > _TOGETHER * sizes.max()].T
     together = commands / strength @ patterns
     made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
-    answers = {dof: push for dof in moved.velocities if (push := answer(moved, dof, held(
-        signal.times + made.delay, together, moved.times, moved.half)))}
+    forces = held(signal.times + made.delay, together, moved.times, moved.half)
+    answers = {dof: push for dof in moved.velocities
+               if (push := answer(moved, dof, forces))}
     told = {dof: push for dof, push in answers.items() if push.explained > _EXPLAINED and np.any(
         np.abs(push.alphas) > SURE * push.errors)}
     if answers and not told:

@@ -7,8 +7,9 @@ import math
 
 from rovid_core.model.dofs import ANGULAR_DOFS, DOFS
 from rovid_ros.config.parameter_file import scalar
-from rovid_ros.discovery.decisions import Discovery, Known, Thrusters
+from rovid_ros.discovery.decisions import Discovery, Known
 from rovid_ros.discovery.signals import Signal
+from rovid_ros.discovery.thrusters import Thrusters
 
 _COMMENT = 35  # column where comments begin
 _WIDTH = 96

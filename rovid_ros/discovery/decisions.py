@@ -5,30 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import math
-from typing import Any
 
 import numpy as np
 from rovid_core.model.dofs import coupling_prior, DOFS
-from rovid_core.settings.run import ThrusterSettings
-from rovid_core.thrust.thruster_curve import are_commands, thruster_model
-from rovid_ros.discovery.ardusub import allocation, Frame, FRAMES, Motors
-from rovid_ros.discovery.candidates import Candidate, driven, NEUTRAL
-from rovid_ros.discovery.motion import answer, best_delay, held, Motion, motion, Push
-from rovid_ros.discovery.signals import Array, part, Signal
+from rovid_ros.discovery.ardusub import Motors
+from rovid_ros.discovery.candidates import Candidate
+from rovid_ros.discovery.motion import answer, Motion, motion, Push
+from rovid_ros.discovery.signals import Array, Signal
+from rovid_ros.discovery.thrusters import (
+    answers_to,
+    EXPLAINED,
+    explained_by,
+    find_thrusters,
+    force_of,
+    pushed,
+    SURE,
+    Thrusters,
+    with_delay,
+)
 
-# A T200 near 12 V: force [N] of a command of -1 to 1 (J. Mar. Sci. Eng. 10(12), 2022, 1898).
-T200 = (0.0, 8.9, 0.0, 176.0, 0.0, -404.1, 0.0, 389.9, 0.0, -140.3)
-PULSES = {'scale': 0.0025, 'limit': 1.0, 'deadband': 0.0625, 'model': 'polynomial',
-          'polynomial': T200}
-SURE = 3.0  # standard errors
 _DRIVEN = ('surge', 'sway', 'heave', 'yaw')
-_EXPLAINED = 0.1  # share of a DOF's changes below which nothing is known of what drives it
 _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
-_SMALL = 0.15  # share of the strongest thruster of a DOF below which another does nothing
-_TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
 _GAINED = 0.03  # share of the changes that a latency has to explain
-_SPEEDS = {'rpm', 'rps', 'speed', 'speeds'}  # of propellers
 _LATENCIES = tuple(0.25 * k for k in range(13))  # [s] of fixes that are tried
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
@@ -37,30 +36,6 @@ Choose = Callable[[str, list[Candidate]], Candidate]
 
 class DiscoveryError(ValueError):
     """A log that no configuration can be made for; the text is the line to print."""
-
-
-@dataclass
-class Thrusters:
-    """What drives the vehicle."""
-
-    signal: Signal
-    how: str  # wrench; frame: a known vehicle's; data: the allocation is estimated
-    chain: ThrusterSettings
-    rows: dict[str, tuple[float, ...]]  # of the allocation, by DOF
-    frame: Frame | None = None
-    sure_frame: bool = False  # the autopilot itself says so
-    delay: float = 0.0  # [s]
-
-    def forces(self) -> Array:
-        """Return what each thruster gives, or the wrench, at the times of the signal."""
-        values = self.signal.values
-        if self.how == 'wrench':
-            return values
-        model = thruster_model(self.chain)
-        told, where = np.unique(values, return_inverse=True)
-        made = [model(raw) if are_commands(self.chain, [raw]) else 0.0 for raw in told.tolist()]
-        each = np.array(made)[where].reshape(values.shape)
-        return np.asarray(each * np.array(self.chain.gain))
 
 
 @dataclass
@@ -134,12 +109,12 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
     if not len(moved.times):
         raise DiscoveryError(
             'have no time in common: ' + ', '.join(one.signal.topic for one in inputs.values()))
-    thrusters = _thrusters(inputs['thrusters'], frames, moved, motors, guesses)
+    thrusters = find_thrusters(inputs['thrusters'], frames, moved, motors, guesses)
     late = _latency(inputs, frames, thrusters, moved)
     if late:
         inputs['position'] = _earlier(inputs['position'], late)
         moved, heading = _moved(inputs, frames, [])
-        thrusters = _thrusters(inputs['thrusters'], frames, moved, motors, [])
+        thrusters = find_thrusters(inputs['thrusters'], frames, moved, motors, [])
         guesses.append(
             f'position.latency {late:g} s: what {inputs["position"].signal.topic} shows comes so '
             'much later after its command than what the other inputs show')
@@ -149,7 +124,7 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
         for _ in range(2):  # what is far off spoils the delay, and that the angle
             made.yaw_offset = _heading_offset(made.thrusters, original)
             moved = _turned(original, made.yaw_offset)
-            made.thrusters = _with_delay(made.thrusters, moved)
+            made.thrusters = with_delay(made.thrusters, moved)
     made.inputs['thrusters'] = replace(inputs['thrusters'], signal=made.thrusters.signal)
     _fit(made, moved)
     if not made.dofs:
@@ -201,14 +176,14 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
         ('heave', 'depth'), ('yaw', 'attitude')) if source in inputs and dof in thrusters.rows}
     if 'position' not in inputs or not on_time:
         return 0.0
-    delayed = _with_delay(replace(thrusters, rows=on_time), moved)
-    if _explained(delayed, moved) < _EXPLAINED:
+    delayed = with_delay(replace(thrusters, rows=on_time), moved)
+    if explained_by(delayed, moved) < EXPLAINED:
         return 0.0
     delayed = replace(delayed, rows=thrusters.rows)
 
     def explained(late: float) -> float:
         shown, _ = _moved({**inputs, 'position': _earlier(inputs['position'], late)}, frames, [])
-        return math.fsum(_pushed(push) for dof, (push, _) in _answers(delayed, shown).items()
+        return math.fsum(pushed(push) for dof, (push, _) in answers_to(delayed, shown).items()
                          if dof in ('surge', 'sway'))
 
     best = max(_LATENCIES, key=explained)
@@ -306,194 +281,14 @@ def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, t
     return -heave
 
 
-def _thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Motors | None,
-               guesses: list[str]) -> Thrusters:
-    """Return what drives the vehicle, with the allocation that explains most of its motion."""
-    signal, count = candidate.signal, candidate.signal.values.shape[1]
-    if signal.shape == 'wrench':
-        flip = np.array([1, -1, -1, 1, -1, -1]) if frames == 'ned' else np.ones(6)
-        turned = replace(signal, values=signal.values * flip)
-        rows = {dof: tuple(float(i == k) for k in range(6)) for i, dof in enumerate(DOFS)}
-        made = Thrusters(turned, 'wrench', _chain((1.0,) * 6), rows)
-        return _with_delay(made, moved)
-    pulses = bool(candidate.keys.get('pwm'))
-    columns = driven(signal.values)
-    used = [n - 1 for n in motors.outputs] if motors else list(range(columns[-1] + 1))
-    if motors and max(used) >= count:
-        motors, used = None, list(range(columns[-1] + 1))
-    path = _path(signal, used)
-    gain = motors.directions if motors else (1.0,) * len(used)
-    narrow = part(signal, used, path, 'array')
-    if pulses:
-        from_data = max((_by_data(narrow, _chain(gain, offset=offset, **PULSES), moved)
-                         for offset in _neutrals(narrow.values)),
-                        key=lambda made: round(_explained(made, moved), 1))
-        if from_data.chain.offset != NEUTRAL:
-            guesses.append(f'thrusters.offset {from_data.chain.offset:g}: taken for the pulses of '
-                           'no thrust, as it explains more than 1500')
-    else:
-        names = signal.names if len(used) == count else ()
-        from_data = _forces_or_speeds([
-            _with_delay(_by_data(narrow, _chain(gain, names=names, model=model), moved), moved)
-            for model in ('linear', 'quadratic')], moved, guesses)
-    from_data = _with_delay(from_data, moved)
-    if motors:
-        return replace(from_data, how='frame', frame=motors.frame, sure_frame=True,
-                       rows=allocation(motors.frame))
-    active = {k for k in columns if k in used}
-    fitting = [frame for frame in (FRAMES[2], FRAMES[1], FRAMES[0])
-               if pulses and len(frame.factors) == len(used) and active == set(used)]
-    for frame in fitting:
-        made = replace(from_data, how='frame', frame=frame, rows=allocation(frame))
-        ours, best = _explained(made, moved), _explained(from_data, moved)
-        if ours > 0.5 * best and ours > 0.1:
-            return _with_delay(made, moved)
-    return _without_idle(from_data, signal, used, guesses)
-
-
-def _forces_or_speeds(models: Sequence[Thrusters], moved: Motion,
-                      guesses: list[str]) -> Thrusters:
-    """
-    Return thrusters whose force goes as the command, or with its square as a propeller's speed.
-
-    Where no name says that it is a speed, the square has to leave less than half unexplained of
-    what the command leaves: a curve that is neither, or a mean of few thrusters, favours one of
-    both a little.
-    """
-    forces, speeds = models
-    driven = len(forces.rows.keys() | speeds.rows.keys())
-    lacks = [driven - _explained(made, moved) for made in models]
-    if lacks[1] < lacks[0] * (1.0 if forces.signal.words & _SPEEDS else 0.5):
-        guesses.append('thrusters.model quadratic: as speeds of propellers the commands explain '
-                       'more of the motion than as forces')
-        return speeds
-    return forces
-
-
-def _without_idle(made: Thrusters, signal: Signal, used: Sequence[int],
-                  guesses: list[str]) -> Thrusters:
-    """Return thrusters without those that do nothing to any DOF that is measured."""
-    active = [k for k in range(len(used)) if any(row[k] for row in made.rows.values())]
-    if not active or len(active) == len(used):
-        return made
-
-    def of(values: Sequence[Any]) -> tuple[Any, ...]:
-        return tuple([values[k] for k in active])
-    idle = ', '.join(str(used[k] + 1) for k in range(len(used)) if k not in active)
-    guesses.append(f'thrusters: left out, for they move nothing that is measured in this log: '
-                   f'{idle} of {len(used)}')
-    path = signal.path if made.chain.names else _path(signal, of(used))
-    return replace(
-        made, signal=part(made.signal, active, path, made.signal.shape),
-        chain=replace(made.chain, names=of(made.chain.names) if made.chain.names else (),
-                      gain=of(made.chain.gain), allocation=tuple(map(of, made.chain.allocation))),
-        rows={dof: of(row) for dof, row in made.rows.items()})
-
-
-def _chain(gain: tuple[float, ...], **more: Any) -> ThrusterSettings:
-    """Return the chain up to the force of each thruster; rows are kept apart."""
-    return ThrusterSettings(
-        topics=('/thrusters',), gain=gain, allocation=((1.0,) * len(gain),) * len(DOFS), **more)
-
-
-def _path(signal: Signal, used: Sequence[int]) -> str:
-    """Return the path to some columns of an array."""
-    if signal.topics or list(used) == list(range(signal.values.shape[1])):
-        return signal.path
-    if ',' in signal.path:
-        names = [name.strip() for name in signal.path.split(',')]
-        return ', '.join(names[k] for k in used)
-    if list(used) == list(range(used[0], used[-1] + 1)):
-        return f'{signal.path}[{used[0]}:{used[-1] + 1}]'
-    return ', '.join(f'{signal.path}[{k}]' for k in used)
-
-
-def _neutrals(values: Array) -> list[float]:
-    """Return what pulse width [us] could stand for no thrust: the usual, and where all rest."""
-    rests = []
-    for column in np.round(values[:, driven(values)]).T:
-        told, counts = np.unique(column, return_counts=True)
-        rests.append(float(told[counts.argmax()]))
-    rest = float(np.median(rests))
-    shared = max(rests) - min(rests) <= 6.0 and 5.0 < abs(rest - NEUTRAL) < 120.0
-    return [NEUTRAL, rest] if shared else [NEUTRAL]
-
-
-def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thrusters:
-    """Return thrusters whose allocation is what each command does to each DOF in the log."""
-    made = Thrusters(signal, 'data', chain, {})
-    commands = made.forces()
-    strength = np.sqrt(np.mean(commands * commands, axis=0))
-    strength[strength == 0.0] = 1.0
-    # thrusters that are driven together cannot be told apart: each gets the same share
-    _, sizes, patterns = np.linalg.svd(commands / strength, full_matrices=False)
-    if not sizes.any():
-        return made
-    patterns = patterns[sizes > _TOGETHER * sizes.max()].T
-    together = commands / strength @ patterns
-    made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
-    forces = held(signal.times + made.delay, together, moved.times, moved.half)
-    answers = {dof: push for dof in moved.velocities
-               if (push := answer(moved, dof, forces))}
-    told = {dof: push for dof, push in answers.items() if push.explained > _EXPLAINED and np.any(
-        np.abs(push.alphas) > SURE * push.errors)}
-    if answers and not told:
-        best = max(answers, key=lambda dof: answers[dof].explained)
-        told = {best: answers[best]}
-    for dof, push in told.items():
-        shares = patterns @ push.alphas
-        shares[np.abs(shares) < _SMALL * np.abs(shares).max()] = 0.0
-        alphas = shares / strength
-        if alphas.any():
-            made.rows[dof] = tuple(
-                round(float(x), 2) + 0.0 for x in alphas / np.abs(alphas).max())
-    return made
-
-
-def _force(made: Thrusters, dof: str, moved: Motion) -> Array:
-    """Return the force on a DOF at the times of the motion."""
-    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.half)
-    return np.asarray(forces @ np.array(made.rows[dof]))
-
-
-def _answers(made: Thrusters, moved: Motion) -> dict[str, tuple[Push, Array]]:
-    found = {}
-    for dof in moved.velocities:
-        force = _force(made, dof, moved) if dof in made.rows else np.zeros(len(moved.times))
-        if np.ptp(force) > 1e-9:
-            push = answer(moved, dof, force[:, np.newaxis])
-            if push is not None:
-                found[dof] = push, force
-    return found
-
-
-def _explained(made: Thrusters, moved: Motion) -> float:
-    """Return how much of the motion is explained, if forces push the way they point."""
-    return math.fsum(_pushed(push) for push, _ in _answers(made, moved).values())
-
-
-def _pushed(push: Push) -> float:
-    """Return how much of a motion is explained, less than nothing if it is against the force."""
-    return math.copysign(push.explained, push.alphas[0])
-
-
-def _with_delay(made: Thrusters, moved: Motion) -> Thrusters:
-    if not made.rows:
-        return made
-    commands = made.forces()
-    forces = {dof: commands @ np.array(made.rows[dof])[:, np.newaxis]
-              for dof in moved.velocities if dof in made.rows}
-    return replace(made, delay=best_delay(moved, made.signal.times, forces))
-
-
 def _fit(made: Discovery, moved: Motion) -> None:
     """Fit each DOF that is driven, for initial values of the right size."""
-    answers = _answers(made.thrusters, moved)
+    answers = answers_to(made.thrusters, moved)
     for dof in [dof for dof in DOFS if dof in answers]:
         push, force = answers[dof]
         alpha, error = float(push.alphas[0]), float(push.errors[0])
         velocity = moved.velocities[dof]
-        sign = 0 if abs(alpha) < SURE * error or push.explained < _EXPLAINED else (
+        sign = 0 if abs(alpha) < SURE * error or push.explained < EXPLAINED else (
             1 if alpha > 0.0 else -1)
         strong = float(np.sqrt(np.mean(force * force)))
         fast = float(np.sqrt(np.nanmean(velocity * velocity)))
@@ -547,11 +342,11 @@ def _heading_offset(thrusters: Thrusters, moved: Motion) -> float:
         dof: row for dof, row in thrusters.rows.items() if dof in ('surge', 'sway')})
 
     def explained(angle: float) -> float:
-        return _explained(plane, _turned(moved, angle))
+        return explained_by(plane, _turned(moved, angle))
 
     coarse = max(np.arange(-15, 17) * math.pi / 16.0, key=explained)
     fine = max(coarse + np.arange(-10, 11) * 0.02, key=explained)
-    if abs(fine) < _TURNED or explained(fine) < explained(0.0) + _EXPLAINED or not _all_turned(
+    if abs(fine) < _TURNED or explained(fine) < explained(0.0) + EXPLAINED or not _all_turned(
             thrusters, moved, float(fine)):
         return 0.0
     return round(math.remainder(float(fine), 2.0 * math.pi), 2)
@@ -564,7 +359,7 @@ def _all_turned(thrusters: Thrusters, moved: Motion, angle: float) -> bool:
     A heading offset turns the answers to all of them. Where one DOF is hardly driven, an angle
     that lends it a part of the other's motion explains more too, and is none.
     """
-    forces = np.column_stack([_force(thrusters, dof, moved) for dof in ('surge', 'sway')])
+    forces = np.column_stack([force_of(thrusters, dof, moved) for dof in ('surge', 'sway')])
     surge, sway = [answer(moved, dof, forces) for dof in ('surge', 'sway')]
     if surge is None or sway is None:
         return False

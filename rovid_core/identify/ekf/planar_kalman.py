@@ -80,8 +80,7 @@ class PlanarKalman:
     Parameters
     ----------
     scales : mapping
-        Of surge, sway or both. The one that is left out drifts: it has no thrust, but drag,
-        and the other one needs its velocity.
+        As of a ``PlanarModel``.
     settings : CurrentSettings
         What is known of the current.
 

@@ -119,8 +119,8 @@ class Peer:
         self.publishers[topic].publish(message)
 
     def call(self, service: type[Any], name: str, request: Any = None) -> Any:
-        self._greet(name.rpartition('/')[0])
         client = self.node.create_client(service, name)
+        self._greet(name.rpartition('/')[0])  # which then has found this client, too
         self.until(client.service_is_ready)
         future = client.call_async(request or service.Request())
         self.until(future.done)

@@ -73,6 +73,7 @@ class Peer:
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.publishers: dict[str, Any] = {}
+        self._tapped: set[str] = set()
 
     def listen(self, topic: str, type_name: str, qos: QoSProfile | None = None, *,
                raw: bool = False) -> list[Any]:
@@ -95,12 +96,19 @@ class Peer:
     def tap(self, topic: str, type_name: str, take: Callable[[Any], object],
             qos: QoSProfile | None = None, *, raw: bool = True) -> None:
         """Subscribe; ``take`` gets each message as it comes."""
+        self._tapped.add(topic)
         self.node.create_subscription(
             import_type(type_name), topic, take, qos or reliable(10_000), raw=raw)
 
     def advertise(self, types: Mapping[str, str], qos: QoSProfile | None = None) -> None:
-        """Make the publishers and wait until each has found the node."""
+        """
+        Make the publishers and wait until each has found the node.
+
+        What a node publishes is found apart from what it listens to, and may be found after it:
+        then its first estimates would be lost.
+        """
         self.until(lambda: all(map(self.node.count_subscribers, types)))  # as _is_there says
+        self.until(lambda: all(map(self.node.count_publishers, self._tapped)))
         for topic, type_name in types.items():
             self.publishers[topic] = self.node.create_publisher(
                 import_type(type_name), topic, qos or reliable(10_000))

@@ -20,6 +20,7 @@ _SIDES = {'left', 'right', 'port', 'starboard', 'front', 'rear', 'fore', 'aft', 
           'center', 'middle', 'lateral', 'vertical', 'horizontal'}
 _MEASURED = {'temperature', 'temp', 'voltage', 'vel', 'velocity', 'pos', 'position', 'angle'}
 _GRAVITY = (8.8, 10.8)  # [m/s^2] length of what an accelerometer sees on average
+_DEPTH = {'depth', 'pressure', 'altitude', 'baro', 'ctun'}
 # What is asked for, and not what is.
 _ASKED = {'goal', 'target', 'setpoint', 'desired', 'waypoint', 'ref', 'error', 'trajectory'}
 
@@ -35,7 +36,8 @@ class Candidate:
 
 def candidates(signals: Sequence[Signal]) -> dict[str, list[Candidate]]:
     """Return what could be each input, the likeliest first; inputs without any are left out."""
-    signals = [*signals, *_inertial_parts(signals), *_one_topic_each(signals)]
+    signals = [*[_depth_of_point(signal) or signal for signal in signals],
+               *_inertial_parts(signals), *_one_topic_each(signals)]
     found: dict[str, list[Candidate]] = {}
     for name, judge in _JUDGES.items():
         judged = [one for signal in signals for one in judge(signal)]
@@ -105,10 +107,18 @@ def _angle_unit(signal: Signal) -> dict[str, str]:
     return {'unit': 'deg'} if np.max(np.abs(signal.values)) > 2.0 * math.pi + 0.1 else {}
 
 
+def _depth_of_point(signal: Signal) -> Signal | None:
+    """Return the depth in a point that a depth sensor fills in: its x and y never change."""
+    if signal.shape != 'vector' or not signal.words & _DEPTH or (
+            np.ptp(signal.values[:, :2]) > 0.0):
+        return None
+    return part(signal, (2,), f'{signal.path}.z'.lstrip('.'), 'number')
+
+
 def _depth(signal: Signal) -> Iterable[Candidate]:
     words = signal.words
     if signal.shape not in ('number', 'array') or signal.values.shape[1] != 1 or (
-            not words & {'depth', 'pressure', 'altitude', 'baro', 'ctun'}
+            not words & _DEPTH
             or words & {'variance', 'cmd', 'temperature', 'air'}):
         return
     if not _moves(signal, 1e-3):

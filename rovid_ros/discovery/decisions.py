@@ -267,6 +267,8 @@ def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, t
     if both.sum() < _ENOUGH or np.std(up[both]) < _STILL:
         return heave
     alike = float(np.corrcoef(own[both], up[both])[0, 1])
+    if abs(alike) < _ALIKE and inputs['position'].signal.shape == 'geographic':
+        return heave  # the altitude of a GPS is the worst of its numbers
     if abs(alike) < _ALIKE:
         guesses.append(f'depth: {depth.signal.place} does not move as the position does, so the '
                        'position is used for heave')

@@ -138,7 +138,7 @@ def test_fixes_too_noisy_for_what_was_driven_ask_for_more_headings():
 
 @pytest.mark.parametrize(('late', 'said'), [
     (0.2, 'clocks disagree: thrust acts about 0.'),
-    (-0.7, 'stands at its bound of 0.6 s: see thrusters.delay')])
+    (-0.7, 'clocks disagree: motion is stamped about 0.')])
 def test_clocks_that_disagree_are_said_of_both(late, said):
     moved = sorted([event._replace(time=event.time + round(late * 1e9))
                     if event.samples[0].input == 'thrusters' else event

@@ -31,4 +31,4 @@ def test_before_any_data_the_deviations_are_those_of_the_guess() -> None:
     scales = Scales.of(DofSettings(200.0, 100.0, typical_force=80.0, typical_velocity=0.5))
     told = ExtendedKalman(scales).uncertainty
     assert told.std[0] == pytest.approx(2.0 / 200.0)
-    assert told.delay_std == pytest.approx(0.05)
+    assert told.delay_std == pytest.approx(0.15)

@@ -240,7 +240,7 @@ class ExtendedKalman(Identifier):
 
     @property
     def _clocks(self) -> str:
-        return clocks_in_doubt(self._bank.best.verdict, len(self._theta) - 1, self.delay)
+        return clocks_in_doubt(self._bank.best.verdict, len(self._theta) - 1)
 
     @property
     def doubt(self) -> str:

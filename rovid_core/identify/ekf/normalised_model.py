@@ -19,8 +19,8 @@ CHANGE = 0.5
 MAX_COUPLING = 100.0
 """Largest coupling, in the standard deviations that it has before any data."""
 
-DELAY_STD = 0.05
-"""[s] of the guess that there is none."""
+DELAY_STD = 0.15
+"""[s] of the guess that there is none: thrusters and clocks are seldom later than twice that."""
 
 
 class NormalisedModel:

@@ -340,7 +340,7 @@ class PlanarKalman:
 
     def _clocks(self, k: int) -> str:
         best, i = self._bank.best, self._model.rows[k].end - 1
-        return clocks_in_doubt(best.verdict, i, best.filter.theta.item(i))
+        return clocks_in_doubt(best.verdict, i)
 
     def _note_change(self, step: PlanarStep) -> None:
         self._usable = [False, False]

@@ -9,14 +9,14 @@ from rovid_core.identify.ekf.evidence.block_fit import Verdict
 DELAYS = (-0.05, 0.6)
 """Range of the delay [s]; far below 0 the force would have to be known ahead."""
 
-BEYOND = 3.0
-"""Standard deviations that data have to want the delay beyond its range, to mean it."""
+AT_BOUND, BEYOND = 1.0, 2.0
+"""
+Standard deviations that the data have to want the delay out of its range, for it to be said that
+it stands at the end of it, and for that by how much it is out: its 95 % interval is then.
+"""
 
-AT_BOUND = 1e-3
-"""[s] from the end of the range within which the delay stands at it."""
 
-
-def clocks_in_doubt(verdict: Verdict | None, k: int, delay: float) -> str:
+def clocks_in_doubt(verdict: Verdict | None, k: int) -> str:
     """
     Return what is said of a delay out of its range or at its end, '' if it is inside.
 
@@ -26,20 +26,20 @@ def clocks_in_doubt(verdict: Verdict | None, k: int, delay: float) -> str:
         What the blocks say.
     k : int
         Where the delay stands among the parameters.
-    delay : float
-        Of the filter, inside of its range [s].
 
     """
     # what the model lacks may look like a delay
     if verdict is None or verdict.missing is not None:
         return ''
-    wanted, beyond = verdict.theta[k], BEYOND * math.sqrt(verdict.covariance[k][k])
-    if wanted < DELAYS[0] - beyond:
+    wanted, std = verdict.theta[k], math.sqrt(verdict.covariance[k][k])
+    early, late = DELAYS[0] - wanted, wanted - DELAYS[1]
+    if early > BEYOND * std:
         return (f'clocks disagree: thrust acts about {-wanted:.2g} s sooner than its stamps and '
                 'thrusters.delay say: lower that, or raise thrusters.latency')
-    if wanted > DELAYS[1] + beyond:
+    if late > BEYOND * std:
         return f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust'
-    for bound, key in zip(DELAYS, ('thrusters.delay and thrusters.latency', 'thrusters.delay')):
-        if abs(delay - bound) < AT_BOUND:
+    for beyond, bound, key in zip((early, late), DELAYS, (
+            'thrusters.delay and thrusters.latency', 'thrusters.delay')):
+        if beyond > AT_BOUND * std:
             return f'the delay of the thrust stands at its bound of {bound:g} s: see {key}'
     return ''

@@ -10,6 +10,7 @@ import numpy as np
 from rovid_core.model.dofs import coupling_prior, DOFS
 from rovid_ros.discovery.ardusub import Motors
 from rovid_ros.discovery.candidates import Candidate
+from rovid_ros.discovery.moments import Misfit
 from rovid_ros.discovery.motion import answer, Motion, motion, Push
 from rovid_ros.discovery.signals import Array, Signal
 from rovid_ros.discovery.thrusters import (
@@ -18,7 +19,7 @@ from rovid_ros.discovery.thrusters import (
     explained_by,
     find_thrusters,
     force_of,
-    pushed,
+    misfit_by,
     SURE,
     Thrusters,
     with_delay,
@@ -27,8 +28,9 @@ from rovid_ros.discovery.thrusters import (
 _DRIVEN = ('surge', 'sway', 'heave', 'yaw')
 _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
-_GAINED = 0.03  # share of the changes that a latency has to explain
+_LIKELY = 3.84  # chi-squared that chance exceeds once in twenty times
 _LATENCIES = tuple(0.25 * k for k in range(13))  # [s] of fixes that are tried
+_DELAYS = tuple(0.05 * k for k in range(13))  # [s] of the thrust
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
 Choose = Callable[[str, list[Candidate]], Candidate]
@@ -174,21 +176,27 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
     """
     on_time = {dof: thrusters.rows[dof] for dof, source in (
         ('heave', 'depth'), ('yaw', 'attitude')) if source in inputs and dof in thrusters.rows}
-    if 'position' not in inputs or not on_time:
+    if 'position' not in inputs or not on_time or explained_by(
+            with_delay(replace(thrusters, rows=on_time), moved), moved) < EXPLAINED:
         return 0.0
-    delayed = with_delay(replace(thrusters, rows=on_time), moved)
-    if explained_by(delayed, moved) < EXPLAINED:
-        return 0.0
-    delayed = replace(delayed, rows=thrusters.rows)
+    plane = {dof: row for dof, row in thrusters.rows.items() if dof in ('surge', 'sway')}
+    without = replace(moved, velocities={
+        dof: velocity for dof, velocity in moved.velocities.items() if dof in on_time})
+    delay = min(_DELAYS, key=lambda delay: misfit_by(
+        replace(thrusters, rows=on_time, delay=delay), without).left)
+    delayed = replace(thrusters, rows=plane, delay=delay)
 
-    def explained(late: float) -> float:
+    def with_latency(late: float) -> Misfit:
         shown, _ = _moved({**inputs, 'position': _earlier(inputs['position'], late)}, frames, [])
-        return math.fsum(pushed(push) for dof, (push, _) in answers_to(delayed, shown).items()
-                         if dof in ('surge', 'sway'))
+        return misfit_by(delayed, shown)
 
-    best = max(_LATENCIES, key=explained)
+    tried = {late: with_latency(late) for late in _LATENCIES}
     # the other way at another time: thrust that comes and goes, or that answers to the motion
-    return best if explained(best) > abs(explained(0.0)) + _GAINED else 0.0
+    late = min((late for late, one in tried.items() if one.alpha > 0.0),
+               key=lambda late: tried[late].left, default=0.0)
+    best = tried[late]
+    gained = (tried[0.0].left - best.left) / max(best.left / max(best.freedom, 1), 1.0)
+    return late if gained > _LIKELY else 0.0
 
 
 def _earlier(fixes: Candidate, late: float) -> Candidate:
@@ -264,11 +272,10 @@ def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, t
     own = np.interp(fixes.times, times, heave)
     up = fixes.velocities['heave'] * (-1.0 if frames == 'ned' else 1.0)
     both = np.isfinite(own) & np.isfinite(up)
-    if both.sum() < _ENOUGH or np.std(up[both]) < _STILL:
+    if both.sum() < _ENOUGH or np.std(up[both]) < max(_STILL, 2.0 * _noise_of_rate(
+            inputs['position'].signal.values[:, 2], fixes.half)):
         return heave
     alike = float(np.corrcoef(own[both], up[both])[0, 1])
-    if abs(alike) < _ALIKE and inputs['position'].signal.shape == 'geographic':
-        return heave  # the altitude of a GPS is the worst of its numbers
     if abs(alike) < _ALIKE:
         guesses.append(f'depth: {depth.signal.place} does not move as the position does, so the '
                        'position is used for heave')
@@ -281,6 +288,11 @@ def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, t
     guesses.append('depth.scale: negative, for the depth moves against the position' if scale < 0.0
                    else 'depth.scale: positive, for the depth moves with the position')
     return -heave
+
+
+def _noise_of_rate(values: Array, half: float) -> float:
+    """Return the noise of rates of change over twice ``half`` [s], as it shows from fix to fix."""
+    return float(np.sqrt(np.mean(np.diff(values, 2)**2) / 6.0) / (math.sqrt(2.0) * half))
 
 
 def _fit(made: Discovery, moved: Motion) -> None:

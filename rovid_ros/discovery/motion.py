@@ -189,32 +189,68 @@ def _without_gaps(times: Array, values: Array, grid: Array, half: float) -> Arra
     return np.where(bad, np.nan, values)
 
 
+class Windows:
+    """
+    Windows of time in which a DOF moved: how its velocity changed, and integrals over them.
+
+    What the other DOFs and a current push it with is there too: a vehicle that turns while it
+    moves sideways is pushed more by that than by its thrusters.
+
+    Attributes
+    ----------
+    width : int
+        Of a window, in steps.
+    known : array of bool
+        Where all is measured.
+    velocity : array
+        Of the DOF [m/s or rad/s], 0 where it is not known.
+    coupled : tuple of str
+        The couplings.
+    beside : array, shape (n, 1 + couplings + 2 or 0)
+        A constant, the couplings, and the current's direction.
+    changes : array
+        Of the velocity, over each window without a gap in it.
+
+    """
+
+    def __init__(self, moved: Motion, dof: str) -> None:
+        velocity, coupled = moved.velocities[dof], moved.coupled(dof)
+        self.width = width = max(round(max(1.0, 2.0 * moved.half) / STEP), 1)
+        self.coupled = tuple(coupled)
+        self.known = known = np.isfinite(velocity) & np.isfinite(
+            sum(coupled.values(), np.zeros(len(velocity))))
+        self.velocity, *pushing = [
+            np.where(known, x, 0.0) for x in (velocity, *coupled.values())]
+        self.beside = np.column_stack(
+            [np.ones_like(self.velocity), *pushing, *moved.drifting(dof)])
+        self._whole = np.convolve(~known, np.ones(width + 1), 'valid') < 0.5 if (
+            len(velocity) > 3 * width) else np.zeros(max(len(velocity) - width, 0), bool)
+        self.changes = (self.velocity[width:] - self.velocity[:-width])[self._whole]
+
+    def are_enough(self) -> bool:
+        """Return whether ten of them can stand side by side, and the velocity changes."""
+        return len(self.changes) >= 10 * self.width and bool(np.ptp(self.changes) > 0.0)
+
+    def integrals(self, values: Array) -> Array:
+        """Return the integrals of columns over each window."""
+        sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(
+            0.5 * STEP * (values[1:] + values[:-1]), axis=0)])
+        return np.asarray((sums[self.width:] - sums[:-self.width])[self._whole])
+
+
 def answer(moved: Motion, dof: str, commands: Array) -> Push | None:
     """
     Return how a DOF answers to commands, one column each; None where the log does not say.
 
     By least squares of the changes over a window on the integrals over it, which asks for no
-    derivative. What the other DOFs and a current push it with is left to them: a vehicle that
-    turns while it moves sideways is pushed more by that than by its thrusters.
+    derivative.
     """
-    velocity, half, coupled = moved.velocities[dof], moved.half, moved.coupled(dof)
-    width = max(round(max(1.0, 2.0 * half) / STEP), 1)
-    if len(velocity) <= 3 * width:
+    windows = Windows(moved, dof)
+    if not windows.are_enough():
         return None
-
-    def integral(values: Array) -> Array:
-        sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(
-            0.5 * STEP * (values[1:] + values[:-1]), axis=0)])
-        return np.asarray(sums[width:] - sums[:-width])
-
-    known = np.isfinite(velocity) & np.isfinite(sum(coupled.values(), np.zeros(len(velocity))))
-    velocity, *pushing = [np.where(known, x, 0.0) for x in (velocity, *coupled.values())]
-    speeds = np.column_stack([velocity * np.abs(velocity), velocity, np.ones_like(velocity),
-                              *pushing, *moved.drifting(dof)])
-    regressors = integral(np.column_stack([commands, speeds]))
-    changes = velocity[width:] - velocity[:-width]
-    good = np.convolve(~known, np.ones(width + 1), 'valid') < 0.5  # no gap within
-    regressors, changes = regressors[good], changes[good]
+    velocity, width, changes = windows.velocity, windows.width, windows.changes
+    regressors = windows.integrals(np.column_stack(
+        [commands, velocity * np.abs(velocity), velocity, windows.beside]))
     count = commands.shape[1]
     for _ in range(2):  # again without what is far off, such as a sensor that was lost
         if len(changes) < 10 * width or not np.ptp(changes) > 0.0:
@@ -231,7 +267,8 @@ def answer(moved: Motion, dof: str, commands: Array) -> Push | None:
     errors = np.sqrt(squares * left * width)
     return Push(solution[:count], float(solution[count]), float(solution[count + 1]),
                 max(0.0, without - left) / whole if whole else 0.0, errors[:count],
-                dict(zip(coupled, np.column_stack([solution, errors])[count + 3:].tolist())))
+                dict(zip(windows.coupled,
+                         np.column_stack([solution, errors])[count + 3:].tolist())))
 
 
 def _fitted(regressors: Array, changes: Array) -> tuple[Array, Array, Array]:

@@ -13,6 +13,7 @@ from rovid_core.settings.run import ThrusterSettings
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model
 from rovid_ros.discovery.ardusub import allocation, Frame, FRAMES, Motors
 from rovid_ros.discovery.candidates import Candidate, driven, NEUTRAL
+from rovid_ros.discovery.moments import Misfit, misfit
 from rovid_ros.discovery.motion import answer, best_delay, held, Motion, Push
 from rovid_ros.discovery.signals import Array, part, Signal
 
@@ -212,14 +213,19 @@ def answers_to(made: Thrusters, moved: Motion) -> dict[str, tuple[Push, Array]]:
     return found
 
 
+def misfit_by(made: Thrusters, moved: Motion) -> Misfit:
+    """Return what the forces leave of the motion of all DOFs that they drive."""
+    forces = {dof: force_of(made, dof, moved) for dof in made.rows if dof in moved.velocities}
+    found = [one for dof, force in forces.items()
+             if np.ptp(force) > 1e-9 and (one := misfit(moved, dof, force))]
+    return Misfit(min([one.alpha for one in found], default=0.0),
+                  math.fsum([one.left for one in found]), sum(one.freedom for one in found))
+
+
 def explained_by(made: Thrusters, moved: Motion) -> float:
     """Return how much of the motion is explained, if forces push the way they point."""
-    return math.fsum(pushed(push) for push, _ in answers_to(made, moved).values())
-
-
-def pushed(push: Push) -> float:
-    """Return how much of a motion is explained, less than nothing if it is against the force."""
-    return math.copysign(push.explained, push.alphas[0])
+    return math.fsum(math.copysign(push.explained, push.alphas[0])
+                     for push, _ in answers_to(made, moved).values())
 
 
 def with_delay(made: Thrusters, moved: Motion) -> Thrusters:

@@ -1,10 +1,10 @@
 """
-What fits better than a current: a pull in the world, or headings that are off.
+What fits better than a current: a pull in the world, headings that are off, or late fixes.
 
 Surge and sway see one current. A pull moves them by their own masses and drags, an offset of the
-heading mixes them; both leave a current behind that is not there, and what surge tells of it
-contradicts what sway tells. The score of the blocks says what a regressor for either would
-explain, beside all parameters and the current.
+heading mixes them, and of late fixes the path turns after the vehicle has; all leave a current
+behind that is not there, and what surge tells of it contradicts what sway tells. The score of the
+blocks says what a regressor for each would explain, beside all parameters and the current.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.planar.layout import AXES
 
 FALSE_ALARM = 1e-5
-"""Probability that one of both is found at the end of a block where there is neither."""
+"""Probability that one of them is found at the end of a block where there is none."""
 
-PULL, HEADING = (-3, -2), (-1,)
+PULL, HEADING, LATE = (-4, -3), (-2,), (-1,)
 """Where the regressors stand."""
 
 LEAST_CURRENT = 0.02
@@ -29,6 +29,10 @@ LEAST_CURRENT = 0.02
 
 LEAST_OFFSET = math.radians(2.0)
 """[rad] of the headings that is said; less is what a good compass is off by."""
+
+
+LEAST_LATENCY = 0.1
+"""[s] of the fixes that is said; less is what thrusters are late by."""
 
 
 class Alternative(NamedTuple):
@@ -64,7 +68,8 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
 
     """
     best = Alternative(0.0)
-    for columns, described in ((PULL, _pull), (HEADING, _offset)):
+    for columns, described in (
+            (PULL, _pull), (HEADING, _offset), (LATE, _latency)):
         found = blocks.regression(columns)
         if found is None:
             continue
@@ -83,8 +88,8 @@ def _is_significant(found: Regression, n: int) -> bool:
     """Tell whether neither chance nor the scatter of ``n`` blocks explains it."""
     k, power = len(found.kappa), max(found.power, 0.0)
     chance = math.exp(-0.5 * power) if k > 1 else math.erfc(math.sqrt(0.5 * power))
-    # both tests are made at the end of each block
-    limit = 0.5 * FALSE_ALARM
+    # all three are looked for at the end of each block
+    limit = FALSE_ALARM / 3.0
     return n > k and chance < limit and f_tail(
         found.t_squared * (n - k) / (k * (n - 1)), k, n - k) < limit
 
@@ -102,3 +107,11 @@ def _offset(found: Regression) -> str:
         return ''
     return (f'headings that are off by {math.degrees(offset):.1f} degrees fit better, see '
             'attitude.yaw_offset')
+
+
+def _latency(found: Regression) -> str:
+    late = float(found.kappa[0])
+    if not abs(late) > LEAST_LATENCY:
+        return ''
+    return (f'fixes that come {abs(late):.2g} s {"later" if late > 0.0 else "sooner"} than their '
+            'stamps and latency say fit better, see position.latency')

@@ -114,7 +114,7 @@ class PlanarFilter:
             push, way = (SIZE + k) * width, (SIZE + 2 + k) * width
             places += [push + i for i in (
                 *range(row.first, row.end),
-                *range(watched, watched + len(CANDIDATES) + row.watched), q - 3, q - 2)]
+                *range(watched, watched + len(CANDIDATES) + row.watched), q - 4, q - 3)]
             places += [way + i for i in (row.first, row.end - 1, watched, watched + 2)]
             places += [way + i for i in row.own[:1] if i >= 0]
         return np.array(places)
@@ -274,9 +274,11 @@ class PlanarFilter:
         self.motion[:4] = x + dx + h * cx, y + dy + h * cy, u, v
         if alone:
             return
-        # headings that are off turn the path through the water
-        self.sensitivities[0, -1] -= dy
-        self.sensitivities[1, -1] += dx
+        # headings that are off turn the path through the water; a late fix shows where the
+        # vehicle was: behind by its velocity over ground, which has changed by this
+        du, dv = u - u0 - r * h * vm, v - v0 + r * h * um
+        self.sensitivities[0, -2:] += -dy, -sx * du - wx * dv
+        self.sensitivities[1, -2:] += dx, -sy * du - wy * dv
         covariance, noise = self.covariance, heading_noise / h
         if noise:
             covariance[0, 0] += noise * dy * dy

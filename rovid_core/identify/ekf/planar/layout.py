@@ -23,11 +23,12 @@ CURRENT = slice(4, 6)
 
 AXES = 2
 
-ALTERNATIVES = ('pull_x', 'pull_y', 'heading')
+ALTERNATIVES = ('pull_x', 'pull_y', 'heading', 'late')
 """
 What a current may be mistaken for, watched behind all other regressors.
 
-A constant pull in the world along x and y [N], and an offset of the headings [rad].
+A constant pull in the world along x and y [N], an offset of the headings [rad], and how much later
+than they are stamped the fixes come [s].
 """
 
 

@@ -19,7 +19,7 @@ from rovid_ros.discovery.thrusters import (
     explained_by,
     find_thrusters,
     force_of,
-    misfit_by,
+    misfits_by,
     SURE,
     Thrusters,
     with_delay,
@@ -29,7 +29,7 @@ _DRIVEN = ('surge', 'sway', 'heave', 'yaw')
 _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
 _LIKELY = 3.84  # chi-squared that chance exceeds once in twenty times
-_LATENCIES = tuple(0.25 * k for k in range(13))  # [s] of fixes that are tried
+_LATENCIES = tuple(0.25 * k for k in range(1, 13))  # [s] of fixes that are tried
 _DELAYS = tuple(0.05 * k for k in range(13))  # [s] of the thrust
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
@@ -172,31 +172,37 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
     """
     Return how much later fixes are stamped than taken [s], where the motion says so, otherwise 0.
 
-    A delay of the thrust is seen by all inputs: the DOFs that need no fixes tell it.
+    A delay of the thrust is seen by all inputs: the DOFs that need no fixes tell it, or leave it
+    open, and then it may be what makes fixes look late.
     """
     on_time = {dof: thrusters.rows[dof] for dof, source in (
         ('heave', 'depth'), ('yaw', 'attitude')) if source in inputs and dof in thrusters.rows}
-    if 'position' not in inputs or not on_time or explained_by(
-            with_delay(replace(thrusters, rows=on_time), moved), moved) < EXPLAINED:
+    if 'position' not in inputs or not on_time:
         return 0.0
-    plane = {dof: row for dof, row in thrusters.rows.items() if dof in ('surge', 'sway')}
     without = replace(moved, velocities={
         dof: velocity for dof, velocity in moved.velocities.items() if dof in on_time})
-    delay = min(_DELAYS, key=lambda delay: misfit_by(
-        replace(thrusters, rows=on_time, delay=delay), without).left)
-    delayed = replace(thrusters, rows=plane, delay=delay)
+    told = misfits_by([(replace(thrusters, rows=on_time, delay=delay), without)
+                       for delay in _DELAYS])
+    least = _likeliest(told)
+    plane = {dof: row for dof, row in thrusters.rows.items() if dof in ('surge', 'sway')}
+    cases = [(delay, 0.0) for delay, one in zip(_DELAYS, told)
+             if one.left < told[least].left + _LIKELY]
+    punctual = len(cases)
+    cases += [(_DELAYS[least], late) for late in _LATENCIES]
+    found = misfits_by([(replace(thrusters, rows=plane, delay=delay), _moved(
+        {**inputs, 'position': _earlier(inputs['position'], late)}, frames, [])[0])
+        for delay, late in cases])
+    best = _likeliest(found)
+    gained = min(one.left for one in found[:punctual]) - found[best].left
+    by_chance = _LIKELY * max(found[best].left / max(found[best].freedom, 1), 1.0)
+    return cases[best][1] if gained > by_chance else 0.0
 
-    def with_latency(late: float) -> Misfit:
-        shown, _ = _moved({**inputs, 'position': _earlier(inputs['position'], late)}, frames, [])
-        return misfit_by(delayed, shown)
 
-    tried = {late: with_latency(late) for late in _LATENCIES}
+def _likeliest(found: Sequence[Misfit]) -> int:
+    """Return which leaves least, of those with which forces push where they point."""
     # the other way at another time: thrust that comes and goes, or that answers to the motion
-    late = min((late for late, one in tried.items() if one.alpha > 0.0),
-               key=lambda late: tried[late].left, default=0.0)
-    best = tried[late]
-    gained = (tried[0.0].left - best.left) / max(best.left / max(best.freedom, 1), 1.0)
-    return late if gained > _LIKELY else 0.0
+    return min(((one.left, k) for k, one in enumerate(found) if one.alpha > 0.0),
+               default=(0.0, 0))[1]
 
 
 def _earlier(fixes: Candidate, late: float) -> Candidate:

@@ -13,7 +13,7 @@ from rovid_core.settings.run import ThrusterSettings
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model
 from rovid_ros.discovery.ardusub import allocation, Frame, FRAMES, Motors
 from rovid_ros.discovery.candidates import Candidate, driven, NEUTRAL
-from rovid_ros.discovery.moments import Misfit, misfit
+from rovid_ros.discovery.moments import Misfit, misfits, moments_of
 from rovid_ros.discovery.motion import answer, best_delay, held, Motion, Push
 from rovid_ros.discovery.signals import Array, part, Signal
 
@@ -213,13 +213,16 @@ def answers_to(made: Thrusters, moved: Motion) -> dict[str, tuple[Push, Array]]:
     return found
 
 
-def misfit_by(made: Thrusters, moved: Motion) -> Misfit:
-    """Return what the forces leave of the motion of all DOFs that they drive."""
-    forces = {dof: force_of(made, dof, moved) for dof in made.rows if dof in moved.velocities}
-    found = [one for dof, force in forces.items()
-             if np.ptp(force) > 1e-9 and (one := misfit(moved, dof, force))]
-    return Misfit(min([one.alpha for one in found], default=0.0),
-                  math.fsum([one.left for one in found]), sum(one.freedom for one in found))
+def misfits_by(cases: Sequence[tuple[Thrusters, Motion]]) -> list[Misfit]:
+    """Return what the forces leave of the motion of all DOFs that they drive, in each case."""
+    total = [Misfit(math.inf, 0.0, 0)] * len(cases)
+    for dof in dict.fromkeys(dof for made, _ in cases for dof in made.rows):
+        told = [moments_of(moved, dof, force_of(made, dof, moved))
+                for made, moved in cases if dof in moved.velocities]
+        if len(told) == len(cases) and all(told):
+            total = [whole.and_of(one) for whole, one in zip(total, misfits(
+                [one for one in told if one]))]
+    return total
 
 
 def explained_by(made: Thrusters, moved: Motion) -> float:

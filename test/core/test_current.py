@@ -1,6 +1,7 @@
 """Surge and sway in water that moves, from fixes or a DVL through the whole pipeline."""
 
 from dataclasses import replace
+from functools import partial
 import json
 import re
 
@@ -16,6 +17,7 @@ from test.support.moving_water import (
     Run,
     settings,
     TRUTH,
+    with_fixes_late,
     with_headings_off,
 )
 
@@ -189,12 +191,15 @@ def test_nothing_fits_an_exact_vehicle_better_than_the_current(turning):
     assert turning[-1].current.chi2 < 10.0
 
 
-@pytest.mark.parametrize(('of', 'off', 'named', 'true', 'by'), [
-    (Run(pull=(0.8, -0.6)), 0.0, r'a constant pull of ([\d.]+) N', 1.0, 0.2),
-    (replace(FIXES, duration=80.0), 5.0, r'headings that are off by ([\d.]+) degrees', 5.0, 0.8)])
-def test_what_looks_like_a_current_is_named_with_its_size(of, off, named, true, by):
+@pytest.mark.parametrize(('of', 'seen', 'named', 'true', 'by'), [
+    (Run(pull=(0.8, -0.6), duration=110.0), events, r'a constant pull of ([\d.]+) N', 1.0, 0.2),
+    (replace(FIXES, duration=80.0), partial(with_headings_off, degrees=5.0),
+     r'headings that are off by ([\d.]+) degrees', 5.0, 0.8),
+    (FIXES, partial(with_fixes_late, late=0.3), r'fixes that come ([\d.]+) s later', 0.3, 0.1),
+    (FIXES, partial(with_fixes_late, late=-0.4), r'fixes that come ([\d.]+) s sooner', 0.4, 0.1)])
+def test_what_looks_like_a_current_is_named_with_its_size(of, seen, named, true, by):
     stream = Stream(settings(of))
-    for event in with_headings_off(of, off):
+    for event in seen(of):
         stream.receive(event)
     last = stream.estimate
     assert last.current.status == 'inconsistent'

@@ -362,6 +362,45 @@ def test_fixes_that_are_stamped_late_show(
     assert made.inputs['position'].keys.get('latency') == (late and pytest.approx(late, abs=0.3))
 
 
+def test_fixes_that_are_noisy_are_not_late(noisy: Path) -> None:
+    """Least squares take half a second and less drag for noise in the velocity."""
+    assert 'latency' not in discover([noisy]).inputs['position'].keys
+
+
+@pytest.fixture(scope='module')
+def noisy(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a log with ten fixes a second, each off by 2 cm, and a depth sensor."""
+    settings = settings_from(load(repository / 'config' / 'lbl_slow.yaml'))
+    log = tmp_path_factory.mktemp('noisy') / 'dive.mcap'
+    simulate_log(replace(
+        settings, position=replace(settings.position, latency=0.0),
+        simulation=replace(settings.simulation, position_rate=10.0, position_noise=0.02)),
+        log, 300.0, 1)
+    return log
+
+
+def test_fixes_that_are_mostly_noise_in_z_do_not_replace_a_depth(noisy: Path) -> None:
+    with Log([noisy]) as opened:
+        signals = read_signals(opened, 0.0, None)
+    noise = np.random.default_rng(0).normal(0.0, 3.0, 10000)
+    worse = [replace(one, values=one.values + np.outer(noise[:len(one.values)], (0.0, 0.0, 1.0)))
+             if one.topic == '/usbl/fix' else one for one in signals]
+    made = decide(candidates(worse), worse, lambda name, found: found[0])
+    assert made.inputs['depth'].signal.topic == '/depth'
+    assert 'heave' in made.dofs
+
+
+@pytest.mark.parametrize('sideways, inputs', [(0.0, {'depth'}), (1.0, {'position'})])
+def test_a_point_that_never_moves_sideways_is_a_depth(sideways: float, inputs: set[str]) -> None:
+    times = np.arange(0.0, 60.0, 0.1)
+    place = np.column_stack([sideways * np.sin(times), sideways * times, -2.0 + np.cos(times)])
+    found = candidates([Signal(
+        '/depth', 'geometry_msgs/msg/PointStamped', 'point', 'vector', times, place, rate=10.0)])
+    assert found.keys() == inputs
+    assert found[inputs.copy().pop()][0].signal.place == (
+        '/depth point' if sideways else '/depth point.z')
+
+
 def test_fixes_are_not_late_because_the_thrust_then_opposes_the_motion(tmp_path: Path) -> None:
     log = tmp_path / 'dive.mcap'
     six_axes_dive(log, Dive(current=(0.2, -0.1)), seed=2, duration=90.0)

@@ -80,6 +80,14 @@ def with_headings_off(run: Run, degrees: float) -> tuple[Event, ...]:
         if event.samples[0].input == 'attitude' else event for event in events(run)])
 
 
+def with_fixes_late(run: Run, late: float) -> tuple[Event, ...]:
+    """Return what the sensors of a run say whose fixes are stamped late [s]."""
+    return tuple(sorted([
+        event._replace(time=event.time + round(late * 1e9))
+        if event.samples[0].input == 'position' else event for event in events(run)],
+        key=lambda event: event.time))
+
+
 def settings(run: Run, dofs: tuple[str, ...] = ('surge', 'sway')) -> Settings:
     """Return the settings of a run whose guess is wrong by 1.5 to 2."""
     truth = STIFF if run.stiff else TRUTH

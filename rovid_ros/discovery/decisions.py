@@ -11,7 +11,7 @@ from rovid_core.model.dofs import coupling_prior, DOFS
 from rovid_ros.discovery.ardusub import Motors
 from rovid_ros.discovery.candidates import Candidate
 from rovid_ros.discovery.moments import Misfit
-from rovid_ros.discovery.motion import answer, Motion, motion, Push
+from rovid_ros.discovery.motion import answer, Motion, motion, Push, STEP
 from rovid_ros.discovery.signals import Array, Signal
 from rovid_ros.discovery.thrusters import (
     answers_to,
@@ -278,15 +278,18 @@ def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, t
     own = np.interp(fixes.times, times, heave)
     up = fixes.velocities['heave'] * (-1.0 if frames == 'ned' else 1.0)
     both = np.isfinite(own) & np.isfinite(up)
-    if both.sum() < _ENOUGH or np.std(up[both]) < max(_STILL, 2.0 * _noise_of_rate(
-            inputs['position'].signal.values[:, 2], fixes.half)):
+    if both.sum() < _ENOUGH or np.std(up[both]) < _STILL:
         return heave
     alike = float(np.corrcoef(own[both], up[both])[0, 1])
-    if abs(alike) < _ALIKE:
+    noisy = np.std(up[both]) < 2.0 * _noise_of_rate(
+        inputs['position'].signal.values[:, 2], fixes.half)
+    if abs(alike) < _ALIKE and not noisy:
         guesses.append(f'depth: {depth.signal.place} does not move as the position does, so the '
                        'position is used for heave')
         del inputs['depth']
         return np.asarray(np.interp(times, fixes.times, up))
+    if abs(alike) < SURE / math.sqrt(both.sum() * STEP / (2.0 * fixes.half)):
+        return heave  # so noisy that it does not even tell the direction
     if alike > 0.0:
         return heave
     scale = -float(depth.keys.get('scale', 1.0))

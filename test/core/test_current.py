@@ -210,6 +210,14 @@ def test_what_looks_like_a_current_is_named_with_its_size(of, seen, named, true,
         assert last.current.advice in ' '.join(dof.reasons)
 
 
+def test_a_latency_that_is_off_is_within_the_intervals():
+    slow = Run(rate=1.0, noise=0.1, duration=300.0)
+    stream = Stream(settings(slow))
+    for event in with_fixes_late(slow, 0.25):
+        stream.receive(event)
+    assert all(masses_held(stream.estimate))
+
+
 def test_a_saved_state_goes_on_with_the_same_bits():
     first, before = Stream(settings(FIXES)), 0.0
     for at in (15.0, 45.0, 85.0):

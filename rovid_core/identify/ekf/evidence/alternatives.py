@@ -30,9 +30,11 @@ LEAST_CURRENT = 0.02
 LEAST_OFFSET = math.radians(2.0)
 """[rad] of the headings that is said; less is what a good compass is off by."""
 
-
 LEAST_LATENCY = 0.1
 """[s] of the fixes that is said; less is what thrusters are late by."""
+
+DOUBTED_LATENCY = 0.25
+"""[s] by which fixes may be late at even odds where the data do not tell: it is seldom known."""
 
 
 class Alternative(NamedTuple):

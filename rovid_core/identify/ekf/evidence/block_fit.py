@@ -181,7 +181,8 @@ class BlockFit:
         return float(np.trace(self.c @ self.v)) / max(known, 1.0)
 
     def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
-                considered: Mapping[int, float], rows: Sequence[tuple[str, int]]) -> Verdict:
+                considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
+                doubted: Mapping[int, float]) -> Verdict:
         n, a, scatter = self.n, self.active, self.scatter()
         known, seen = scatter * self.total[np.ix_(a, a)], n / max(n - len(a), 0.5) * self.v
         # how far what is seen lies from what the model says, and how far chance alone puts it;
@@ -212,6 +213,10 @@ class BlockFit:
                 if added[alpha, alpha] > covariance[alpha, alpha]:
                     untold.append(foremost(terms, alpha))
                 more = more + added
+        for k, std in doubted.items():
+            term = whole._judged([k], 1.0, std, 0)
+            more = more + averaged(
+                [replace(term, leaning=term.leaning[:len(a)])], covariance)
         covariance = covariance + more
         for k, variance in considered.items():
             # after S. F. Schmidt: what it moves the parameters by
@@ -243,7 +248,8 @@ class BlockFit:
         return found
 
     def unseen(self, candidates: Mapping[str, list[int]],
-               rows: Sequence[tuple[str, int]]) -> list[list[float]]:
+               rows: Sequence[tuple[str, int]],
+               doubted: Mapping[int, float]) -> list[list[float]]:
         """
         Return what terms that nothing tells yet add to the covariance.
 
@@ -254,6 +260,7 @@ class BlockFit:
         scatter = max(1.0, excess * self.n / (self.n - 1)) if self.n > 1 else math.inf
         terms = [term for begin, first in rows
                  for term in self._unseen(candidates, scatter, begin, first).values()]
+        terms += [self._judged([k], scatter, std, 0) for k, std in doubted.items()]
         return self._full(summed(terms, len(self.active)))
 
     def _unseen(self, candidates: Mapping[str, list[int]], scatter: float, begin: str,
@@ -264,17 +271,21 @@ class BlockFit:
             name = begin + term
             if name not in candidates:
                 continue
-            w, rest, s, i, left = self._remainder(candidates[name])
-            coefficient = information = 0.0
-            if left > TOLD and self.n > 1:
-                known = float(rest[0, 0])
-                coefficient = float(s.sum()) / known
-                off = s[:, 0] - coefficient * i[:, 0, 0]
-                spread = self.n / (self.n - 1) * float(np.einsum('n,n', off, off))
-                # no better known than the scatter of the blocks says
-                information = known / max(1.0, spread / known) / scatter
-            terms[name] = judged(w[:, 0].tolist(), coefficient, information, std, sign)
+            terms[name] = self._judged(candidates[name], scatter, std, sign)
         return terms
+
+    def _judged(self, column: list[int], scatter: float, std: float, sign: int) -> UnseenTerm:
+        """Return what the blocks say of a term whose coefficient is about as large as ``std``."""
+        w, rest, s, i, left = self._remainder(column)
+        coefficient = information = 0.0
+        if left > TOLD and self.n > 1:
+            known = float(rest[0, 0])
+            coefficient = float(s.sum()) / known
+            off = s[:, 0] - coefficient * i[:, 0, 0]
+            spread = self.n / (self.n - 1) * float(np.einsum('n,n', off, off))
+            # no better known than the scatter of the blocks says
+            information = known / max(1.0, spread / known) / scatter
+        return judged(w[:, 0].tolist(), coefficient, information, std, sign)
 
     def _full(self, covariance: Array) -> list[list[float]]:
         """Return a covariance with zeros for the parameters that are left out."""

@@ -44,6 +44,9 @@ class ScoreBlocks:
         What the names of a DOF's watched regressors begin with, and where its parameters do.
     configured : sequence of str
         Names of watched regressors that are among the parameters as well.
+    doubted : mapping, optional
+        Where regressors stand, also counted from the end, that no DOF has alone; and how large the
+        coefficients are that they may have (standard deviations).
 
     """
 
@@ -51,11 +54,13 @@ class ScoreBlocks:
                  watched: Sequence[str] = CANDIDATES,
                  considered: Mapping[int, float] | None = None, further: int = 0,
                  rows: Sequence[tuple[str, int]] = (('', 0),),
-                 configured: Sequence[str] = ()) -> None:
+                 configured: Sequence[str] = (),
+                 doubted: Mapping[int, float] | None = None) -> None:
         p = len(theta)
         self._rows = rows
         self._considered = considered or {}
         self._q = p + len(watched) + further
+        self._doubted = {k % self._q: std for k, std in (doubted or {}).items()}
         self._candidates = {name: [p + k] for k, name in enumerate(watched)
                             if name not in configured}
         if all(name in watched for name in HEADING):
@@ -153,7 +158,8 @@ class ScoreBlocks:
         if self.count < LEAST_COUNT:
             return None
         return self._fit(self.count).verdict(
-            self._counts, wrong_model, self._candidates, self._considered, self._rows)
+            self._counts, wrong_model, self._candidates, self._considered, self._rows,
+            self._doubted)
 
     def regression(self, columns: Sequence[int]) -> Regression | None:
         """
@@ -172,7 +178,7 @@ class ScoreBlocks:
     def unseen(self) -> list[list[float]]:
         """Return what terms that nothing tells yet add to the covariance; empty for nothing."""
         return self._fit(self.count).unseen(
-            self._candidates, self._rows) if self.count else []
+            self._candidates, self._rows, self._doubted) if self.count else []
 
     def _fit(self, count: int) -> BlockFit:
         """Return what the oldest blocks give."""

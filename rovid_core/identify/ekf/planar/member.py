@@ -10,6 +10,8 @@ import numpy as np
 from rovid_core.identify.ekf.evidence.alternatives import (
     Alternative,
     better_than_a_current,
+    DOUBTED_LATENCY,
+    LATE,
     NOT_JUDGED,
 )
 from rovid_core.identify.ekf.evidence.block_fit import Verdict
@@ -232,7 +234,7 @@ class PlanarMember:
             theta, variances, watched, considered, len(ALTERNATIVES),
             [(f'{dof} ', row.first) for dof, row in zip(DOFS, rows) if dof in identified],
             [f'{dof} {name}' for dof, row in zip(DOFS, rows)
-             for name, i in zip(OWN, row.own) if i >= 0])
+             for name, i in zip(OWN, row.own) if i >= 0], dict.fromkeys(LATE, DOUBTED_LATENCY))
         self._verdict: Verdict | None = None
         self._alternative = NOT_JUDGED
         self._is_judged = True

@@ -623,7 +623,7 @@ MUTANTS = [
          ('fixes that are mostly noise replace a depth',
           '2.0 * _noise_of_rate(', '0.0 * _noise_of_rate('),
          ('fixes are late against the thrust',
-          'enumerate(found) if one.alpha > 0.0', 'enumerate(found)')),
+          'enumerate(found) if one.push > SURE', 'enumerate(found)')),
     *_of('rovid_ros/discovery/moments.py', 'test/discovery/test_init.py',
          ('each latency has a noise of its own',
           '[case.fit(noise) for case', '[case.fit(case.fit().noise) for case')),

@@ -28,7 +28,6 @@ from rovid_ros.discovery.thrusters import (
 _DRIVEN = ('surge', 'sway', 'heave', 'yaw')
 _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
-_LIKELY = 3.84  # chi-squared that chance exceeds once in twenty times
 _LATENCIES = tuple(0.25 * k for k in range(1, 13))  # [s] of fixes that are tried
 _DELAYS = tuple(0.05 * k for k in range(13))  # [s] of the thrust
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
@@ -186,7 +185,7 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
     least = _likeliest(told)
     plane = {dof: row for dof, row in thrusters.rows.items() if dof in ('surge', 'sway')}
     cases = [(delay, 0.0) for delay, one in zip(_DELAYS, told)
-             if one.left < told[least].left + _LIKELY]
+             if one.left < told[least].left + told[least].by_chance()]
     punctual = len(cases)
     cases += [(_DELAYS[least], late) for late in _LATENCIES]
     found = misfits_by([(replace(thrusters, rows=plane, delay=delay), _moved(
@@ -194,14 +193,13 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
         for delay, late in cases])
     best = _likeliest(found)
     gained = min(one.left for one in found[:punctual]) - found[best].left
-    by_chance = _LIKELY * max(found[best].left / max(found[best].freedom, 1), 1.0)
-    return cases[best][1] if gained > by_chance else 0.0
+    return cases[best][1] if gained > found[best].by_chance() else 0.0
 
 
 def _likeliest(found: Sequence[Misfit]) -> int:
     """Return which leaves least, of those with which forces push where they point."""
     # the other way at another time: thrust that comes and goes, or that answers to the motion
-    return min(((one.left, k) for k, one in enumerate(found) if one.alpha > 0.0),
+    return min(((one.left, k) for k, one in enumerate(found) if one.push > SURE),
                default=(0.0, 0))[1]
 
 

@@ -20,6 +20,7 @@ _PASTS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # [s] over which means of the force a
 _APART = 1e-3  # of the largest singular value: instruments below are the others again
 _SPAN = 3  # windows over which what is left may hang together by itself
 _ROUNDS = 2  # in which the noise is found
+LIKELY = 3.84  # chi-squared that chance exceeds once in twenty times
 _SMALLEST = 1e-6  # of the largest variance, so that none is taken for exact
 
 
@@ -43,7 +44,9 @@ class Moments:
         weight = np.eye(len(changes)) if noise is None else self._weight(noise)
         solution = _solved(weight @ seen, weight @ changes)
         left = weight @ (changes - seen @ solution)
-        return Fit(float(solution[0]), float(left @ left),
+        force, others = (weight @ seen)[:, 0], (weight @ seen)[:, 1:]
+        alone = float(np.linalg.norm(force - others @ _solved(others, force)))
+        return Fit(float(solution[0]) * alone, float(left @ left),
                    max(len(changes) - len(solution), 1),
                    self._noise(self._changes - self._regressors @ solution))
 
@@ -65,7 +68,7 @@ class Moments:
 class Fit(NamedTuple):
     """How a force explains a motion."""
 
-    alpha: float
+    push: float  # of the force, in standard errors
     left: float  # chi-squared of ``freedom`` where the model and the noise are right
     freedom: int
     noise: Array  # autocovariance of what is left
@@ -74,13 +77,17 @@ class Fit(NamedTuple):
 class Misfit(NamedTuple):
     """What forces leave of the motion of several DOFs."""
 
-    alpha: float  # the smallest
+    push: float  # the smallest
     left: float
     freedom: int
 
     def and_of(self, one: Fit) -> Misfit:
         """Return that of one DOF more."""
-        return Misfit(min(self.alpha, one.alpha), self.left + one.left, self.freedom + one.freedom)
+        return Misfit(min(self.push, one.push), self.left + one.left, self.freedom + one.freedom)
+
+    def by_chance(self) -> float:
+        """Return by how much more another that is as right may leave, once in twenty times."""
+        return LIKELY * max(self.left / max(self.freedom, 1), 1.0)
 
 
 def moments_of(moved: Motion, dof: str, force: Array) -> Moments | None:

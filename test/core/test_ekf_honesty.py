@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 import json
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import described
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member
+from rovid_core.identify.ekf.single.free_prediction import predicted
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
@@ -331,3 +332,9 @@ def test_a_dof_with_a_left_out_term_is_honest_too():
     assert one.parameters[2] == 0.0
     assert isfinite(one.std[0])
     assert one.std[0] > 5.0 * driven('exact', 0, 150.0).one.std[0]
+
+
+@pytest.mark.parametrize(('fit', 'said'), [
+    (0.41, 'it predicts 41 % of'), (-2.0, 'it predicts 0 % of'), (-inf, 'less than the noise')])
+def test_a_prediction_that_does_not_suffice_is_said_in_numbers_that_can_be(fit, said):
+    assert said in predicted(fit)

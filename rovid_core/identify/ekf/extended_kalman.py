@@ -41,6 +41,7 @@ from rovid_core.identify.ekf.filter_bank import (
 )
 from rovid_core.identify.ekf.normalised_model import CHANGE, FilterUncertainty, NormalisedModel
 from rovid_core.identify.ekf.saved_steps import read_step
+from rovid_core.identify.ekf.single.free_prediction import predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.unmodelled import Unmodelled
@@ -256,8 +257,7 @@ class ExtendedKalman(Identifier):
         correlation = self._bank.best.innovations.correlation
         if not correlation < CORRELATION[0]:
             return 'the errors of the prediction hang together: the model lacks something'
-        fit = self._bank.best.prediction.fit
-        return f'without corrections it predicts {100.0 * fit:.0f} % of the motion'
+        return predicted(self._bank.best.prediction.fit)
 
     def _judge(self) -> None:
         """Find whether the model may be used."""

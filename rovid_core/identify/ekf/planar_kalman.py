@@ -58,6 +58,7 @@ from rovid_core.identify.ekf.planar.prior import PlanarModel
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.planar.turning import Turning
 from rovid_core.identify.ekf.saved_steps import read_planar_step
+from rovid_core.identify.ekf.single.free_prediction import predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.estimate import Current
@@ -477,8 +478,7 @@ class PlanarKalman:
             return COUPLING_MISSING
         if not self._bank.best.innovations.correlation < CORRELATION[0]:
             return 'the errors of the prediction hang together: the model lacks something'
-        return (f'without corrections it predicts {100.0 * self._prediction.fits[k]:.0f} % of '
-                'the motion')
+        return predicted(self._prediction.fits[k])
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

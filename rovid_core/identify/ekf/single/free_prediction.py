@@ -20,6 +20,13 @@ KEPT: Final = 6
 """Blocks that the fit is taken over."""
 
 
+def predicted(fit: float) -> str:
+    """Return what is said of a fit that does not suffice."""
+    if fit == -math.inf:
+        return 'the motion is less than the noise of its measurements: push harder and longer'
+    return f'without corrections it predicts {100.0 * max(fit, 0.0):.0f} % of the motion'
+
+
 class FreePrediction:
     """
     A model that runs beside the filter and is set to its state at the end of each block.

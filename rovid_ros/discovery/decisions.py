@@ -63,6 +63,7 @@ class Discovery:
     thrusters: Thrusters
     dofs: dict[str, Known] = field(default_factory=dict)
     yaw_offset: float = 0.0
+    latencies: tuple[float, ...] = ()  # [s] of the fixes that fit as well
     fastest: float = 0.0  # [m/s or rad/s]
     guesses: list[str] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
@@ -111,7 +112,7 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
         raise DiscoveryError(
             'have no time in common: ' + ', '.join(one.signal.topic for one in inputs.values()))
     thrusters = find_thrusters(inputs['thrusters'], frames, moved, motors, guesses)
-    late = _latency(inputs, frames, thrusters, moved)
+    late, likely = _latency(inputs, frames, thrusters, moved)
     if late:
         inputs['position'] = _earlier(inputs['position'], late)
         moved, heading = _moved(inputs, frames, [])
@@ -119,7 +120,7 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
         guesses.append(
             f'position.latency {late:g} s: what {inputs["position"].signal.topic} shows comes so '
             'much later after its command than what the other inputs show')
-    made = Discovery(frames, inputs, others, thrusters, guesses=guesses)
+    made = Discovery(frames, inputs, others, thrusters, guesses=guesses, latencies=likely)
     original = moved
     if heading and thrusters.how != 'data' and {'surge', 'sway'} <= moved.velocities.keys():
         for _ in range(2):  # what is far off spoils the delay, and that the angle
@@ -167,17 +168,17 @@ def _unused(found: Mapping[str, Sequence[Candidate]],
 
 
 def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
-             moved: Motion) -> float:
+             moved: Motion) -> tuple[float, tuple[float, ...]]:
     """
     Return how much later fixes are stamped than taken [s], where the motion says so, otherwise 0.
 
-    A delay of the thrust is seen by all inputs: the DOFs that need no fixes tell it, or leave it
-    open, and then it may be what makes fixes look late.
+    And the latencies that fit as well. A delay of the thrust is seen by all inputs: the DOFs that
+    need no fixes tell it, or leave it open, and then it may be what makes fixes look late.
     """
     on_time = {dof: thrusters.rows[dof] for dof, source in (
         ('heave', 'depth'), ('yaw', 'attitude')) if source in inputs and dof in thrusters.rows}
     if 'position' not in inputs or not on_time:
-        return 0.0
+        return 0.0, ()
     without = replace(moved, velocities={
         dof: velocity for dof, velocity in moved.velocities.items() if dof in on_time})
     told = misfits_by([(replace(thrusters, rows=on_time, delay=delay), without)
@@ -193,7 +194,9 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
         for delay, late in cases])
     best = _likeliest(found)
     gained = min(one.left for one in found[:punctual]) - found[best].left
-    return cases[best][1] if gained > found[best].by_chance() else 0.0
+    likely = tuple([late for (_, late), one in zip(cases, found) if one.push > SURE and (
+        one.left < found[best].left + found[best].by_chance())])
+    return cases[best][1] if gained > found[best].by_chance() else 0.0, likely
 
 
 def _likeliest(found: Sequence[Misfit]) -> int:
@@ -412,6 +415,10 @@ def _say(made: Discovery) -> None:
     weak = [dof for dof, known in made.dofs.items() if known.sign == 0]
     if weak:
         made.guesses.append(f'{", ".join(weak)}: the log hardly says how the command moves it')
+    if len({*made.latencies}) > 1:
+        made.unknown.append(
+            f'how late the fixes are stamped: a position.latency of {min(made.latencies):g} to '
+            f'{max(made.latencies):g} s explains this log alike, so put in what you know of them')
     if thrusters.how == 'wrench':
         made.unknown.append('whether the wrench is in newtons: all masses and drags are wrong by '
                             'the same factor')

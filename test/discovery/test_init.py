@@ -360,6 +360,8 @@ def test_fixes_that_are_stamped_late_show(
     made = discover([log])
     # in steps of 0.25 s, and roughly
     assert made.inputs['position'].keys.get('latency') == (late and pytest.approx(late, abs=0.3))
+    untold = [one for one in made.unknown if 'how late the fixes are stamped' in one]
+    assert len(untold) == (1 if late else 0)
 
 
 def test_fixes_that_are_noisy_are_not_late(noisy: Path) -> None:

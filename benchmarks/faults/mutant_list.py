@@ -622,6 +622,8 @@ MUTANTS = [
          ('slow fixes go before a DVL', 'velocity.rate > position.rate', 'False'),
          ('fixes that are mostly noise replace a depth',
           '2.0 * _noise_of_rate(', '0.0 * _noise_of_rate('),
+         ('a delay that is left open makes fixes late',
+          'told[least].left + told[least].by_chance()', 'told[least].left + 1e-9'),
          ('fixes are late against the thrust',
           'enumerate(found) if one.push > SURE', 'enumerate(found)')),
     *_of('rovid_ros/discovery/moments.py', 'test/discovery/test_init.py',

@@ -144,7 +144,7 @@ def override(rule: str) -> dict[str, Any]:
     name = name.rpartition(':')[2]  # rcl takes the name of a node in front
     if not (separator and name and value.strip()) or '\n' in rule:
         raise ParameterFileError(f'-p {rule}: takes key:=value')
-    text = f'/**: {{{PARAMETERS}: {{{name}: {value}}}}}'
+    text = f'/**:\n  {PARAMETERS}:\n    {name}: {value}'
     try:
         section, = _Reader(Path('-p'), text).sections().values()
     except ParameterFileError as error:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from rovid_ros.discovery.motion import Motion, STEP, Windows
+from rovid_ros.discovery.motion import Motion, scaled, STEP, Windows
 from rovid_ros.discovery.signals import Array
 
 _PASTS = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0)  # [s] over which means of the force are instruments
@@ -32,7 +32,7 @@ class Moments:
         past = np.column_stack([force, *[_mean_before(force, span) for span in _PASTS], beside])
         expected = past @ _solved(past[windows.known], velocity[windows.known])
         instruments = windows.integrals(np.column_stack([past, expected * np.abs(expected)]))
-        axes, sizes, _ = np.linalg.svd(_scaled(instruments), full_matrices=False)
+        axes, sizes, _ = np.linalg.svd(scaled(instruments)[0], full_matrices=False)
         self._axes = axes[:, sizes > _APART * sizes[0]]
         self._regressors = windows.integrals(
             np.column_stack([force, velocity * np.abs(velocity), velocity, beside]))
@@ -116,13 +116,7 @@ def _mean_before(values: Array, span: float) -> Array:
     return np.asarray((sums[count:] - sums[:-count]) / count)
 
 
-def _scaled(columns: Array) -> Array:
-    scale = np.sqrt(np.mean(columns * columns, axis=0))
-    return np.asarray(columns / np.where(scale > 0.0, scale, 1.0))
-
-
 def _solved(regressors: Array, values: Array) -> Array:
     """Return the least squares of regressors of any size."""
-    scale = np.sqrt(np.mean(regressors * regressors, axis=0))
-    scale[scale == 0.0] = 1.0
-    return np.asarray(np.linalg.lstsq(regressors / scale, values, rcond=1e-4)[0] / scale)
+    alike, sizes = scaled(regressors)
+    return np.asarray(np.linalg.lstsq(alike, values, rcond=1e-4)[0] / sizes)

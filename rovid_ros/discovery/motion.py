@@ -273,12 +273,17 @@ def answer(moved: Motion, dof: str, commands: Array) -> Push | None:
 
 def _fitted(regressors: Array, changes: Array) -> tuple[Array, Array, Array]:
     """Return the least squares, what is left, and the diagonal of the inverse of the squares."""
-    scale = np.sqrt(np.mean(regressors ** 2, axis=0))
-    scale[scale == 0.0] = 1.0
-    scaled = regressors / scale
-    solution, *_ = np.linalg.lstsq(scaled, changes, rcond=1e-3)
-    squares = np.diag(np.linalg.pinv(scaled.T @ scaled, rcond=1e-6))
-    return solution / scale, changes - scaled @ solution, squares.clip(0.0) / scale ** 2
+    alike, sizes = scaled(regressors)
+    solution, *_ = np.linalg.lstsq(alike, changes, rcond=1e-3)
+    squares = np.diag(np.linalg.pinv(alike.T @ alike, rcond=1e-6))
+    return solution / sizes, changes - alike @ solution, squares.clip(0.0) / sizes ** 2
+
+
+def scaled(columns: Array) -> tuple[Array, Array]:
+    """Return columns with a mean square of 1, and their sizes before, 1 for those of zeros."""
+    sizes = np.sqrt(np.mean(columns ** 2, axis=0))
+    sizes[sizes == 0.0] = 1.0
+    return columns / sizes, sizes
 
 
 def best_delay(moved: Motion, times: Array, commands: Mapping[str, Array]) -> float:

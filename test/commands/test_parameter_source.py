@@ -24,6 +24,7 @@ def test_later_files_win_and_overrides_over_all(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('rule, expected', [
     ('velocity.cutoff:=1e-1', {'velocity.cutoff': 0.1}), ('enable:=off', {'enable': False}),
+    ('max_gap:=0,75', {'max_gap': '0,75'}),
     ("position.topic:='/usbl'", {'position.topic': '/usbl'}), ('a:=010', {'a': 8}),
     ('identifier_node:max_gap:=2', {'max_gap': 2}), ('thrusters.names:=[]', {
         'thrusters.names': []})])

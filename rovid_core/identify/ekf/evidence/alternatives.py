@@ -70,8 +70,7 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
 
     """
     best = Alternative(0.0)
-    for columns, described in (
-            (PULL, _pull), (HEADING, _offset), (LATE, _latency)):
+    for columns, described in ((PULL, _pull), (HEADING, _offset), (LATE, _latency)):
         found = blocks.regression(columns)
         if found is None:
             continue

@@ -196,18 +196,11 @@ class LinearisedFilter:
             more = self._astern(astern[0] / h, astern[1] / (h * h), goes_back, force < 0.0)
             u, du, beta = u + more[0], du + more[1], min(beta + more[2], 0.0)
             alpha += more[3]  # as a delay feels it
-        k1 = u - du + (beta * abs(v) + gamma) * v
-        w = v + 0.5 * h * k1
-        k2 = u + (beta * abs(w) + gamma) * w
-        w = v + 0.5 * h * k2
-        size = abs(w)
-        k3 = u + (beta * size + gamma) * w
-        z = v + h * k3
-        k4 = u + du + (beta * abs(z) + gamma) * z
-        x += h * (v + h / 6.0 * (k1 + k2 + k3))
-        v += h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        gone, v, w = run(h, v, u, du, beta, gamma)
+        x += gone
         if not abs(v) < LARGEST_SPEED:
             raise DivergenceError(f'a speed of {v}')
+        size = abs(w)
         rate = 2.0 * beta * size + gamma
         decay = h * rate
         s, b = h * (1.0 + decay * (0.5 + decay / 6.0)), h * h * (0.5 + decay / 6.0)
@@ -229,9 +222,9 @@ class LinearisedFilter:
             of_reverse, reverse_way = felt(reverse[0], reverse[1], h, rate, s)
             of_cut, cut_way = felt(cut[0], cut[1], h, rate, s)
         drag = w * size
-        gone = 1.0 - math.exp(-h / LAG)
-        lag = (force - self._lagged) * gone * LAG / h
-        self._lagged += gone * (force - self._lagged)
+        spun = 1.0 - math.exp(-h / LAG)
+        lag = (force - self._lagged) * spun * LAG / h
+        self._lagged += spun * (force - self._lagged)
         pushes = [of_alpha, drag, w, 1.0, *couplings, -of_delay,
                   of_reverse, drag if w < 0.0 else 0.0, of_cut, lag, *watched]
         if self._has_own:
@@ -506,6 +499,23 @@ class LinearisedFilter:
                 rows[i][j] != rows[j][i] for i in range(p) for j in range(i)):
             raise ValueError('not a covariance')
         self.theta_covariance = rows
+
+
+def run(h: float, v: float, u: float, du: float, beta: float,
+        gamma: float) -> tuple[float, float, float]:
+    """
+    Return the way of a step of ``h``, and the velocities at its end and in its middle (RK4).
+
+    What pushes goes in a straight line from ``u - du`` to ``u + du``.
+    """
+    k1 = u - du + (beta * abs(v) + gamma) * v
+    w = v + 0.5 * h * k1
+    k2 = u + (beta * abs(w) + gamma) * w
+    w = v + 0.5 * h * k2
+    k3 = u + (beta * abs(w) + gamma) * w
+    z = v + h * k3
+    k4 = u + du + (beta * abs(z) + gamma) * z
+    return h * (v + h / 6.0 * (k1 + k2 + k3)), v + h / 6.0 * (k1 + 2.0 * (k2 + k3) + k4), w
 
 
 def felt(impulse: float, moment: float, h: float, rate: float,

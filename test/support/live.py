@@ -24,6 +24,9 @@ Status = tuple[str, int, str, dict[str, str]]
 PARTICIPANT = 12
 """[bytes] How much of the identifier of a publisher or subscription names its process."""
 
+CLIENTS = 6
+"""Clients that a call may take: once in thousands of times, one does not find its service."""
+
 UNKNOWN = '_NODE_NAMESPACE_UNKNOWN_/_NODE_NAME_UNKNOWN_'
 """What rmw calls the node of an endpoint that was found before its node."""
 
@@ -127,9 +130,14 @@ class Peer:
         self.publishers[topic].publish(message)
 
     def call(self, service: type[Any], name: str, request: Any = None) -> Any:
-        client = self.node.create_client(service, name)
-        self._greet(name.rpartition('/')[0])  # which then has found this client, too
-        self.until(client.service_is_ready)
+        for _ in range(CLIENTS):
+            client = self.node.create_client(service, name)
+            self._greet(name.rpartition('/')[0])  # which then has found this client, too
+            if self._waited(client.service_is_ready, PATIENCE / CLIENTS):
+                break
+            self.node.destroy_client(client)
+        else:
+            raise AssertionError(f'{name} was not found')
         future = client.call_async(request or service.Request())
         self.until(future.done)
         self.node.destroy_client(client)
@@ -178,10 +186,15 @@ class Peer:
 
     def until(self, condition: Callable[[], Any], timeout: float = PATIENCE) -> None:
         """Spin until the condition holds."""
+        assert self._waited(condition, timeout), 'waited in vain'
+
+    def _waited(self, condition: Callable[[], Any], timeout: float) -> bool:
         end = time.monotonic() + timeout
         while not condition():
-            assert time.monotonic() < end, 'waited in vain'
+            if time.monotonic() > end:
+                return False
             self.executor.spin_once(timeout_sec=0.02)
+        return True
 
     def spin(self, duration: float) -> None:
         end = time.monotonic() + duration

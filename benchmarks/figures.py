@@ -106,6 +106,7 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
     }),
     'speed': ('What it costs', {
         'replay': Section('Replay', 'speed.replay', '--runs 1', '--runs 1', 6.5, alone=True),
+        'compiled': Section('Compiled', 'speed.compiled', '--runs 1', '', 10.0, alone=True),
         'odometry': Section('A vehicle with everything', 'speed.odometry', '--runs 3',
                             '--runs 1 --seconds 5', 2.0, alone=True),
         'dataflash': Section("A log of ArduSub's", 'speed.dataflash', '--runs 3',

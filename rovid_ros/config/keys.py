@@ -314,3 +314,4 @@ def _simulation() -> list[Key]:
 
 KEYS = (*_run(), *_inputs(), *_thrusters(), *_identifier(),
         *(key for dof in DOFS for key in _dof(dof)), *_simulation())
+BY_NAME = {key.name: key for key in KEYS}

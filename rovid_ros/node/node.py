@@ -23,7 +23,7 @@ from rovid_ros.logs.player import change_parameters, PARAMETERS, recorded_change
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.static_frames import TOPIC
 from rovid_ros.node.health.console import HealthMonitor
-from rovid_ros.node.parameters import NODE_NAME, ParameterNode
+from rovid_ros.node.parameters import ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
 from rovid_ros.node.stale_estimates import PERIOD, StaleEstimates
 from rovid_ros.node.transport.inputs import InputDecoder, message_classes, Subscriptions
@@ -70,7 +70,7 @@ class IdentifierNode(ParameterNode):
         self.saved = True
         self._scorer = scorer
         self._save_timer: Timer | None = None
-        super().__init__(NODE_NAME, values or {}, autostart=not live)
+        super().__init__(values or {}, autostart=not live)
 
     @property
     def settings(self) -> Settings:

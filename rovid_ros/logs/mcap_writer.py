@@ -50,6 +50,11 @@ class McapWriter:
         stream.write(MAGIC)
         self._write(records.Header('ros2', 'rovid'))
 
+    def _begin_chunk(self) -> None:
+        self._chunk = bytearray()
+        self._indices: dict[int, list[int]] = {}  # by channel: time, offset, time, offset ...
+        self._first, self._last = -1, 0  # log times of the chunk
+
     def add_schema(self, name: str, definition: bytes) -> int:
         """Add the definition of a type; return its number."""
         schema = records.Schema(
@@ -123,11 +128,6 @@ class McapWriter:
         self._write(records.Footer(
             summary_start=start, summary_offset_start=offset, summary_crc=crc))
         self._stream.write(MAGIC)
-
-    def _begin_chunk(self) -> None:
-        self._chunk = bytearray()
-        self._indices: dict[int, list[int]] = {}  # by channel: time, offset, time, offset ...
-        self._first, self._last = -1, 0  # log times of the chunk
 
     def _add_to_chunk(self, data: bytes) -> None:
         self._chunk += data

@@ -190,7 +190,7 @@ class IdentifierNode(ParameterNode):
         self._health = HealthMonitor(self, self.stream, self._recorder, live=self._live)
         self._silence = StaleEstimates(self, self.stream)
         self._decoder = InputDecoder(
-            self.stream, self.converter, self._classes, self._health.arrivals,
+            self.stream, self.converter, self._classes, self._health.arrivals.add,
             self.get_logger(), keep=self._recorder is not None)
         self._outputs = Outputs(settings)
         self._checkpoint = Checkpoint(settings, self.stream, self.get_logger())

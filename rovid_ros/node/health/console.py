@@ -8,7 +8,6 @@ import time
 from rclpy.node import Node
 from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import topics_of
 from rovid_ros.node.health.diagnostics import ACTIVE, diagnostics, NodeState
 from rovid_ros.node.health.events import Events, result_text
@@ -48,7 +47,7 @@ class HealthMonitor:
         self._recent = RecentCounts(stream, now)
         self._refusals = RefusalSummary(stream, now)
         self._warnings = WarningLimiter()
-        self._summary = StartupSummary(stream.settings)
+        self._summary = StartupSummary()
         self._events = Events()
         self._topics: Mapping[str, TopicState] = {}
         self._steps: dict[str, float] = {}
@@ -101,7 +100,7 @@ class HealthMonitor:
 
     def _data(self, now: float) -> HealthData:
         return HealthData(
-            self._stream.settings, self._stream, self.arrivals, self._recent, self._topics,
+            self._stream, self.arrivals, self._recent, self._topics,
             self._node.get_clock().now().nanoseconds, now, self._steps)
 
     def _report_inputs(self, data: HealthData, elapsed: float) -> None:
@@ -133,8 +132,7 @@ RATE_MESSAGES = 5  # messages that each topic needs before its rate goes into th
 class StartupSummary:
     """One line about the inputs, which come and which do not; again when one has come."""
 
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
+    def __init__(self) -> None:
         self._missing: set[str] | None = None  # when it was last said
 
     def due(self, data: HealthData, elapsed: float) -> tuple[str, bool]:
@@ -143,7 +141,7 @@ class StartupSummary:
 
         ``elapsed`` is the time since the start [s].
         """
-        missing = {name for name in self._settings.used_inputs() if not _is_there(data, name)}
+        missing = {name for name in data.settings.used_inputs() if not _is_there(data, name)}
         if self._missing is None:
             has_rates = all(data.arrivals.count(topic) >= RATE_MESSAGES for topic in data.topics)
             if elapsed < SUMMARY_TIMEOUT and (missing or not has_rates):
@@ -169,10 +167,10 @@ def _line(data: HealthData, missing: set[str]) -> str:
             lost.append(f'{name} ({message})' if level != OK else name)
             continue
         topics = topics_of(data.settings, name)
-        rate = rate_text(min(data.arrivals.rate(topic) for topic in topics))
         kinds = {data.topics[topic].type.rpartition('/')[2] for topic in topics
                  if topic in data.topics}
-        found.append(f'{name} {rate}' + (f' ({", ".join(sorted(kinds))})' if kinds else ''))
+        found.append(f'{name} {rate_text(data.rate(name))}' + (
+            f' ({", ".join(sorted(kinds))})' if kinds else ''))
     line = f'inputs: {", ".join(found) or "none"}'
     return f'{line}; missing: {", ".join(lost)}' if lost else line
 

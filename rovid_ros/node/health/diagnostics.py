@@ -114,7 +114,7 @@ def _input(data: HealthData, name: str) -> dict[str, Any]:
         'topic': ', '.join([state.name for state in states] or topics),
         'type': given.type, 'field': given.field or '(all of it)',
         'count': health.count,
-        'rate [Hz]': _number(min(data.arrivals.rate(topic) for topic in topics)),
+        'rate [Hz]': _number(data.rate(name)),
         'longest gap [s]': _number(health.longest_gap)}
     if health.last_time is not None and data.now:
         values['age [s]'] = _number((data.now - health.last_time) / 1e9)

@@ -126,7 +126,6 @@ def counts_text(counts: Counts, most: int = 8) -> str:
 class HealthData:
     """Everything that the levels are judged by."""
 
-    settings: Settings
     stream: Stream
     arrivals: Arrivals
     recent: RecentCounts
@@ -134,6 +133,15 @@ class HealthData:
     now: int  # time of the node's clock [ns]; 0 before simulated time has begun
     steady: float  # time of a steady clock [s]
     steps: Mapping[str, float]  # when each DOF made its last step, by the steady clock
+
+    @property
+    def settings(self) -> Settings:
+        """Return the settings of the stream."""
+        return self.stream.settings
+
+    def rate(self, name: str) -> float:
+        """Return the rate [Hz] of the slowest topic of an input, 0 while one is unknown."""
+        return min(self.arrivals.rate(topic) for topic in topics_of(self.settings, name))
 
 
 def input_level(data: HealthData, name: str) -> LevelAndMessage:
@@ -188,18 +196,16 @@ def _arriving_level(data: HealthData, name: str, limit: float) -> LevelAndMessag
     share = count / max(count + taken, 1)
     if share > ACCEPTABLE:
         return WARN, f'{100.0 * share:.0f} % refused of late: {counts_text(refused, 3)}'
-    rate = min(data.arrivals.rate(topic) for topic in topics_of(data.settings, name))
-    return OK, rate_text(rate)
+    return OK, rate_text(data.rate(name))
 
 
 def remedy(data: HealthData, name: str, reason: str) -> str:
     """Return what to set so that an input is no longer refused for a reason, '' if unknown."""
-    rates = [data.arrivals.rate(topic) for topic in topics_of(data.settings, name)]
     if reason == 'late':
         wait = math.ceil(12.5 * data.stream.lag(name)) / 10.0  # with a margin
         return f'; set max_wait to {wait:g}, or correct its clock'
-    if reason == 'gap' and min(rates) > 0.0:
-        gap = math.ceil(10.0 * PERIODS / min(rates)) / 10.0
+    if reason == 'gap' and (rate := data.rate(name)) > 0.0:
+        gap = math.ceil(10.0 * PERIODS / rate) / 10.0
         return f'; set max_gap to {gap:g}, or leave it out'
     if reason == 'too_fast':
         return f'; is it in m? Otherwise raise velocity.max, which is {data.settings.max_speed:g}'

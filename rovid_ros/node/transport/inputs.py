@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 import heapq
 import time
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.clock import ROSClock
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
@@ -71,6 +71,12 @@ def qos(settings: Settings, topic: str) -> QoSProfile:
     if 'transient_local' in wanted:
         return latched(DEPTH)
     return reliable(DEPTH) if 'reliable' in wanted else best_effort(DEPTH)
+
+
+def is_simulated(node: Node) -> bool:
+    """Tell whether the clock of a node follows /clock."""
+    clock = node.get_clock()
+    return isinstance(clock, ROSClock) and clock.ros_time_is_active
 
 
 class LoadShedding:
@@ -218,7 +224,7 @@ class Subscriptions:
             return  # taken by the executor before the end, delivered after it
         began = time.time()
         batch = self._empty_batch()
-        batch[topic].append(self._received(topic, cdr, info, self._is_simulated()))
+        batch[topic].append(self._received(topic, cdr, info, is_simulated(self._node)))
         self._add_waiting(batch)
         self._process_batch(batch, began, info['received_timestamp'])
 
@@ -245,7 +251,7 @@ class Subscriptions:
 
     def _add_waiting(self, batch: dict[str, list[Received]]) -> int:
         """Add all messages that wait; return when the oldest came [ns], 0 if not known."""
-        simulated = self._is_simulated()
+        simulated = is_simulated(self._node)
         oldest = []
         for topic, subscription in self._topics.items():
             messages, handle = batch[topic], subscription.handle
@@ -259,10 +265,6 @@ class Subscriptions:
                     messages.append(self._received(topic, *taken, simulated))
         return min(oldest, default=0)
 
-    def _is_simulated(self) -> bool:
-        clock = self._node.get_clock()
-        return isinstance(clock, ROSClock) and clock.ros_time_is_active
-
     def _received(self, topic: str, cdr: bytes, info: Any, simulated: bool) -> Received:
         # with the system's clock, the time of arrival is more exact than the present time
         time = 0 if simulated else info['received_timestamp']
@@ -270,27 +272,22 @@ class Subscriptions:
                         time or self._node.get_clock().now().nanoseconds)
 
 
-class ArrivalCounter(Protocol):
-    """What the decoder tells of every message that came."""
-
-    def add(self, topic: str, receive_time: int, events: Iterable[Event] = ()) -> None:
-        """Count a message that came at a time [ns] and the events that it gave."""
-
-
 class InputDecoder:
     """
     Turns messages into events for the stream, or counts why they give none.
 
+    ``arrived`` is told the topic, the receive time [ns] and the events of every message that came.
     With ``keep``, events carry the bytes that they came from, for a record.
     """
 
     def __init__(self, stream: Stream, converter: Converter, classes: dict[str, type[Any]],
-                 arrivals: ArrivalCounter, log: RcutilsLogger, keep: bool) -> None:
+                 arrived: Callable[[str, int, Sequence[Event]], None], log: RcutilsLogger,
+                 keep: bool) -> None:
         self._stream = stream
         self._converter = converter
         self._unpackers = {
             topic: _unpacker(converter, topic, cls) for topic, cls in classes.items()}
-        self._arrivals = arrivals
+        self._arrived = arrived
         self._log = log
         self._keep = keep
 
@@ -307,7 +304,7 @@ class InputDecoder:
 
     def _counted(self, topic: str, receive_time: int, events: list[Event]) -> list[Event]:
         """Count a message; return those of its events that have a time."""
-        self._arrivals.add(topic, receive_time, events)
+        self._arrived(topic, receive_time, events)
         if receive_time:
             return events
         for event in events:  # simulated time has not begun: there is no time to give it
@@ -326,7 +323,7 @@ class InputDecoder:
                 received.cdr, received.time, received if self._keep else None))
         except (RuntimeError, FieldError) as error:  # a publisher with another definition
             self._log.error(f'{topic}: {error}', once=True)
-            self._arrivals.add(topic, received.time)
+            self._arrived(topic, received.time, [])
             self._reject(topic, 'undecodable')
             return []
 

@@ -57,8 +57,8 @@ class Publishers:
         try:
             for topic, name in topics.items():
                 profile = latched() if topic in LATCHED else reliable(DEPTH)
-                self._add(node, topic, name, profile)
-            self._add(node, '/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
+                self._add(topic, name, profile)
+            self._add('/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
         except BaseException:
             self.close()
             raise
@@ -97,10 +97,10 @@ class Publishers:
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
 
-    def _add(self, node: Node, topic: str, name: str, profile: QoSProfile) -> None:
-        events = PublisherEventCallbacks(
-            incompatible_qos=partial(self._on_incompatible, node.resolve_topic_name(topic)))
-        self._publishers[topic] = node.create_publisher(
+    def _add(self, topic: str, name: str, profile: QoSProfile) -> None:
+        events = PublisherEventCallbacks(incompatible_qos=partial(
+            self._on_incompatible, self._node.resolve_topic_name(topic)))
+        self._publishers[topic] = self._node.create_publisher(
             import_type(name), topic, profile, event_callbacks=events)
 
     def _on_incompatible(self, topic: str, event: Any) -> None:

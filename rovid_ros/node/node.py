@@ -26,7 +26,7 @@ from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
 from rovid_ros.node.stale_estimates import PERIOD, StaleEstimates
-from rovid_ros.node.transport.inputs import InputDecoder, message_classes, Subscriptions
+from rovid_ros.node.transport.inputs import InputDecoder, message_class, Subscriptions
 from rovid_ros.node.transport.message_types import definition
 from rovid_ros.node.transport.publishers import Publishers
 from rovid_ros.node.transport.static_frames import look_up
@@ -186,7 +186,8 @@ class IdentifierNode(ParameterNode):
         ) if settings.record_path else None
         self.stream = Stream(settings, recorder=self._recorder, scorer=self._scorer)
         self.converter = Converter(settings, self.stream.reject)
-        self._classes = message_classes(settings, self.converter) if self._live else {}
+        self._classes = {topic: message_class(settings, self.converter, topic)
+                         for topic in self.converter.topics} if self._live else {}
         self._health = HealthMonitor(self, self.stream, self._recorder, live=self._live)
         self._silence = StaleEstimates(self, self.stream)
         self._decoder = InputDecoder(

@@ -21,7 +21,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_ros.config.input_topics import inputs_of, section
+from rovid_ros.config.input_topics import given_of, inputs_of, section
 from rovid_ros.messages.converter import Converter, Unpacker
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import MAX_MESSAGE_SIZE, typestore, WireType
@@ -33,11 +33,6 @@ LATE = 0.5  # [s] the node is behind when the oldest message of a batch has wait
 LARGEST_DECIMATION = 64  # at least one message in so many is always used
 # Gap between two used messages of an input, as a share of its timeout, that is never exceeded.
 SHARE_OF_TIMEOUT = 0.3
-
-
-def message_classes(settings: Settings, converter: Converter) -> dict[str, type[Any]]:
-    """Import the message class of every topic; raises as :func:`message_class`."""
-    return {topic: message_class(settings, converter, topic) for topic in converter.topics}
 
 
 def message_class(settings: Settings, converter: Converter, topic: str) -> type[Any]:
@@ -66,8 +61,7 @@ def message_class(settings: Settings, converter: Converter, topic: str) -> type[
 
 def qos(settings: Settings, topic: str) -> QoSProfile:
     """Return the QoS profile of a topic: the strongest that one of its inputs asks for."""
-    wanted = [settings.thrusters.qos if name == 'thrusters' else settings.input(name).qos
-              for name in inputs_of(settings, topic)]
+    wanted = [given_of(settings, name).qos for name in inputs_of(settings, topic)]
     if 'transient_local' in wanted:
         return latched(DEPTH)
     return reliable(DEPTH) if 'reliable' in wanted else best_effort(DEPTH)

@@ -13,7 +13,6 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import (
     DurabilityPolicy,
-    HistoryPolicy,
     qos_policy_name_from_kind,
     QoSProfile,
     ReliabilityPolicy,
@@ -27,21 +26,18 @@ DEPTH = 1000  # messages that are kept for a slow peer, so that none of a burst 
 
 def reliable(depth: int) -> QoSProfile:
     """Return a profile that keeps ``depth`` messages until they are acknowledged."""
-    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
-                      reliability=ReliabilityPolicy.RELIABLE)
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE)
 
 
 def latched(depth: int = 1) -> QoSProfile:
     """Return a profile that gives a late subscriber the last ``depth`` messages at once."""
-    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
-                      reliability=ReliabilityPolicy.RELIABLE,
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def best_effort(depth: int) -> QoSProfile:
     """Return a profile that fits every publisher, but asks for nothing to be sent again."""
-    return QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=depth,
-                      reliability=ReliabilityPolicy.BEST_EFFORT)
+    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 class Publishers:

@@ -107,7 +107,6 @@ class DataflashFile(Container):
     own_clock = True
 
     def clear(self) -> None:
-        """Drop all that is known of the file."""
         super().clear()
         self._formats: dict[int, _Format] = {}  # by type
         self._lengths = [0] * 256  # [bytes] of records by type; 0: unknown
@@ -137,7 +136,6 @@ class DataflashFile(Container):
             self.metadata[PARAMETERS] = self._parameters
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
-        """Return the messages of these channels in a block, in the order of the file."""
         offset, size = block.where
         with self.path.open('rb') as file:
             file.seek(offset)

@@ -210,11 +210,9 @@ class Log:
         self._scratch.cleanup()
 
     def __enter__(self) -> Log:
-        """Return the log itself."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close the log."""
         self.close()
 
     def _parts(self, topics: Collection[str], start: float,

@@ -150,11 +150,9 @@ class LogWriter:
                 self._file.close()
 
     def __enter__(self) -> LogWriter:
-        """Return the writer itself."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close the file."""
         self.close()
 
     def _schema(self, type: str, definition: str | None) -> int:
@@ -180,7 +178,6 @@ class OutputLog(LogWriter):
         super().__init__(self._part)
 
     def __enter__(self) -> OutputLog:
-        """Return the log itself."""
         return self
 
     def finish(self) -> None:

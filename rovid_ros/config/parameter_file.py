@@ -178,7 +178,7 @@ def load(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dic
 
 def read(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dict[str, Entry]:
     """Read as :func:`load`, with the line of each value."""
-    sections = _Reader(path).sections()
+    sections = _Reader(path, _text(path)).sections()
     full_name = f'{namespace.rstrip("/")}/{node}'
     matching = [name for name in sections if _matches(name, full_name)]
     if not matching:
@@ -232,10 +232,9 @@ def _kind(event: yaml.Event) -> str:
 class _Reader:
     """Recursive descent through the events of the YAML parser, as rcl goes through them."""
 
-    def __init__(self, path: Path, text: str | None = None) -> None:
+    def __init__(self, path: Path, text: str) -> None:
         self._path = path
-        self._parser: Iterator[yaml.Event] = yaml.parse(
-            _text(path) if text is None else text, Loader=yaml.SafeLoader)
+        self._parser: Iterator[yaml.Event] = yaml.parse(text, Loader=yaml.SafeLoader)
         self._sections: dict[str, dict[str, Entry]] = {}
 
     def sections(self) -> dict[str, dict[str, Entry]]:

@@ -25,7 +25,7 @@ An input may be silent for its timeout, and at least for five of its periods.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
@@ -54,13 +54,12 @@ class Arrivals:
         self._last: dict[str, int] = {}
         self._times: dict[str, deque[int]] = {}
 
-    def add(self, topic: str, receive_time: int, events: Iterable[Event] = ()) -> None:
+    def add(self, topic: str, receive_time: int, events: Sequence[Event] = ()) -> None:
         """Count a message by its receive time [ns] and the events that it gave."""
         self._count[topic] = self._count.get(topic, 0) + 1
         self._last[topic] = receive_time
-        for event in events:
-            self._times.setdefault(topic, deque(maxlen=RATE_SAMPLES)).append(event.time)
-            break
+        if events:
+            self._times.setdefault(topic, deque(maxlen=RATE_SAMPLES)).append(events[0].time)
 
     def count(self, topic: str) -> int:
         """Return how many messages came."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 import time
 from typing import Any
@@ -41,17 +41,17 @@ def best_effort(depth: int) -> QoSProfile:
 
 
 class Publishers:
-    """All that the node publishes; ``topics`` are the outputs with their types."""
+    """All that the node publishes: its outputs, and ``/diagnostics``."""
 
-    def __init__(self, node: Node, topics: Mapping[str, str]) -> None:
+    def __init__(self, node: Node, outputs: Outputs) -> None:
         # by topic, one line about a subscriber that its quality of service does not suit
         self.incompatible: dict[str, str] = {}
         self._node = node
-        self._topics = topics
+        self._outputs = outputs
         self._unsent: set[str] = set()
         self._publishers: dict[str, Publisher[Any]] = {}
         try:
-            for topic, name in topics.items():
+            for topic, name in outputs.topics.items():
                 profile = latched() if topic in LATCHED else reliable(DEPTH)
                 self._add(topic, name, profile)
             self._add('/diagnostics', DIAGNOSTIC_TYPE, reliable(10))
@@ -64,21 +64,26 @@ class Publishers:
         self._unsent.discard(output.topic)
         self._publishers[output.topic].publish(output.cdr)
 
-    def publish_estimates(self, outputs: Outputs, estimates: Sequence[Estimate]) -> None:
+    def publish_estimates(self, estimates: Sequence[Estimate]) -> None:
         """Send the topics of estimates that have subscribers."""
         if not estimates:
             return
-        wanted = [topic for topic in self._topics
+        wanted = [topic for topic in self._outputs.topics
                   if self._publishers[topic].get_subscription_count()]
         for estimate in estimates:
             topics = wanted if estimate.stepped else [t for t in wanted if t not in OF_STEPS]
-            for output in outputs.each(estimate, topics):
+            for output in self._outputs.each(estimate, topics):
                 self.publish(output)
-        self._unsent.update(set(LATCHED).intersection(self._topics).difference(wanted))
+        self._unsent.update(set(LATCHED).intersection(self._outputs.topics).difference(wanted))
 
-    def publish_latched(self, outputs: Outputs) -> None:
+    def publish_latched(self) -> None:
         """Send the latched topics that had no subscriber, for one that comes later."""
-        for output in outputs.latched(sorted(self._unsent)):
+        for output in self._outputs.latched(sorted(self._unsent)):
+            self.publish(output)
+
+    def publish_initial(self) -> None:
+        """Latch the initial parameters after a reset."""
+        for output in self._outputs.reset():
             self.publish(output)
 
     def wait(self, timeout: float) -> None:

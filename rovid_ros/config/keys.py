@@ -52,12 +52,15 @@ class Key:
     live: bool = False  # whether the node takes another value while it runs
 
     @property
+    def has_bounds(self) -> bool:
+        """Tell whether its numbers have a range."""
+        return (self.low, self.high) != (-LARGE, LARGE)
+
+    @property
     def takes(self) -> str:
         """Return what the key takes, to end a sentence with."""
         unit = f' [{self.unit}]' if self.unit else ''
-        bounds = ''
-        if (self.low, self.high) != (-LARGE, LARGE):
-            bounds = f' from {self.low:g} to {self.high:g}'
+        bounds = f' from {self.low:g} to {self.high:g}' if self.has_bounds else ''
         count = f'{self.size} ' if self.size else ''
         return {
             'double': f'a number{bounds}{unit}',

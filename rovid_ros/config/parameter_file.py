@@ -70,6 +70,7 @@ def _number(text: str) -> float | None:
     return None if math.isinf(value) or too_small else value
 
 
+NODE_NAME = 'identifier_node'
 PARAMETERS = 'ros__parameters'
 MAX_FILE_SIZE = 1 << 20  # [bytes] a larger file is something else
 MAX_DEPTH = 32  # levels of keys; more are a broken file
@@ -152,7 +153,7 @@ def override(rule: str) -> dict[str, Any]:
     return {key: entry.value for key, entry in section.items()}
 
 
-def load(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dict[str, Any]:
+def load(path: Path, node: str = NODE_NAME, namespace: str = '/') -> dict[str, Any]:
     """
     Read the parameters of a node.
 
@@ -176,7 +177,7 @@ def load(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dic
     return {name: entry.value for name, entry in read(path, node, namespace).items()}
 
 
-def read(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dict[str, Entry]:
+def read(path: Path, node: str = NODE_NAME, namespace: str = '/') -> dict[str, Entry]:
     """Read as :func:`load`, with the line of each value."""
     sections = _Reader(path, _text(path)).sections()
     full_name = f'{namespace.rstrip("/")}/{node}'

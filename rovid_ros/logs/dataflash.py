@@ -82,9 +82,9 @@ class _Format:
     @cached_property
     def derived(self) -> tuple[str, ...]:
         """Return the columns that the file does not have."""
-        needed = _NEEDED.get(self.name, {''})
-        return () if needed - {*self.columns} else tuple(
-            name for name in _DERIVED[self.name] if name not in self.columns)
+        if self.name not in _DERIVED or not _NEEDED[self.name] <= {*self.columns}:
+            return ()
+        return tuple(name for name in _DERIVED[self.name] if name not in self.columns)
 
     @cached_property
     def message(self) -> np.dtype[Any]:
@@ -293,14 +293,15 @@ class DataflashFile(Container):
     def _messages(self, data: bytes, places: Places, format: _Format) -> npt.NDArray[Any]:
         """Return the messages of some records."""
         made = self._scaled(_rows(data, places, format), format)
-        derived: tuple[Any, ...] = ()
+        if not format.derived:
+            return made
         with np.errstate(all='ignore'):
-            if format.name == 'VISO' and format.derived:
+            if format.name == 'VISO':
                 dt = made['dt'].astype(float)
                 derived = tuple(made[name] / dt for name in ('PosDX', 'PosDY', 'PosDZ'))
-            elif format.derived:
+            else:
                 derived = self._local(made, format)
-        for name, values in zip(_DERIVED.get(format.name, ()), derived):
+        for name, values in zip(_DERIVED[format.name], derived):
             if name in format.derived:
                 made[name] = values
         return made

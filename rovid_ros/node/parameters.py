@@ -11,13 +11,12 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_ros.config.keys import Key, KEYS, LARGE
-from rovid_ros.config.parameter_file import scalar
+from rovid_ros.config.keys import Key, KEYS
+from rovid_ros.config.parameter_file import NODE_NAME, scalar
 from rovid_ros.config.parameters import changed, check, ROS_PARAMETERS, settings_from
 from rovid_ros.node.health.console import WarningLimiter
 from rovid_ros.node.lifecycle import ManagedNode
 
-NODE_NAME = 'identifier_node'
 TYPES = {
     'double': Parameter.Type.DOUBLE,
     'bool': Parameter.Type.BOOL,
@@ -65,7 +64,7 @@ def _descriptor(key: Key) -> ParameterDescriptor:
         description=key.description + unit,
         additional_constraints=f'takes {key.takes}' + (
             '' if key.live else '; only while the node is unconfigured'))
-    if key.type == 'double' and (key.low, key.high) != (-LARGE, LARGE):
+    if key.type == 'double' and key.has_bounds:
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=key.low, to_value=key.high)]
     return descriptor

@@ -19,10 +19,9 @@ from rclpy.logging import set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rovid_ros.commands.running import AT_FAULT, DONE, printable, tell, USAGE, UsageError
-from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameter_file import load, NODE_NAME
 from rovid_ros.config.parameters import ROS_PARAMETERS
 from rovid_ros.node.lifecycle import one_line
-from rovid_ros.node.parameters import NODE_NAME
 from rovid_ros.node.transport.wait import WaitLoop
 
 if TYPE_CHECKING:

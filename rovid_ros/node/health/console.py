@@ -10,7 +10,7 @@ from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
 from rovid_ros.config.input_topics import topics_of
 from rovid_ros.node.health.diagnostics import ACTIVE, diagnostics, NodeState
-from rovid_ros.node.health.events import Events, result_text
+from rovid_ros.node.health.events import Events, Line, result_text
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.health.levels import (
     Arrivals,
@@ -93,10 +93,7 @@ class HealthMonitor:
     def report_events(self) -> None:
         """Log what has happened since the last call."""
         for line in self._events.lines(self._data(self._steady())):
-            if line.is_warning:  # of one call rclpy takes one severity only
-                self._log.warning(line.text)
-            else:
-                self._log.info(line.text)
+            self._tell(line)
 
     def _data(self, now: float) -> HealthData:
         return HealthData(
@@ -110,11 +107,15 @@ class HealthMonitor:
             if state.text and state.publishers + state.is_wrong and case not in self._logged:
                 self._logged.add(case)
                 self._log.warning(f'{" and ".join(state.inputs)}: {state.text}')
-        line, complete = self._summary.due(data, elapsed)
-        if line and complete:
-            self._log.info(line)
-        elif line:
-            self._log.warning(line)
+        summary = self._summary.due(data, elapsed)
+        if summary:
+            self._tell(summary)
+
+    def _tell(self, line: Line) -> None:
+        if line.is_warning:  # of one call rclpy takes one severity only
+            self._log.warning(line.text)
+        else:
+            self._log.info(line.text)
 
     def _warn(self, lines: Sequence[str], now: float) -> None:
         for line in self._warnings.allowed(lines, now):
@@ -135,9 +136,9 @@ class StartupSummary:
     def __init__(self) -> None:
         self._missing: set[str] | None = None  # when it was last said
 
-    def due(self, data: HealthData, elapsed: float) -> tuple[str, bool]:
+    def due(self, data: HealthData, elapsed: float) -> Line | None:
         """
-        Return the line, '' while there is nothing to say, and whether all inputs are there.
+        Return the line if there is something to say; as long as inputs are missing it warns.
 
         ``elapsed`` is the time since the start [s].
         """
@@ -145,12 +146,12 @@ class StartupSummary:
         if self._missing is None:
             has_rates = all(data.arrivals.count(topic) >= RATE_MESSAGES for topic in data.topics)
             if elapsed < SUMMARY_TIMEOUT and (missing or not has_rates):
-                return '', False
+                return None
         elif not self._missing - missing:  # none of the missing has come
-            return '', False
+            return None
         # only ever fewer, so that what comes and goes does not fill the log
         self._missing = missing if self._missing is None else self._missing & missing
-        return _line(data, missing), not missing
+        return Line(_inputs_text(data, missing), bool(missing))
 
 
 def _is_there(data: HealthData, name: str) -> bool:
@@ -159,7 +160,7 @@ def _is_there(data: HealthData, name: str) -> bool:
         data.recent.used(name) > 0 or not data.recent.refused(name))
 
 
-def _line(data: HealthData, missing: set[str]) -> str:
+def _inputs_text(data: HealthData, missing: set[str]) -> str:
     found, lost = [], []
     for name in data.settings.used_inputs():
         if name in missing:

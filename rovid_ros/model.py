@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 import math
 from typing import Any
 
@@ -154,9 +154,7 @@ class Model:
         return self.dofs[dof].force_for(acceleration, velocity, regressors)
 
 
-NUMBERS = ('stamp', 'age', 'fit', 'delay', 'mass', 'quadratic_drag', 'linear_drag', 'bias',
-           'alpha', 'beta', 'gamma', 'delta', 'velocity', 'v_hat', 'force', 'velocity_delay',
-           'v_hat_delay')
+NUMBERS = tuple(one.name for one in fields(DofModel) if one.type == 'float')
 
 
 def _dof_model(name: str, values: Mapping[str, float]) -> DofModel:

@@ -556,7 +556,8 @@ MUTANTS = [
     *_of('rovid_ros/node/node.py', 'test/node/test_node_live.py '
          'a_reset_shows_at_once',
          ('a reset does not show',
-          'self.stream.reset()\n        self._publish_initial()', 'self.stream.reset()')),
+          'self.stream.reset()\n        self._output_topics.publish_initial()',
+          'self.stream.reset()')),
     *_of('rovid_ros/node/node.py', 'test/node/test_node_live.py '
          'a_failed_save_is_not_the_end',
          ('a last save that failed is none',
@@ -569,9 +570,9 @@ MUTANTS = [
     *_of('rovid_ros/node/node.py', 'test/node/test_node.py '
          'an_inactive_node_has_no_velocity',
          ('an inactive node has a velocity',
-          'self._publish_end()\n        self._output_topics.publish_latched(self._outputs)\n'
+          'self._publish_end()\n        self._output_topics.publish_latched()\n'
           '        self._inputs.close()',
-          'self._output_topics.publish_latched(self._outputs)\n        self._inputs.close()')),
+          'self._output_topics.publish_latched()\n        self._inputs.close()')),
     *_of('rovid_ros/node/lifecycle.py', 'test/node/test_lifecycle.py '
          'a_transition_that_fails_halfway_undoes_what_it_did '
          'requests_that_fail_or_do_not_fit_the_state',

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from rovid_core.settings.run import INPUTS, Settings
+from rovid_core.settings.run import INPUTS, InputSettings, Settings, ThrusterSettings
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,12 +30,17 @@ def sources(settings: Settings) -> list[Source]:
     found = []
     for name in INPUTS:
         if name in settings.used_inputs():
-            given: Any = settings.thrusters if name == 'thrusters' else settings.input(name)
+            given = given_of(settings, name)
             found += [
                 Source(name, topic, given.type, given.field, given.stamp,
                        round(given.latency * 1e9), part)
                 for part, topic in enumerate(topics_of(settings, name))]
     return found
+
+
+def given_of(settings: Settings, name: str) -> InputSettings | ThrusterSettings:
+    """Return what is given of an input; both kinds say type, field, stamp, latency and QoS."""
+    return settings.thrusters if name == 'thrusters' else settings.input(name)
 
 
 def topics_of(settings: Settings, name: str) -> tuple[str, ...]:

@@ -52,12 +52,15 @@ class Key:
     live: bool = False  # whether the node takes another value while it runs
 
     @property
+    def has_bounds(self) -> bool:
+        """Tell whether its numbers have a range."""
+        return (self.low, self.high) != (-LARGE, LARGE)
+
+    @property
     def takes(self) -> str:
         """Return what the key takes, to end a sentence with."""
         unit = f' [{self.unit}]' if self.unit else ''
-        bounds = ''
-        if (self.low, self.high) != (-LARGE, LARGE):
-            bounds = f' from {self.low:g} to {self.high:g}'
+        bounds = f' from {self.low:g} to {self.high:g}' if self.has_bounds else ''
         count = f'{self.size} ' if self.size else ''
         return {
             'double': f'a number{bounds}{unit}',
@@ -69,149 +72,132 @@ class Key:
         }[self.type]
 
 
-def key_of(name: str, setting: str, owner: type, description: str, unit: str = '',
+def key_of(section: str, place: str, owner: type, name: str, description: str, unit: str = '',
            low: float = -LARGE, high: float = LARGE, choices: tuple[str, ...] = (),
-           live: bool = False) -> Key:
-    """Return the key of a setting, with the type and default of the owner's field."""
-    field = {f.name: f for f in fields(owner)}[setting.rpartition('.')[2]]
+           live: bool = False, setting: str = '') -> Key:
+    """
+    Return a key of a section of the file, with the type and default of the owner's field.
+
+    ``section`` and ``place``, that of the settings, end with a dot where they are not empty.
+    ``setting`` is the name of the field where it is not that of the key.
+    """
+    setting = setting or name
+    field = {f.name: f for f in fields(owner)}[setting]
     kind, size, default = _TYPES[str(field.type)]
     if field.default is not MISSING:
         default = field.default
-    return Key(name, setting, kind, default, description, unit, low, high, choices, size, live)
-
-
-def in_group(group: str, owner: type, name: str, description: str, unit: str = '',
-             low: float = -LARGE, high: float = LARGE, choices: tuple[str, ...] = (),
-             live: bool = False) -> Key:
-    """Return the key of a setting that has the same name in the file as in the settings."""
-    dotted = f'{group}.{name}'
-    return key_of(dotted, dotted, owner, description, unit, low, high, choices, live)
+    return Key(section + name, place + setting, kind, default, description, unit, low, high,
+               choices, size, live)
 
 
 def _source(name: str, setting: str, what: str, owner: type = InputSettings) -> list[Key]:
     """Return the keys that say where an input comes from."""
+    key = partial(key_of, f'{name}.', f'{setting}.', owner)
     topic = 'topics' if owner is ThrusterSettings else 'topic'
-    timeout = [] if owner is ThrusterSettings else [key_of(
-        f'{name}.timeout', f'{setting}.timeout', owner,
-        'silent for longer it starts anew, and what needs it waits no more; 0: max_gap', 's',
-        0.0, 3600.0)]
+    timeout = [] if owner is ThrusterSettings else [key(
+        'timeout', 'silent for longer it starts anew, and what needs it waits no more; 0: max_gap',
+        's', 0.0, 3600.0)]
     return [
-        key_of(f'{name}.{topic}', f'{setting}.{topic}', owner, what),
-        key_of(f'{name}.type', f'{setting}.type', owner,
-               'message type, package/msg/Type; a log knows its own'),
-        key_of(f'{name}.field', f'{setting}.field', owner,
-               'field path in the message, dotted, with [i] for an index, or several with commas; '
-               'empty: all of it'),
-        key_of(f'{name}.stamp', f'{setting}.stamp', owner,
-               'time of the data: header stamp or receive time; empty: header where there is one',
-               choices=('', 'header', 'receive')),
-        key_of(f'{name}.latency', f'{setting}.latency', owner,
-               'time between the measurement and its stamp, subtracted', 's', -10.0, 10.0),
-        key_of(f'{name}.qos', f'{setting}.qos', owner,
-               'quality of service of the live subscription: sensor_data hears every publisher, '
-               'transient_local also what was published before',
-               choices=('sensor_data', 'reliable', 'transient_local')),
+        key(topic, what),
+        key('type', 'message type, package/msg/Type; a log knows its own'),
+        key('field', 'field path in the message, dotted, with [i] for an index, or several with '
+            'commas; empty: all of it'),
+        key('stamp', 'time of the data: header stamp or receive time; empty: header where there '
+            'is one', choices=('', 'header', 'receive')),
+        key('latency', 'time between the measurement and its stamp, subtracted', 's', -10.0, 10.0),
+        key('qos', 'quality of service of the live subscription: sensor_data hears every '
+            'publisher, transient_local also what was published before',
+            choices=('sensor_data', 'reliable', 'transient_local')),
         *timeout,
     ]
 
 
 def _mounted(name: str) -> list[Key]:
     """Return the keys that say how a sensor of the body is turned in it."""
+    key = partial(key_of, f'{name}.', f'{name}.', InputSettings)
     return [
-        key_of(f'{name}.frames', f'{name}.frames', InputSettings,
-               'frames of these messages, such as ned for a DVL with z down and y to the right; '
-               'empty: as frames', choices=('', 'enu', 'ned')),
-        key_of(f'{name}.mounting', f'{name}.mounting', InputSettings,
-               'how the sensor is turned in the body: roll, pitch, yaw from the axes of the body '
-               '(forward, left, up) to those of the sensor, as rpy in a URDF', 'rad', -6.3, 6.3),
+        key('frames', 'frames of these messages, such as ned for a DVL with z down and y to the '
+            'right; empty: as frames', choices=('', 'enu', 'ned')),
+        key('mounting', 'how the sensor is turned in the body: roll, pitch, yaw from the axes of '
+            'the body (forward, left, up) to those of the sensor, as rpy in a URDF', 'rad', -6.3,
+            6.3),
         _sensor_frame(name, 'mounting'),
     ]
 
 
 def _sensor_frame(name: str, key: str) -> Key:
     """Return the key of the frame that stands for another key."""
-    return key_of(f'{name}.sensor_frame', f'{name}.sensor_frame', InputSettings,
+    return key_of(f'{name}.', f'{name}.', InputSettings, 'sensor_frame',
                   f'frame of the sensor: {key}, where it is not given, is looked up once in the '
                   'static transforms of tf2 (/tf_static), from base_frame; empty: as given')
 
 
 def _run() -> list[Key]:
+    key = partial(key_of, '', '', Settings)
     return [
-        key_of('dofs', 'dofs', Settings, 'degrees of freedom to identify', choices=DOFS),
-        key_of('hardware_id', 'hardware_id', Settings,
-               'what /diagnostics names the vehicle by; empty: the full name of the node'),
-        key_of('frames', 'frames', Settings,
-               'frames of the input messages: enu (z up, body flu) or ned (z down, body frd)',
-               choices=('enu', 'ned')),
-        key_of('base_frame', 'base_frame', Settings, 'frame_id of the outputs'),
-        key_of('max_wait', 'max_wait', Settings,
-               'a slow input is waited for until the newest event time is this much later; below '
-               '0: 0.1 s, as much more as the latencies of the inputs differ, and up to 1 s where '
-               'one keeps coming later', 's', -1.0, 60.0, live=True),
-        key_of('max_gap', 'max_gap', Settings,
-               'after a longer gap filter and observer restart from the measurement; 0: five '
-               'usual intervals of the input, and at least 1 s', 's', 0.0, 3600.0, live=True),
-        key_of('time_jump', 'time_jump', Settings,
-               'stamps that go back by more are a jump (a restarted log), by less are dropped',
-               's', 0.001, 3600.0),
-        key_of('reset_on_time_jump', 'reset_on_time_jump', Settings,
-               'whether the estimate starts afresh at a jump'),
-        key_of('autostart', 'autostart', Settings,
-               'whether the node configures and activates itself'),
-        key_of('enable', 'enable', Settings,
-               'whether the parameters are adapted, or frozen; as the service ~/enable',
-               live=True),
-        key_of('record.path', 'record_path', Settings,
-               'MCAP file to record every consumed message in; empty: none'),
-        key_of('record.max_size', 'record_max_size', Settings,
-               'a record that is larger goes on in the next file; 0: never', 'bytes', 0.0),
-        key_of('record.max_duration', 'record_max_duration', Settings,
-               'a record that is longer goes on in the next file; 0: never', 's', 0.0, 1e7),
-        key_of('checkpoint.path', 'checkpoint_path', Settings,
-               'file of the saved state, read at the start; empty: none'),
-        key_of('checkpoint.period', 'checkpoint_period', Settings,
-               'time between two saves', 's', 0.1, 86400.0, live=True),
+        key('dofs', 'degrees of freedom to identify', choices=DOFS),
+        key('hardware_id', 'what /diagnostics names the vehicle by; empty: the full name of the '
+            'node'),
+        key('frames', 'frames of the input messages: enu (z up, body flu) or ned (z down, body '
+            'frd)', choices=('enu', 'ned')),
+        key('base_frame', 'frame_id of the outputs'),
+        key('max_wait', 'a slow input is waited for until the newest event time is this much '
+            'later; below 0: 0.1 s, as much more as the latencies of the inputs differ, and up to '
+            '1 s where one keeps coming later', 's', -1.0, 60.0, live=True),
+        key('max_gap', 'after a longer gap filter and observer restart from the measurement; 0: '
+            'five usual intervals of the input, and at least 1 s', 's', 0.0, 3600.0, live=True),
+        key('time_jump', 'stamps that go back by more are a jump (a restarted log), by less are '
+            'dropped', 's', 0.001, 3600.0),
+        key('reset_on_time_jump', 'whether the estimate starts afresh at a jump'),
+        key('autostart', 'whether the node configures and activates itself'),
+        key('enable', 'whether the parameters are adapted, or frozen; as the service ~/enable',
+            live=True),
+        key('record.path', 'MCAP file to record every consumed message in; empty: none',
+            setting='record_path'),
+        key('record.max_size', 'a record that is larger goes on in the next file; 0: never',
+            'bytes', 0.0, setting='record_max_size'),
+        key('record.max_duration', 'a record that is longer goes on in the next file; 0: never',
+            's', 0.0, 1e7, setting='record_max_duration'),
+        key('checkpoint.path', 'file of the saved state, read at the start; empty: none',
+            setting='checkpoint_path'),
+        key('checkpoint.period', 'time between two saves', 's', 0.1, 86400.0, live=True,
+            setting='checkpoint_period'),
     ]
 
 
 def _inputs() -> list[Key]:
+    key = partial(key_of, '', '', Settings)
     return [
         *_source('position', 'position', 'topic of the position fix in the world'),
-        key_of('position.lever_arm', 'lever_arm', Settings,
-               'position of the transponder in the body frame (forward, left, up)', 'm',
-               -100.0, 100.0),
+        key('position.lever_arm', 'position of the transponder in the body frame (forward, left, '
+            'up)', 'm', -100.0, 100.0, setting='lever_arm'),
         _sensor_frame('position', 'lever_arm'),
         *_source('depth', 'depth', 'topic of the depth sensor; replaces position z for heave'),
-        key_of('depth.scale', 'depth_scale', Settings, 'z [m, up] = scale * value + offset'),
-        key_of('depth.offset', 'depth_offset', Settings, 'z [m, up] = scale * value + offset',
-               'm'),
+        key('depth.scale', 'z [m, up] = scale * value + offset', setting='depth_scale'),
+        key('depth.offset', 'z [m, up] = scale * value + offset', 'm', setting='depth_offset'),
         *_source('attitude', 'attitude', 'topic of the attitude or of a scalar heading'),
-        key_of('attitude.yaw_offset', 'yaw_offset', Settings,
-               'added to the heading, about z up', 'rad', -6.3, 6.3),
-        key_of('attitude.unit', 'heading_unit', Settings,
-               'unit of a heading, or of roll, pitch and yaw', choices=('rad', 'deg')),
-        key_of('attitude.heading', 'heading_frames', Settings,
-               'sense of a heading, or of roll, pitch and yaw: enu, from x of the world to y; '
-               'ned, from north clockwise, as a compass; empty: as frames',
-               choices=('', 'enu', 'ned')),
+        key('attitude.yaw_offset', 'added to the heading, about z up', 'rad', -6.3, 6.3,
+            setting='yaw_offset'),
+        key('attitude.unit', 'unit of a heading, or of roll, pitch and yaw',
+            choices=('rad', 'deg'), setting='heading_unit'),
+        key('attitude.heading', 'sense of a heading, or of roll, pitch and yaw: enu, from x of '
+            'the world to y; ned, from north clockwise, as a compass; empty: as frames',
+            choices=('', 'enu', 'ned'), setting='heading_frames'),
         *_mounted('attitude'),
         *_source('angular_velocity', 'angular_velocity',
                  'topic of a gyro; replaces the attitude for roll, pitch and yaw'),
         *_mounted('angular_velocity'),
         *_source('velocity', 'velocity',
                  'topic of a body velocity (DVL); replaces the derivative of the position'),
-        key_of('velocity.cutoff', 'cutoff', Settings,
-               'cutoff of the low-pass on velocity and thrust alike', 'Hz', 0.001, 1000.0,
-               live=True),
-        key_of('velocity.max', 'max_speed', Settings, 'faster measurements are refused',
-               'm/s or rad/s', 0.01, 1000.0, live=True),
-        key_of('velocity.gate', 'gate', Settings,
-               'measurements that miss their prediction by more are refused, if noise is alike on '
-               'all axes; 0: none are',
-               'std', 0.0, 1000.0, live=True),
-        key_of('velocity.relative_to', 'relative_to', Settings,
-               'what the velocity is relative to: ground (bottom lock) or water (water lock)',
-               choices=('ground', 'water')),
+        key('velocity.cutoff', 'cutoff of the low-pass on velocity and thrust alike', 'Hz', 0.001,
+            1000.0, live=True, setting='cutoff'),
+        key('velocity.max', 'faster measurements are refused', 'm/s or rad/s', 0.01, 1000.0,
+            live=True, setting='max_speed'),
+        key('velocity.gate', 'measurements that miss their prediction by more are refused, if '
+            'noise is alike on all axes; 0: none are', 'std', 0.0, 1000.0, live=True,
+            setting='gate'),
+        key('velocity.relative_to', 'what the velocity is relative to: ground (bottom lock) or '
+            'water (water lock)', choices=('ground', 'water'), setting='relative_to'),
         *_mounted('velocity'),
         *_source('reference', 'reference',
                  'topic of a body velocity to score against, never used to identify'),
@@ -219,7 +205,7 @@ def _inputs() -> list[Key]:
 
 
 def _thrusters() -> list[Key]:
-    key = partial(in_group, 'thrusters', ThrusterSettings)
+    key = partial(key_of, 'thrusters.', 'thrusters.', ThrusterSettings)
     return [
         Key('thrusters.topic', '', 'string', '', 'topic of all thrusters in one message'),
         *_source('thrusters', 'thrusters', 'topics of the thrusters, one each, in place of topic',
@@ -252,7 +238,8 @@ def _thrusters() -> list[Key]:
 
 
 def _identifier() -> list[Key]:
-    key = partial(in_group, 'identifier', IdentifierSettings)
+    key = partial(key_of, 'identifier.', 'identifier.', IdentifierSettings)
+    current = partial(key_of, 'current.', 'current.', CurrentSettings)
     return [
         key('method', 'aid (the adaptive identifier of the paper) or ekf (extended Kalman '
             'filter)', choices=tuple(METHODS)),
@@ -264,12 +251,10 @@ def _identifier() -> list[Key]:
             live=True),
         key('adaptation_gains', 'diagonal of Gamma: 4 numbers (alpha, beta, gamma, delta), or 4 '
             'and one per coupling for every DOF; none: from adaptation_time', low=0.0, live=True),
-        key_of('current.prior', 'current.prior', CurrentSettings,
-               'standard deviation of the current of the water before anything is known of it; '
-               '0: still water, as in a tank', 'm/s', 0.0, 10.0),
-        key_of('current.change', 'current.change', CurrentSettings,
-               'how fast the current changes: growth of its variance per second', 'm^2/s^3',
-               0.0, 1.0),
+        current('prior', 'standard deviation of the current of the water before anything is known '
+                'of it; 0: still water, as in a tank', 'm/s', 0.0, 10.0),
+        current('change', 'how fast the current changes: growth of its variance per second',
+                'm^2/s^3', 0.0, 1.0),
     ]
 
 
@@ -279,42 +264,35 @@ def _dof(dof: str) -> list[Key]:
     units = (('kg', 'N s^2/m^2', 'N s/m', 'N') if linear
              else ('kg m^2', 'N m s^2/rad^2', 'N m s/rad', 'N m'))
     force, speed = ('N', 'm/s') if linear else ('N m', 'rad/s')
-    known, truth = f'dof.{dof}', f'simulation.dofs.{dof}'
+    known = partial(key_of, f'{dof}.', f'dof.{dof}.', DofSettings)
+    truth = partial(key_of, f'simulation.{dof}.', f'simulation.dofs.{dof}.', SimulatedDof)
     lows = (0.0, 0.0, 0.0, -LARGE)
     texts = ('effective mass, added mass included', 'quadratic drag', 'linear drag',
              'constant force towards negative; weight - buoyancy for heave')
     return [
-        *(key_of(f'{dof}.initial.{name}', f'{known}.{name}', DofSettings,
-                 f'initial guess of the {text}', unit, low)
+        *(known(f'initial.{name}', f'initial guess of the {text}', unit, low, setting=name)
           for name, text, unit, low in zip(PHYSICAL, texts, units, lows, strict=True)),
-        key_of(f'{dof}.typical.force', f'{known}.typical_force', DofSettings,
-               'usual force, for the scale of the gains; 0: from the initial values', force, 0.0),
-        key_of(f'{dof}.typical.velocity', f'{known}.typical_velocity', DofSettings,
-               'usual velocity, for the scale of the gains; 0: 0.5', speed, 0.0),
-        key_of(f'{dof}.dry_mass', f'{known}.dry_mass', DofSettings,
-               'mass in air (moment of inertia of an angular DOF); 0: unknown', units[0], 0.0),
-        key_of(f'{dof}.terms', f'{known}.terms', DofSettings,
-               'parameters that the model has; the others are 0', choices=PARAMETERS),
-        key_of(f'{dof}.couplings', f'{known}.couplings', DofSettings,
-               'further terms: of other DOFs, of the attitude, in reverse',
-               choices=COUPLINGS[dof]),
-        *(key_of(f'simulation.{dof}.{name}', f'{truth}.{name}', SimulatedDof,
-                 f'truth of the simulation: {text}', unit, low)
+        known('typical.force', 'usual force, for the scale of the gains; 0: from the initial '
+              'values', force, 0.0, setting='typical_force'),
+        known('typical.velocity', 'usual velocity, for the scale of the gains; 0: 0.5', speed, 0.0,
+              setting='typical_velocity'),
+        known('dry_mass', 'mass in air (moment of inertia of an angular DOF); 0: unknown',
+              units[0], 0.0),
+        known('terms', 'parameters that the model has; the others are 0', choices=PARAMETERS),
+        known('couplings', 'further terms: of other DOFs, of the attitude, in reverse',
+              choices=COUPLINGS[dof]),
+        *(truth(name, f'truth of the simulation: {text}', unit, low)
           for name, text, unit, low in zip(PHYSICAL, texts, units, lows, strict=True)),
-        key_of(f'simulation.{dof}.forces', f'{truth}.forces', SimulatedDof,
-               'amplitudes of the sinusoids of thrust', force),
-        key_of(f'simulation.{dof}.frequencies', f'{truth}.frequencies', SimulatedDof,
-               'their frequencies, as many', 'Hz', 0.0, 100.0),
-        key_of(f'simulation.{dof}.reverse_drag', f'{truth}.reverse_drag', SimulatedDof,
-               'quadratic drag of the simulation when it moves backwards, relative to forwards',
-               low=0.0),
-        key_of(f'simulation.{dof}.disturbance', f'{truth}.disturbance', SimulatedDof,
-               'rms of an unknown force in the simulation', force, 0.0),
+        truth('forces', 'amplitudes of the sinusoids of thrust', force),
+        truth('frequencies', 'their frequencies, as many', 'Hz', 0.0, 100.0),
+        truth('reverse_drag', 'quadratic drag of the simulation when it moves backwards, relative '
+              'to forwards', low=0.0),
+        truth('disturbance', 'rms of an unknown force in the simulation', force, 0.0),
     ]
 
 
 def _simulation() -> list[Key]:
-    key = partial(in_group, 'simulation', SimulationSettings)
+    key = partial(key_of, 'simulation.', 'simulation.', SimulationSettings)
     units = {'position': 'm', 'depth': 'm', 'attitude': 'rad', 'angular_velocity': 'rad/s',
              'velocity': 'm/s', 'thruster': 'command'}
     return [
@@ -339,3 +317,4 @@ def _simulation() -> list[Key]:
 
 KEYS = (*_run(), *_inputs(), *_thrusters(), *_identifier(),
         *(key for dof in DOFS for key in _dof(dof)), *_simulation())
+BY_NAME = {key.name: key for key in KEYS}

@@ -70,6 +70,7 @@ def _number(text: str) -> float | None:
     return None if math.isinf(value) or too_small else value
 
 
+NODE_NAME = 'identifier_node'
 PARAMETERS = 'ros__parameters'
 MAX_FILE_SIZE = 1 << 20  # [bytes] a larger file is something else
 MAX_DEPTH = 32  # levels of keys; more are a broken file
@@ -152,7 +153,7 @@ def override(rule: str) -> dict[str, Any]:
     return {key: entry.value for key, entry in section.items()}
 
 
-def load(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dict[str, Any]:
+def load(path: Path, node: str = NODE_NAME, namespace: str = '/') -> dict[str, Any]:
     """
     Read the parameters of a node.
 
@@ -176,9 +177,9 @@ def load(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dic
     return {name: entry.value for name, entry in read(path, node, namespace).items()}
 
 
-def read(path: Path, node: str = 'identifier_node', namespace: str = '/') -> dict[str, Entry]:
+def read(path: Path, node: str = NODE_NAME, namespace: str = '/') -> dict[str, Entry]:
     """Read as :func:`load`, with the line of each value."""
-    sections = _Reader(path).sections()
+    sections = _Reader(path, _text(path)).sections()
     full_name = f'{namespace.rstrip("/")}/{node}'
     matching = [name for name in sections if _matches(name, full_name)]
     if not matching:
@@ -232,10 +233,9 @@ def _kind(event: yaml.Event) -> str:
 class _Reader:
     """Recursive descent through the events of the YAML parser, as rcl goes through them."""
 
-    def __init__(self, path: Path, text: str | None = None) -> None:
+    def __init__(self, path: Path, text: str) -> None:
         self._path = path
-        self._parser: Iterator[yaml.Event] = yaml.parse(
-            _text(path) if text is None else text, Loader=yaml.SafeLoader)
+        self._parser: Iterator[yaml.Event] = yaml.parse(text, Loader=yaml.SafeLoader)
         self._sections: dict[str, dict[str, Entry]] = {}
 
     def sections(self) -> dict[str, dict[str, Entry]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 import difflib
 import math
@@ -24,9 +24,9 @@ from rovid_core.settings.run import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_ros.config.keys import Key, KEYS
+from rovid_ros.config.keys import BY_NAME, Key, KEYS
 
-# Parameters that every node has.
+# Parameters that every node has: rclpy itself declares them.
 ROS_PARAMETERS = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\..+')
 MESSAGE_TYPE = re.compile(r'[A-Za-z]\w*/msg/[A-Za-z]\w*', re.ASCII)
 
@@ -42,11 +42,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     given = check(values)
     tree: dict[str, Any] = {}
     for key in KEYS:
-        *path, last = key.setting.split('.')
-        branch = tree
-        for name in path:
-            branch = branch.setdefault(name, {})
-        branch[last] = given.get(key.name, key.default)
+        _put(tree, key, given.get(key.name, key.default))
     dofs = tree.pop('dofs')
     known = {dof: DofSettings(**tree['dof'][dof])
              for dof in dofs if f'{dof}.initial.mass' in given}
@@ -73,23 +69,23 @@ def changed(settings: Settings, changes: Mapping[str, Any]) -> Settings:
     ``changes`` is by dotted key; an empty list stands for a key that is left out. Raises
     SettingsError as :func:`settings_from`, and for a key that takes no change while the node runs.
     """
-    keys = {key.name: key for key in KEYS}
     tree: dict[str, Any] = {}
     for name, value in changes.items():
-        if name in keys and keys[name].default == () and _is_nothing(value):
-            taken = {name: ()}
-        else:
-            taken = check({name: value})
-        if name not in taken or not keys[name].live:
+        taken = {name: ()} if _is_left_out(name, value) else check({name: value})
+        if name not in taken or not BY_NAME[name].live:
             raise SettingsError(name, 'takes a change only while the node is unconfigured')
-        *path, last = keys[name].setting.split('.')
-        branch = tree
-        for group in path:
-            branch = branch.setdefault(group, {})
-        branch[last] = taken[name]
+        _put(tree, BY_NAME[name], taken[name])
     new = _replaced(settings, tree)
     assert isinstance(new, Settings)
     return new
+
+
+def _put(tree: dict[str, Any], key: Key, value: Any) -> None:
+    """Put a value into a tree of settings, where that of its key is."""
+    *path, last = key.setting.split('.')
+    for name in path:
+        tree = tree.setdefault(name, {})
+    tree[last] = value
 
 
 def _replaced(settings: Any, tree: Mapping[str, Any]) -> Any:
@@ -106,30 +102,31 @@ def check(values: Mapping[str, Any]) -> dict[str, Any]:
     An empty list, which rcl reads as nothing, stands for a key that is left out where that is the
     default. Raises SettingsError as :func:`settings_from`, for each value by itself.
     """
-    keys = {key.name: key for key in KEYS}
     checked = {}
     for name, value in values.items():
-        if name in keys and keys[name].default == () and _is_nothing(value):
+        if _is_left_out(name, value):
             continue
-        if name in keys:
-            checked[name] = _checked(keys[name], value)
+        if name in BY_NAME:
+            checked[name] = _checked(BY_NAME[name], value)
         elif not ROS_PARAMETERS.fullmatch(name):
-            raise SettingsError(name, _unknown(name, keys))
+            raise SettingsError(name, _unknown(name))
     return checked
 
 
-def _is_nothing(value: Any) -> bool:
-    return value is None or (isinstance(value, (list, tuple, array)) and not len(value))
+def _is_left_out(name: str, value: Any) -> bool:
+    """Tell whether a value is an empty list, which rcl reads as nothing, as is the default."""
+    return name in BY_NAME and BY_NAME[name].default == () and (
+        value is None or isinstance(value, (list, tuple, array)) and not len(value))
 
 
-def _unknown(name: str, keys: Collection[str]) -> str:
-    inner = [key for key in keys if key.startswith(f'{name}.')]
+def _unknown(name: str) -> str:
+    inner = [key for key in BY_NAME if key.startswith(f'{name}.')]
     if inner:
         return f'takes keys of its own, such as {inner[0]}'
-    misplaced = [key for key in keys if key.rpartition('.')[2] == name.rpartition('.')[2]]
+    misplaced = [key for key in BY_NAME if key.rpartition('.')[2] == name.rpartition('.')[2]]
     close = [key for key in misplaced if key.partition('.')[0] == name.partition('.')[0]]
     near = next((group for group in (close, misplaced) if len(group) == 1),
-                difflib.get_close_matches(name, keys, 1, 0.0))
+                difflib.get_close_matches(name, BY_NAME, 1, 0.0))
     return f'there is no such key; the nearest is {near[0]}'
 
 

@@ -21,32 +21,21 @@ def is_record(settings: Settings) -> bool:
 class Log(Protocol):
     """The log of a node, as far as it is needed here."""
 
-    def info(self, message: str) -> object:
-        """Log that something happened."""
+    def info(self, message: str) -> object: ...
 
-    def warning(self, message: str) -> object:
-        """Log what somebody should look at."""
+    def warning(self, message: str) -> object: ...
 
-    def error(self, message: str) -> object:
-        """Log what went wrong."""
+    def error(self, message: str) -> object: ...
 
 
 class Checkpoint:
     """
-    The node's saved state, in the file of ``checkpoint.path``.
+    The state of a stream, in the file of ``checkpoint.path``.
 
     It is locked from the beginning to ``close``, so that no second node writes to it. A file that
     does not fit, such as another vehicle's, is kept under another name; of one that is damaged the
     one before is taken. What a stream learns after its clock went back goes to a file beside it.
-
-    Parameters
-    ----------
-    settings : Settings
-        Of the run.
-    stream : Stream
-        Whose state it is.
-    log : Log
-        Gets a line for what happens to the file.
+    The log gets a line for what happens to the file.
 
     Attributes
     ----------
@@ -60,9 +49,9 @@ class Checkpoint:
 
     """
 
-    def __init__(self, settings: Settings, stream: Stream, log: Log) -> None:
+    def __init__(self, stream: Stream, log: Log) -> None:
+        settings = stream.settings
         self.path = Path(settings.checkpoint_path)
-        self._settings = settings
         self._stream = stream
         self._log = log
         self._does_not_fit = False
@@ -79,7 +68,7 @@ class Checkpoint:
 
     def restore(self) -> dict[str, Any] | None:
         """Go on from the file where there is one that fits; return its state."""
-        if not self._settings.checkpoint_path or not self.path.exists():
+        if not self._stream.settings.checkpoint_path or not self.path.exists():
             return None
         state = self._restore(self.path)
         if state is None:
@@ -88,7 +77,7 @@ class Checkpoint:
 
     def save(self) -> str:
         """Write the file; return why not, or ''."""
-        if not self._settings.checkpoint_path:
+        if not self._stream.settings.checkpoint_path:
             return 'checkpoint.path is not set'
         try:
             state = self._stream.state()
@@ -96,7 +85,7 @@ class Checkpoint:
                 self._set_aside()
             if self._stream.reset_by_clock and not self._beside:
                 self._go_beside()
-            save(self.path, self._settings, state)
+            save(self.path, self._stream.settings, state)
         except (OSError, ValueError) as error:
             self._log.error(f'checkpoint: {error}')
             return str(error)

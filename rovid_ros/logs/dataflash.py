@@ -82,9 +82,9 @@ class _Format:
     @cached_property
     def derived(self) -> tuple[str, ...]:
         """Return the columns that the file does not have."""
-        needed = _NEEDED.get(self.name, {''})
-        return () if needed - {*self.columns} else tuple(
-            name for name in _DERIVED[self.name] if name not in self.columns)
+        if self.name not in _DERIVED or not _NEEDED[self.name] <= {*self.columns}:
+            return ()
+        return tuple(name for name in _DERIVED[self.name] if name not in self.columns)
 
     @cached_property
     def message(self) -> np.dtype[Any]:
@@ -107,7 +107,6 @@ class DataflashFile(Container):
     own_clock = True
 
     def clear(self) -> None:
-        """Drop all that is known of the file."""
         super().clear()
         self._formats: dict[int, _Format] = {}  # by type
         self._lengths = [0] * 256  # [bytes] of records by type; 0: unknown
@@ -137,7 +136,6 @@ class DataflashFile(Container):
             self.metadata[PARAMETERS] = self._parameters
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
-        """Return the messages of these channels in a block, in the order of the file."""
         offset, size = block.where
         with self.path.open('rb') as file:
             file.seek(offset)
@@ -295,14 +293,15 @@ class DataflashFile(Container):
     def _messages(self, data: bytes, places: Places, format: _Format) -> npt.NDArray[Any]:
         """Return the messages of some records."""
         made = self._scaled(_rows(data, places, format), format)
-        derived: tuple[Any, ...] = ()
+        if not format.derived:
+            return made
         with np.errstate(all='ignore'):
-            if format.name == 'VISO' and format.derived:
+            if format.name == 'VISO':
                 dt = made['dt'].astype(float)
                 derived = tuple(made[name] / dt for name in ('PosDX', 'PosDY', 'PosDZ'))
-            elif format.derived:
+            else:
                 derived = self._local(made, format)
-        for name, values in zip(_DERIVED.get(format.name, ()), derived):
+        for name, values in zip(_DERIVED[format.name], derived):
             if name in format.derived:
                 made[name] = values
         return made

@@ -114,7 +114,7 @@ class Log:
         if any(records) and not self.recorded:
             self._warnings.append('a record of the node is joined with other logs: it is taken '
                                   'in time order, without the calls of services in it')
-        self._position = 0.0
+        self.progress = 0.0  # fraction, 0 to 1, of what was asked for that has been read
 
     @property
     def warnings(self) -> list[str]:
@@ -125,11 +125,6 @@ class Log:
     def own_clock(self) -> bool:
         """Tell whether its times do not begin in 1970, but with the device that wrote it."""
         return any(container.own_clock for container in self._containers)
-
-    @property
-    def progress(self) -> float:
-        """Return the fraction, 0 to 1, of what was asked for that has been read."""
-        return self._position
 
     def files_without(self, topic: str) -> list[str]:
         """Return the names of the files that do not know a topic or hold nothing of it."""
@@ -215,11 +210,9 @@ class Log:
         self._scratch.cleanup()
 
     def __enter__(self) -> Log:
-        """Return the log itself."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close the log."""
         self.close()
 
     def _parts(self, topics: Collection[str], start: float,
@@ -238,8 +231,8 @@ class Log:
         for part in _ordered_parts(self._containers, wanted, first, last, self.recorded):
             yield part
             if part:
-                self._position = min(max(part[-1][0] - first, 0) / max(last - first, 1), 1.0)
-        self._position = 1.0
+                self.progress = min(max(part[-1][0] - first, 0) / max(last - first, 1), 1.0)
+        self.progress = 1.0
 
     def _maker(self, channel: Channel, make: MakerFactory | None) -> Maker:
         if channel.encoding not in ('cdr', 'ros1'):

@@ -37,13 +37,11 @@ class McapFile(IndexedContainer):
     """An MCAP file."""
 
     def clear(self) -> None:
-        """Drop all that is known of the file."""
         super().clear()
         self._schemas: dict[int, tuple[str, str, str]] = {}  # name, encoding, definition
         self._lacks_schema = False
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
-        """Return the messages of these channels in a block, in the order of the file."""
         offset, size, is_chunk = block.where
         with self.path.open('rb') as file:
             file.seek(offset)
@@ -71,7 +69,6 @@ class McapFile(IndexedContainer):
         return b'' if crc and crc != zlib.crc32(summary + tail[:25]) else summary
 
     def read_index(self, file: BinaryIO) -> bool:
-        """Return whether the index at the end tells all; note what it tells."""
         statistics: records.Statistics | None = None
         chunks: list[records.ChunkIndex] = []
         metadata: list[records.MetadataIndex] = []
@@ -140,7 +137,6 @@ class McapFile(IndexedContainer):
             self.declare(self.metadata, entry.name, dict(entry.metadata), len(body))
 
     def scan(self, file: BinaryIO) -> None:
-        """Look through the whole file, up to its end or to where it stops making sense."""
         offset = len(MAGIC)
         run = offset  # where the messages outside chunks begin that no block holds yet
         file.seek(offset)

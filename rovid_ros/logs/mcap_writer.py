@@ -1,5 +1,5 @@
 """
-MCAP files, written message by message (https://mcap.dev/spec).
+MCAP files of ROS 2, written message by message (https://mcap.dev/spec).
 
 The file is, byte for byte, what the format's own package would write; a message takes a fifth of
 the time. All records but messages are those of the package.
@@ -7,7 +7,7 @@ the time. All records but messages are those of the package.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 import struct
 from typing import BinaryIO
 import zlib
@@ -16,6 +16,7 @@ from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from rovid_ros.logs.mcap import MAGIC
+import zstandard
 
 _MESSAGE = struct.Struct('<BQHIQQ')  # a record; channel, sequence, log and publish time
 _BEHIND_LENGTH = _MESSAGE.size - 9
@@ -23,42 +24,21 @@ _INDEX = struct.Struct('<BQHI')  # a record; channel, bytes of the entries
 _SUMMARY_CRC = struct.Struct('<BQQQ')
 
 
-def _zstd(data: bytes) -> bytes:
-    import zstandard
-    return zstandard.compress(data)
-
-
-def _lz4(data: bytes) -> bytes:
-    import lz4.frame
-    compressed: bytes = lz4.frame.compress(data)
-    return compressed
-
-
-_COMPRESS: dict[str, Callable[[bytes], bytes]] = {
-    'zstd': _zstd, 'lz4': _lz4, '': lambda data: data}
-
-
 class McapWriter:
     """
-    Writes the records of a file, messages in chunks.
+    Writes the records of a file, messages in chunks that zstd compresses.
 
     Parameters
     ----------
     stream : BinaryIO
         Where to; it is not closed.
-    compression : str
-        Of chunks: zstd, lz4 or '' for none.
     chunk_size : int
         A chunk ends when it is larger [bytes].
-    profile, library : str
-        What the header says.
 
     """
 
-    def __init__(self, stream: BinaryIO, compression: str, chunk_size: int, profile: str,
-                 library: str) -> None:
+    def __init__(self, stream: BinaryIO, chunk_size: int) -> None:
         self._stream = stream
-        self._compression = compression
         self._chunk_size = chunk_size
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
@@ -66,26 +46,28 @@ class McapWriter:
         self._times: tuple[int, int] | None = None  # of all messages, first and last
         self._chunks: list[records.ChunkIndex] = []
         self._metadata: list[records.MetadataIndex] = []
+        self._begin_chunk()
+        stream.write(MAGIC)
+        self._write(records.Header('ros2', 'rovid'))
+
+    def _begin_chunk(self) -> None:
         self._chunk = bytearray()
         self._indices: dict[int, list[int]] = {}  # by channel: time, offset, time, offset ...
         self._first, self._last = -1, 0  # log times of the chunk
-        stream.write(MAGIC)
-        self._write(records.Header(profile, library))
 
-    def add_schema(self, name: str, encoding: str, data: bytes) -> int:
+    def add_schema(self, name: str, definition: bytes) -> int:
         """Add the definition of a type; return its number."""
         schema = records.Schema(
-            id=len(self._schemas) + 1, data=data, encoding=encoding, name=name)
+            id=len(self._schemas) + 1, data=definition, encoding='ros2msg', name=name)
         self._schemas.append(schema)
         self._add_to_chunk(_bytes(schema))
         return schema.id
 
-    def add_channel(self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str]
-                    ) -> int:
+    def add_channel(self, topic: str, schema: int, metadata: Mapping[str, str]) -> int:
         """Add a channel; return its number."""
         channel = records.Channel(
-            id=len(self._channels) + 1, topic=topic, message_encoding=encoding,
-            schema_id=schema, metadata=dict(metadata))
+            id=len(self._channels) + 1, topic=topic, message_encoding='cdr', schema_id=schema,
+            metadata=dict(metadata))
         self._channels.append(channel)
         self._add_to_chunk(_bytes(channel))
         return channel.id
@@ -147,11 +129,6 @@ class McapWriter:
             summary_start=start, summary_offset_start=offset, summary_crc=crc))
         self._stream.write(MAGIC)
 
-    def _begin_chunk(self) -> None:
-        self._chunk = bytearray()
-        self._indices = {}
-        self._first, self._last = -1, 0
-
     def _add_to_chunk(self, data: bytes) -> None:
         self._chunk += data
         if len(self._chunk) > self._chunk_size:
@@ -161,10 +138,10 @@ class McapWriter:
         if not self._indices:  # schemas and channels wait for a message
             return
         data = bytes(self._chunk)
-        compressed = _COMPRESS[self._compression](data)
+        compressed = zstandard.compress(data)
         start = self._stream.tell()
         length = self._write(records.Chunk(
-            compression=self._compression, data=compressed, message_start_time=self._first,
+            compression='zstd', data=compressed, message_start_time=self._first,
             message_end_time=self._last, uncompressed_crc=zlib.crc32(data),
             uncompressed_size=len(data)))
         index, offsets = bytearray(), {}
@@ -178,7 +155,7 @@ class McapWriter:
         self._chunks.append(records.ChunkIndex(
             message_start_time=self._first, message_end_time=self._last,
             chunk_start_offset=start, chunk_length=length, message_index_offsets=offsets,
-            message_index_length=len(index), compression=self._compression,
+            message_index_length=len(index), compression='zstd',
             compressed_size=len(compressed), uncompressed_size=len(data)))
         first, last = self._times or (self._first, self._last)
         self._times = min(first, self._first), max(last, self._last)

@@ -63,11 +63,9 @@ class PipelinePlayer:
         return [estimate for event in events for estimate in receive(event)]
 
     def repeat_control(self, name: str, value: str) -> list[Estimate]:
-        """Do again what was done to the node when the log was recorded."""
         return repeat_control(self.stream, name, value)
 
     def finish(self) -> list[Estimate]:
-        """Release what is still held back at the log's end."""
         return self.stream.end()
 
     def close(self) -> None:

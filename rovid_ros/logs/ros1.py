@@ -21,7 +21,6 @@ class BagFile(IndexedContainer):
     """A ROS 1 bag."""
 
     def load(self, block: Block, wanted: Mapping[int, Channel]) -> list[Raw]:
-        """Return the messages of these channels in a block, in the order of the file."""
         with self.path.open('rb') as file:
             file.seek(block.where)
             _, header, data = next(_records(file, self.size))
@@ -32,7 +31,6 @@ class BagFile(IndexedContainer):
         return _messages(inflated, wanted, self.first_place(block))
 
     def read_index(self, file: BinaryIO) -> bool:
-        """Return whether the index at the end tells all; note what it tells."""
         file.seek(len(MAGIC))
         _, bag, _ = next(_records(file, self.size))
         position, = struct.unpack('<Q', bag[b'index_pos'])
@@ -59,7 +57,6 @@ class BagFile(IndexedContainer):
         return True
 
     def scan(self, file: BinaryIO) -> None:
-        """Look through the whole file, up to its end or to where it stops making sense."""
         self.cut = True  # the index is written when a bag is closed
         file.seek(len(MAGIC))
         for place, header, data in _records(file, self.size):

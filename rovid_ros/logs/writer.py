@@ -49,14 +49,8 @@ class LogWriter:
     """
     Writes messages to an MCAP file.
 
-    What was written before the last ``flush`` can be read also when the process is killed.
-
-    Parameters
-    ----------
-    path : Path
-        The file; one that is there is replaced.
-    compression : str
-        zstd, lz4 or none.
+    What was written before the last ``flush`` can be read also when the process is killed. A file
+    that is there is replaced.
 
     Raises
     ------
@@ -67,15 +61,13 @@ class LogWriter:
 
     """
 
-    def __init__(self, path: Path, *, compression: str = 'zstd') -> None:
+    def __init__(self, path: Path) -> None:
         try:
             self.path = path
             self._file = BufferedWriter(_File(path, 'wb'))
         except OSError as error:
             raise LogError(f'{path}: cannot be written: {error.strerror}') from None
-        self._writer = McapWriter(
-            self._file, compression='' if compression == 'none' else compression,
-            chunk_size=_CHUNK, profile='ros2', library='rovid')
+        self._writer = McapWriter(self._file, _CHUNK)
         self._schemas: dict[tuple[str, str | None], int] = {}
         self._channels: dict[tuple[str, int], int] = {}
 
@@ -122,7 +114,7 @@ class LogWriter:
         channel = self._channels.get((topic, schema))
         if channel is None:
             channel = self._writer.add_channel(
-                topic, 'cdr', schema, {'offered_qos_profiles': _OFFERED[latched]})
+                topic, schema, {'offered_qos_profiles': _OFFERED[latched]})
             self._channels[topic, schema] = channel
         self._writer.add_message(channel, max(time, 0), cdr, max(
             time if publish_time is None else publish_time, 0))
@@ -158,11 +150,9 @@ class LogWriter:
                 self._file.close()
 
     def __enter__(self) -> LogWriter:
-        """Return the writer itself."""
         return self
 
     def __exit__(self, *error: object) -> None:
-        """Close the file."""
         self.close()
 
     def _schema(self, type: str, definition: str | None) -> int:
@@ -171,7 +161,7 @@ class LogWriter:
             if type not in store.fielddefs:
                 raise TypeUnknownError(f'type {type}: no definition of it is at hand')
             definition = store.generate_msgdef(type, ros_version=2)[0]
-        return self._writer.add_schema(type, 'ros2msg', definition.encode())
+        return self._writer.add_schema(type, definition.encode())
 
 
 class OutputLog(LogWriter):
@@ -188,7 +178,6 @@ class OutputLog(LogWriter):
         super().__init__(self._part)
 
     def __enter__(self) -> OutputLog:
-        """Return the log itself."""
         return self
 
     def finish(self) -> None:

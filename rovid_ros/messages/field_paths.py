@@ -202,11 +202,10 @@ def resolve(input: str, path: str, message: Any, key: str) -> tuple[list[Step], 
         there = field_names(value)
         name = next((name for name in _DESCENT[input] if name in there), None)
         if name is None:
-            wanted = ' or '.join(_WANTED[kind] for kind in _ACCEPTED[input])
             has = f', which has {", ".join(there)}' if there else ''
             raise FieldError(
                 key, f'{path!r} of {describe(message)} is {describe(value)}{has}; '
-                     f'{input} takes {wanted}')
+                     f'{_takes(input)}')
         steps.append(name)
         value = getattr(value, name)
     return steps, value, shape
@@ -215,8 +214,7 @@ def resolve(input: str, path: str, message: Any, key: str) -> tuple[list[Step], 
 def resolve_all(input: str, path: str, message: Any, key: str) -> list[list[Step]]:
     """Return the ways to the numbers of a list of paths, which together are an array."""
     if 'array' not in _ACCEPTED[input]:
-        wanted = ' or '.join(_WANTED[kind] for kind in _ACCEPTED[input])
-        raise FieldError(key, f'{path!r} is a list; {input} takes {wanted}')
+        raise FieldError(key, f'{path!r} is a list; {_takes(input)}')
     ways = parse_all(path, key)
     for steps in ways:
         value = walk(message, steps, path, key)
@@ -224,6 +222,10 @@ def resolve_all(input: str, path: str, message: Any, key: str) -> list[list[Step
             raise FieldError(key, f'{path!r}: a list of paths takes a number at each, '
                                   f'got {describe(value)}')
     return ways
+
+
+def _takes(input: str) -> str:
+    return f'{input} takes {" or ".join(_WANTED[kind] for kind in _ACCEPTED[input])}'
 
 
 def shape_of(value: Any) -> str:

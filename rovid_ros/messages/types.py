@@ -31,7 +31,7 @@ MAX_DEFINITION = 1 << 17  # [characters] of a type with all that is in it; large
 MAX_VALUES = 100_000  # numbers and texts in a message whose sequences are empty
 MAX_DEPTH = 32  # messages within messages
 _NOTHING = 'structure_needs_at_least_one_member'  # in ROS 1 it does without
-_RULE = '=' * 80 + '\n'
+RULE = '=' * 80 + '\n'  # between the definitions of a type and of those in it
 _ZERO = {'string': '', 'bool': False, 'float32': 0.0, 'float64': 0.0}  # others: 0
 
 
@@ -94,26 +94,24 @@ def _defined(name: str, definition: str, idl: bool) -> Typestore:
     if not idl:
         store.register(get_types_from_msg(definition, name))
     else:
-        for part in definition.split(_RULE):  # rosbag2 also puts one in front
+        for part in definition.split(RULE):  # rosbag2 also puts one in front
             text = re.sub(r'\AIDL: .*\n|^#include .*\n', '', part, flags=re.MULTILINE)
             if text.strip():
                 store.register(get_types_from_idl(text))
-    count_values(store, name)
+    _count_values(store, name, (), {})
     store.get_msgdef(name)
     return store
 
 
-def count_values(store: Typestore, name: str) -> int:
+def _count_values(store: Typestore, name: str, within: tuple[str, ...], known: dict[str, int]
+                  ) -> int:
     """
     Return how many values a blank message holds, a sequence counted as one.
 
-    Raises EndlessTypeError if it holds too many, or itself, or sequences of something that takes
-    no bytes, and KeyError if the store lacks a type.
+    ``within`` are the types around it, ``known`` what was counted before. Raises EndlessTypeError
+    if it holds too many, or itself, or sequences of something that takes no bytes, and KeyError if
+    the store lacks a type.
     """
-    return _count_of(store, name, (), {})
-
-
-def _count_of(store: Typestore, name: str, within: tuple[str, ...], known: dict[str, int]) -> int:
     if name in within:
         raise EndlessTypeError(f'{name} is in itself')
     if len(within) >= MAX_DEPTH:
@@ -132,7 +130,7 @@ def _count_of(store: Typestore, name: str, within: tuple[str, ...], known: dict[
 def _count_field(store: Typestore, node: Nodetype, detail: Any, within: tuple[str, ...],
                  known: dict[str, int]) -> int:
     if node == Nodetype.NAME:
-        return _count_of(store, detail, within, known)
+        return _count_values(store, detail, within, known)
     if node == Nodetype.BASE:
         return 1
     (inner, inner_detail), size = detail

@@ -73,19 +73,15 @@ class ManagedNode(LifecycleNode):
         self._starting = False
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Configure."""
         return self._transition('configure', self.configure, self.resources.close)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Activate."""
         return self._transition('activate', self._activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Deactivate."""
         return self._transition('deactivate', self._deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Clean up."""
         return self._transition('cleanup', self._end)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:

@@ -62,11 +62,9 @@ class NodePlayer:
         return self.node.add_message(message.topic, message.data, message.time)
 
     def repeat_control(self, name: str, value: str) -> list[Estimate]:
-        """Do again what was done to the node when the log was recorded."""
         return self.node.repeat_control(name, value)
 
     def finish(self) -> list[Estimate]:
-        """Release what is still held back at the log's end."""
         return self.node.finish()
 
     def close(self) -> None:

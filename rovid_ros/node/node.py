@@ -23,10 +23,10 @@ from rovid_ros.logs.player import change_parameters, PARAMETERS, recorded_change
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.static_frames import TOPIC
 from rovid_ros.node.health.console import HealthMonitor
-from rovid_ros.node.parameters import NODE_NAME, ParameterNode
+from rovid_ros.node.parameters import ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
 from rovid_ros.node.stale_estimates import PERIOD, StaleEstimates
-from rovid_ros.node.transport.inputs import InputDecoder, message_classes, Subscriptions
+from rovid_ros.node.transport.inputs import InputDecoder, message_class, Subscriptions
 from rovid_ros.node.transport.message_types import definition
 from rovid_ros.node.transport.publishers import Publishers
 from rovid_ros.node.transport.static_frames import look_up
@@ -70,7 +70,7 @@ class IdentifierNode(ParameterNode):
         self.saved = True
         self._scorer = scorer
         self._save_timer: Timer | None = None
-        super().__init__(NODE_NAME, values or {}, autostart=not live)
+        super().__init__(values or {}, autostart=not live)
 
     @property
     def settings(self) -> Settings:
@@ -112,7 +112,7 @@ class IdentifierNode(ParameterNode):
         self._inputs.receive_all()
         self._publish(self.stream.interrupt())
         self._publish_end()
-        self._output_topics.publish_latched(self._outputs)
+        self._output_topics.publish_latched()
         self._inputs.close()
         if self.settings.checkpoint_path:
             self._checkpoint.save()
@@ -136,7 +136,7 @@ class IdentifierNode(ParameterNode):
             return []
         estimates = self._publish(repeat_control(self.stream, name, value))
         if name == 'reset':
-            self._publish_initial()
+            self._output_topics.publish_initial()
         if name == PARAMETERS:
             self.show_changes(recorded_changes(value))
         self.show_changes({'enable': self.stream.adapting})
@@ -155,7 +155,7 @@ class IdentifierNode(ParameterNode):
         estimates = self._publish(self.stream.end())
         if self.active and self._live:
             self._publish_end()
-        self._output_topics.publish_latched(self._outputs)
+        self._output_topics.publish_latched()
         if self.settings.checkpoint_path:
             self.saved = not self._checkpoint.save()
         self._checkpoint.close()
@@ -186,14 +186,14 @@ class IdentifierNode(ParameterNode):
         ) if settings.record_path else None
         self.stream = Stream(settings, recorder=self._recorder, scorer=self._scorer)
         self.converter = Converter(settings, self.stream.reject)
-        self._classes = message_classes(settings, self.converter) if self._live else {}
+        self._classes = {topic: message_class(settings, self.converter, topic)
+                         for topic in self.converter.topics} if self._live else {}
         self._health = HealthMonitor(self, self.stream, self._recorder, live=self._live)
         self._silence = StaleEstimates(self, self.stream)
         self._decoder = InputDecoder(
-            self.stream, self.converter, self._classes, self._health.arrivals,
+            self.stream, self.converter, self._classes, self._health.arrivals.add,
             self.get_logger(), keep=self._recorder is not None)
-        self._outputs = Outputs(settings)
-        self._checkpoint = Checkpoint(settings, self.stream, self.get_logger())
+        self._checkpoint = Checkpoint(self.stream, self.get_logger())
         self.resources.callback(self._checkpoint.close)
         restored = self._checkpoint.restore()
         if self._recorder:
@@ -203,7 +203,7 @@ class IdentifierNode(ParameterNode):
 
     def _join_graph(self) -> None:
         """Make publishers, timers and services."""
-        self._output_topics = Publishers(self, self._outputs.topics)
+        self._output_topics = Publishers(self, Outputs(self.settings))
         self.resources.callback(self._output_topics.close)
         self._add_timer(1.0, self._on_second)
         if self._live:
@@ -241,7 +241,7 @@ class IdentifierNode(ParameterNode):
             self.stream.receive(event))]
 
     def _publish(self, estimates: list[Estimate]) -> list[Estimate]:
-        self._output_topics.publish_estimates(self._outputs, estimates)
+        self._output_topics.publish_estimates(estimates)
         self._health.add_estimates(estimates)
         if estimates:
             self._silence.note_estimate()
@@ -252,15 +252,10 @@ class IdentifierNode(ParameterNode):
         last = self.stream.estimate
         end = self.stream.silent_estimate(last.now, ended=True) if last else None
         if end:
-            self._output_topics.publish_estimates(self._outputs, [end])
-
-    def _publish_initial(self) -> None:
-        """Latch the initial parameters after a reset."""
-        for output in self._outputs.reset():
-            self._output_topics.publish(output)
+            self._output_topics.publish_estimates([end])
 
     def _on_second(self) -> None:
-        self._output_topics.publish_latched(self._outputs)
+        self._output_topics.publish_latched()
         self._output_topics.publish(self._health.update(self.label))
         if self._recorder:
             self._recorder.flush()
@@ -271,7 +266,7 @@ class IdentifierNode(ParameterNode):
             return
         estimate = self._silence.due()
         if estimate:
-            self._output_topics.publish_estimates(self._outputs, [estimate])
+            self._output_topics.publish_estimates([estimate])
         self._health.report_events()
 
     def _on_save_timer(self) -> None:
@@ -279,7 +274,7 @@ class IdentifierNode(ParameterNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.stream.reset()
-        self._publish_initial()
+        self._output_topics.publish_initial()
         response.success, response.message = True, 'back at the initial values'
         self.get_logger().info(f'~/reset: {response.message}')
         return response

@@ -11,15 +11,11 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParam
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_ros.config.keys import Key, KEYS, LARGE
-from rovid_ros.config.parameter_file import scalar
-from rovid_ros.config.parameters import changed, check, settings_from
+from rovid_ros.config.keys import Key, KEYS
+from rovid_ros.config.parameter_file import NODE_NAME, scalar
+from rovid_ros.config.parameters import changed, check, ROS_PARAMETERS, settings_from
 from rovid_ros.node.health.console import WarningLimiter
 from rovid_ros.node.lifecycle import ManagedNode
-
-NODE_NAME = 'identifier_node'
-# Parameters that rclpy itself declares.
-RCLPY_PARAMETERS = ('use_sim_time', 'start_type_description_service', 'qos_overrides.')
 
 TYPES = {
     'double': Parameter.Type.DOUBLE,
@@ -28,12 +24,6 @@ TYPES = {
     'double[]': Parameter.Type.DOUBLE_ARRAY,
     'string[]': Parameter.Type.STRING_ARRAY,
 }
-
-
-def rclpy_overrides(values: Mapping[str, Any]) -> list[Parameter[Any]]:
-    """Return the values of parameters that rclpy itself declares, as overrides for a node."""
-    return [Parameter(name, value=value) for name, value in values.items()
-            if name.startswith(RCLPY_PARAMETERS)]
 
 
 def valid_values(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -55,27 +45,17 @@ def declare(node: Node, values: Mapping[str, Any]) -> None:
     later is in its constraints.
     """
     for key in KEYS:
-        value = _value(key, values.get(key.name, key.default))
-        if value != []:
-            node.declare_parameter(key.name, value, _descriptor(key), ignore_override=True)
+        parameter, = typed_parameters({key.name: values.get(key.name, key.default)})
+        if parameter.value != []:
+            node.declare_parameter(
+                key.name, parameter.value, _descriptor(key), ignore_override=True)
             continue
         # rclpy takes an empty list for one of bytes, unless the type is given without a value
-        kind = TYPES[key.type]
-        node.declare_parameter(key.name, kind, ignore_override=True)
-        node.set_parameters([Parameter(key.name, kind, [])])
+        node.declare_parameter(key.name, parameter.type_, ignore_override=True)
+        node.set_parameters([parameter])
         descriptor = _descriptor(key)
-        descriptor.type = kind.value
+        descriptor.type = parameter.type_.value
         node.set_descriptor(key.name, descriptor)
-
-
-def _value(key: Key, value: Any) -> Any:
-    """Return the value in the key's type."""
-    if key.type == 'double':
-        return float(value)
-    if key.type.endswith('[]'):
-        element = float if key.type == 'double[]' else str
-        return [element(entry) for entry in value]
-    return value
 
 
 def _descriptor(key: Key) -> ParameterDescriptor:
@@ -84,7 +64,7 @@ def _descriptor(key: Key) -> ParameterDescriptor:
         description=key.description + unit,
         additional_constraints=f'takes {key.takes}' + (
             '' if key.live else '; only while the node is unconfigured'))
-    if key.type == 'double' and (key.low, key.high) != (-LARGE, LARGE):
+    if key.type == 'double' and key.has_bounds:
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=key.low, to_value=key.high)]
     return descriptor
@@ -104,14 +84,15 @@ class ParameterNode(ManagedNode):
     Raises ValueError if it starts by itself and something is wrong with a parameter.
     """
 
-    def __init__(self, name: str, values: Mapping[str, Any], *, autostart: bool) -> None:
+    def __init__(self, values: Mapping[str, Any], *, autostart: bool) -> None:
         self.configured = False
         self._lines = WarningLimiter()
         self.changes: dict[str, Any] = {}  # of live keys, since the node was made
         self._given = dict(values)
         self.found: dict[str, Any] = {}  # what the node looked up by itself; it was not given
         self._declared = False
-        super().__init__(name, rclpy_overrides(values))
+        super().__init__(NODE_NAME, [Parameter(name, value=value) for name, value in values.items()
+                                     if ROS_PARAMETERS.fullmatch(name)])
         try:
             self._given.update((name, p.value) for name, p in self._parameter_overrides.items())
             if not self._given:
@@ -194,7 +175,7 @@ class ParameterNode(ManagedNode):
     def _changing(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Leave out what is not live and has that value already, as all has in a saved file."""
         try:
-            shown = {p.name: own_values([p])[p.name] for p in typed_parameters(values)}
+            shown = own_values(typed_parameters(values))
         except (TypeError, ValueError):  # it is refused with the key's own words
             shown = {}
         return {name: value for name, value in values.items() if name in LIVE
@@ -236,5 +217,7 @@ def typed_parameters(values: Mapping[str, Any]) -> list[Parameter[Any]]:
             value = float(value)
         elif kind == Parameter.Type.DOUBLE_ARRAY:
             value = [float(entry) for entry in value]
+        elif kind == Parameter.Type.STRING_ARRAY:
+            value = list(value)
         made.append(Parameter(name, kind, value))
     return made

@@ -19,9 +19,9 @@ from rclpy.logging import set_logger_level
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 from rovid_ros.commands.running import AT_FAULT, DONE, printable, tell, USAGE, UsageError
-from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameter_file import load, NODE_NAME
+from rovid_ros.config.parameters import ROS_PARAMETERS
 from rovid_ros.node.lifecycle import one_line
-from rovid_ros.node.parameters import NODE_NAME, RCLPY_PARAMETERS
 from rovid_ros.node.transport.wait import WaitLoop
 
 if TYPE_CHECKING:
@@ -87,10 +87,11 @@ def read_files(arguments: Sequence[str]) -> tuple[list[str], dict[str, Any]]:
     for file in files:
         values.update(load(file, name, namespace))
     # as overrides given to the node these would win over the command line
-    own = [f'{key}:={str(values.pop(key)).lower()}' for key in RCLPY_PARAMETERS
-           if isinstance(values.get(key), bool)]
+    own = [key for key, value in values.items()
+           if ROS_PARAMETERS.fullmatch(key) and isinstance(value, bool)]
     if own:
-        rest[1:1] = ['--ros-args', *(word for one in own for word in ('-p', one)), '--']
+        rest[1:1] = ['--ros-args', *(word for key in own for word in (
+            '-p', f'{key}:={str(values.pop(key)).lower()}')), '--']
     return rest, values
 
 

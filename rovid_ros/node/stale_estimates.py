@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 
-from rclpy.clock import ROSClock
 from rclpy.node import Node
 from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
+from rovid_ros.node.transport.inputs import is_simulated
 
 PERIOD = 0.25  # [s] A node that made no step for so long looks whether it has to say so
 REPEAT = 1.0  # [s] from one message about it to the next, while nothing else changes
@@ -47,7 +47,6 @@ class StaleEstimates:
         return estimate
 
     def _now(self) -> float:
-        clock = self._node.get_clock()
-        if isinstance(clock, ROSClock) and clock.ros_time_is_active:
-            return clock.now().nanoseconds * 1e-9
+        if is_simulated(self._node):
+            return self._node.get_clock().now().nanoseconds * 1e-9
         return time.monotonic()

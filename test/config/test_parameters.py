@@ -20,7 +20,7 @@ from rovid_core.settings.run import (
     SimulationSettings,
     ThrusterSettings,
 )
-from rovid_ros.config.keys import Key, KEYS
+from rovid_ros.config.keys import BY_NAME, Key, KEYS
 from rovid_ros.config.parameters import check, settings_from
 
 LEAST: dict[str, Any] = {
@@ -28,7 +28,6 @@ LEAST: dict[str, Any] = {
     'attitude.topic': '/attitude', 'thrusters.topic': '/current', 'thrusters.gain': [40, 40],
     'thrusters.allocation': [1, 1, *[0] * 10],
 }
-BY_NAME = {key.name: key for key in KEYS}
 
 
 def settings(**changes: Any) -> Settings:

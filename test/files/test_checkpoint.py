@@ -31,8 +31,12 @@ class Lines:
 def checkpoint(path: Path, stream: Stream | None = None,
                **changes: object) -> tuple[Checkpoint, Lines]:
     """Return what keeps the state of a stream, a new one by default, in a file, and its log."""
-    run, lines = settings(checkpoint_path=str(path), **changes), Lines()
-    return Checkpoint(run, stream or Stream(run), lines), lines
+    lines = Lines()
+    return Checkpoint(stream or new_stream(path, **changes), lines), lines
+
+
+def new_stream(path: Path, **changes: object) -> Stream:
+    return Stream(settings(checkpoint_path=str(path), **changes))
 
 
 def names(folder: Path) -> set[str]:
@@ -79,7 +83,7 @@ def test_a_checkpoint_of_other_settings_is_kept(tmp_path: Path) -> None:
 
 def test_of_a_damaged_checkpoint_the_one_before_is_taken(tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
-    stream = Stream(settings())
+    stream = new_stream(path)
     first, _ = checkpoint(path, stream)
     for adapt in (False, True):
         stream.enable(adapt)
@@ -150,7 +154,7 @@ def test_a_lock_ends_with_its_process_however_it_ends(tmp_path: Path) -> None:
 
 def test_a_clock_that_goes_back_does_not_overwrite_what_was_learned(tmp_path: Path) -> None:
     path, beside = tmp_path / 'checkpoint.json', tmp_path / 'checkpoint-reset.json'
-    stream = Stream(settings())
+    stream = new_stream(path)
     kept, lines = checkpoint(path, stream)
     assert kept.save() == ''
     learned = path.read_text()
@@ -165,7 +169,7 @@ def test_a_clock_that_goes_back_does_not_overwrite_what_was_learned(tmp_path: Pa
 
 def test_what_there_is_only_after_a_jump_of_the_clock_is_saved(tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
-    stream = Stream(settings())
+    stream = new_stream(path)
     kept, _ = checkpoint(path, stream)
     stream.control('time_jump', '')
     assert kept.save() == kept.save() == ''
@@ -176,7 +180,7 @@ def test_what_there_is_only_after_a_jump_of_the_clock_is_saved(tmp_path: Path) -
 def test_a_state_that_a_jump_or_a_service_leaves_alone_is_overwritten(
         reset: bool, tmp_path: Path) -> None:
     path = tmp_path / 'checkpoint.json'
-    stream = Stream(settings(reset_on_time_jump=False))
+    stream = new_stream(path, reset_on_time_jump=False)
     kept, _ = checkpoint(path, stream)
     assert kept.save() == ''
     stream.control('time_jump', '')

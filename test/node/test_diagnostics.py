@@ -88,8 +88,8 @@ class Watched:
 
     @property
     def health(self) -> HealthData:
-        return HealthData(self.settings, self.stream, self.arrivals, self.recent, self.topics,
-                         self.now, self.steady, self.steps)
+        return HealthData(self.stream, self.arrivals, self.recent, self.topics, self.now,
+                          self.steady, self.steps)
 
     def statuses(self, **state: Any) -> dict[str, Status]:
         """Return the statuses of a message by the part that they are about."""

@@ -8,10 +8,9 @@ import time
 from rclpy.node import Node
 from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import topics_of
 from rovid_ros.node.health.diagnostics import ACTIVE, diagnostics, NodeState
-from rovid_ros.node.health.events import Events, result_text
+from rovid_ros.node.health.events import Events, Line, result_text
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.health.levels import (
     Arrivals,
@@ -48,7 +47,7 @@ class HealthMonitor:
         self._recent = RecentCounts(stream, now)
         self._refusals = RefusalSummary(stream, now)
         self._warnings = WarningLimiter()
-        self._summary = StartupSummary(stream.settings)
+        self._summary = StartupSummary()
         self._events = Events()
         self._topics: Mapping[str, TopicState] = {}
         self._steps: dict[str, float] = {}
@@ -94,14 +93,11 @@ class HealthMonitor:
     def report_events(self) -> None:
         """Log what has happened since the last call."""
         for line in self._events.lines(self._data(self._steady())):
-            if line.is_warning:  # of one call rclpy takes one severity only
-                self._log.warning(line.text)
-            else:
-                self._log.info(line.text)
+            self._tell(line)
 
     def _data(self, now: float) -> HealthData:
         return HealthData(
-            self._stream.settings, self._stream, self.arrivals, self._recent, self._topics,
+            self._stream, self.arrivals, self._recent, self._topics,
             self._node.get_clock().now().nanoseconds, now, self._steps)
 
     def _report_inputs(self, data: HealthData, elapsed: float) -> None:
@@ -111,11 +107,15 @@ class HealthMonitor:
             if state.text and state.publishers + state.is_wrong and case not in self._logged:
                 self._logged.add(case)
                 self._log.warning(f'{" and ".join(state.inputs)}: {state.text}')
-        line, complete = self._summary.due(data, elapsed)
-        if line and complete:
-            self._log.info(line)
-        elif line:
-            self._log.warning(line)
+        summary = self._summary.due(data, elapsed)
+        if summary:
+            self._tell(summary)
+
+    def _tell(self, line: Line) -> None:
+        if line.is_warning:  # of one call rclpy takes one severity only
+            self._log.warning(line.text)
+        else:
+            self._log.info(line.text)
 
     def _warn(self, lines: Sequence[str], now: float) -> None:
         for line in self._warnings.allowed(lines, now):
@@ -133,26 +133,25 @@ RATE_MESSAGES = 5  # messages that each topic needs before its rate goes into th
 class StartupSummary:
     """One line about the inputs, which come and which do not; again when one has come."""
 
-    def __init__(self, settings: Settings) -> None:
-        self._settings = settings
+    def __init__(self) -> None:
         self._missing: set[str] | None = None  # when it was last said
 
-    def due(self, data: HealthData, elapsed: float) -> tuple[str, bool]:
+    def due(self, data: HealthData, elapsed: float) -> Line | None:
         """
-        Return the line, '' while there is nothing to say, and whether all inputs are there.
+        Return the line if there is something to say; as long as inputs are missing it warns.
 
         ``elapsed`` is the time since the start [s].
         """
-        missing = {name for name in self._settings.used_inputs() if not _is_there(data, name)}
+        missing = {name for name in data.settings.used_inputs() if not _is_there(data, name)}
         if self._missing is None:
             has_rates = all(data.arrivals.count(topic) >= RATE_MESSAGES for topic in data.topics)
             if elapsed < SUMMARY_TIMEOUT and (missing or not has_rates):
-                return '', False
+                return None
         elif not self._missing - missing:  # none of the missing has come
-            return '', False
+            return None
         # only ever fewer, so that what comes and goes does not fill the log
         self._missing = missing if self._missing is None else self._missing & missing
-        return _line(data, missing), not missing
+        return Line(_inputs_text(data, missing), bool(missing))
 
 
 def _is_there(data: HealthData, name: str) -> bool:
@@ -161,7 +160,7 @@ def _is_there(data: HealthData, name: str) -> bool:
         data.recent.used(name) > 0 or not data.recent.refused(name))
 
 
-def _line(data: HealthData, missing: set[str]) -> str:
+def _inputs_text(data: HealthData, missing: set[str]) -> str:
     found, lost = [], []
     for name in data.settings.used_inputs():
         if name in missing:
@@ -169,10 +168,10 @@ def _line(data: HealthData, missing: set[str]) -> str:
             lost.append(f'{name} ({message})' if level != OK else name)
             continue
         topics = topics_of(data.settings, name)
-        rate = rate_text(min(data.arrivals.rate(topic) for topic in topics))
         kinds = {data.topics[topic].type.rpartition('/')[2] for topic in topics
                  if topic in data.topics}
-        found.append(f'{name} {rate}' + (f' ({", ".join(sorted(kinds))})' if kinds else ''))
+        found.append(f'{name} {rate_text(data.rate(name))}' + (
+            f' ({", ".join(sorted(kinds))})' if kinds else ''))
     line = f'inputs: {", ".join(found) or "none"}'
     return f'{line}; missing: {", ".join(lost)}' if lost else line
 

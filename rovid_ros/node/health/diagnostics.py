@@ -18,7 +18,7 @@ from rovid_core.inputs.refusals import REASONS
 from rovid_core.model.dofs import PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_ros import __version__
-from rovid_ros.config.input_topics import topics_of
+from rovid_ros.config.input_topics import given_of, topics_of
 from rovid_ros.files.whole_files import file_age
 from rovid_ros.node.health.levels import (
     dof_level,
@@ -107,14 +107,14 @@ def _state(data: HealthData, node: NodeState, others: dict[str, LevelAndMessage]
 
 def _input(data: HealthData, name: str) -> dict[str, Any]:
     settings, health = data.settings, data.stream.inputs[name]
-    given = settings.thrusters if name == 'thrusters' else settings.input(name)
+    given = given_of(settings, name)
     topics = topics_of(settings, name)
     states = [data.topics[topic] for topic in topics if topic in data.topics]
     values: dict[str, Any] = {
         'topic': ', '.join([state.name for state in states] or topics),
         'type': given.type, 'field': given.field or '(all of it)',
         'count': health.count,
-        'rate [Hz]': _number(min(data.arrivals.rate(topic) for topic in topics)),
+        'rate [Hz]': _number(data.rate(name)),
         'longest gap [s]': _number(health.longest_gap)}
     if health.last_time is not None and data.now:
         values['age [s]'] = _number((data.now - health.last_time) / 1e9)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import difflib
-from typing import Any, Protocol
+from typing import Any
 
+from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import inputs_of
@@ -18,31 +19,6 @@ LISTED = 3  # largest number of type names in a line; there could be any number 
 # What rmw calls a node of which only an endpoint has been discovered yet.
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 SIMILARITY = 0.5  # how similar the names of two topics have to be for a hint
-
-
-class Graph(Protocol):
-    """The part of an rclpy node that tells what is in the graph."""
-
-    def get_name(self) -> str:
-        """Return its name."""
-
-    def get_namespace(self) -> str:
-        """Return its namespace."""
-
-    def resolve_topic_name(self, topic: str) -> str:
-        """Return the name in the graph, after remapping."""
-
-    def get_topic_names_and_types(self) -> list[tuple[str, list[str]]]:
-        """Return all topics."""
-
-    def get_publishers_info_by_topic(self, topic_name: str) -> list[Any]:
-        """Return the publishers of a topic, with type and QoS."""
-
-    def get_subscriptions_info_by_topic(self, topic_name: str) -> list[Any]:
-        """Return its subscriptions."""
-
-    def count_publishers(self, topic_name: str) -> int:
-        """Return how many publishers a topic has."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +42,7 @@ class TopicState:
         return self.problem not in ('', 'no_publisher')
 
 
-def graph_states(settings: Settings, node: Graph) -> dict[str, TopicState]:
+def graph_states(settings: Settings, node: Node) -> dict[str, TopicState]:
     """
     Compare the graph with the configuration; return the state of each configured topic.
 
@@ -77,7 +53,7 @@ def graph_states(settings: Settings, node: Graph) -> dict[str, TopicState]:
             for topic, type_name in converter.topics.items()}
 
 
-def _state(topic: str, type_name: str, inputs: tuple[str, ...], node: Graph) -> TopicState:
+def _state(topic: str, type_name: str, inputs: tuple[str, ...], node: Node) -> TopicState:
     name = node.resolve_topic_name(topic)
     profile, type_hash = _own(node, name)
     found = node.get_publishers_info_by_topic(name)
@@ -108,7 +84,7 @@ def _state(topic: str, type_name: str, inputs: tuple[str, ...], node: Graph) -> 
     return TopicState(topic, name, inputs, type_name, 0, problem, others)
 
 
-def _own(node: Graph, name: str) -> tuple[QoSProfile, Any]:
+def _own(node: Node, name: str) -> tuple[QoSProfile, Any]:
     """Return profile and type hash of the node's own subscription."""
     for one in node.get_subscriptions_info_by_topic(name):
         if (one.node_name, one.node_namespace) == (node.get_name(), node.get_namespace()):
@@ -144,7 +120,7 @@ def _differs(one: Any, other: Any) -> bool:
     return known and bytes(one.value) != bytes(other.value)
 
 
-def _hint(name: str, type_name: str, node: Graph) -> str:
+def _hint(name: str, type_name: str, node: Node) -> str:
     """Return a topic that could be meant, '' if none is near."""
     own = {name, *map(node.resolve_topic_name, (*TOPICS, *COUPLING_TOPICS, *CURRENT_TOPICS))}
     topics: Mapping[str, Sequence[str]] = {

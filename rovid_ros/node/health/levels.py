@@ -25,7 +25,7 @@ An input may be silent for its timeout, and at least for five of its periods.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 
@@ -54,13 +54,12 @@ class Arrivals:
         self._last: dict[str, int] = {}
         self._times: dict[str, deque[int]] = {}
 
-    def add(self, topic: str, receive_time: int, events: Iterable[Event] = ()) -> None:
+    def add(self, topic: str, receive_time: int, events: Sequence[Event] = ()) -> None:
         """Count a message by its receive time [ns] and the events that it gave."""
         self._count[topic] = self._count.get(topic, 0) + 1
         self._last[topic] = receive_time
-        for event in events:
-            self._times.setdefault(topic, deque(maxlen=RATE_SAMPLES)).append(event.time)
-            break
+        if events:
+            self._times.setdefault(topic, deque(maxlen=RATE_SAMPLES)).append(events[0].time)
 
     def count(self, topic: str) -> int:
         """Return how many messages came."""
@@ -126,7 +125,6 @@ def counts_text(counts: Counts, most: int = 8) -> str:
 class HealthData:
     """Everything that the levels are judged by."""
 
-    settings: Settings
     stream: Stream
     arrivals: Arrivals
     recent: RecentCounts
@@ -134,6 +132,15 @@ class HealthData:
     now: int  # time of the node's clock [ns]; 0 before simulated time has begun
     steady: float  # time of a steady clock [s]
     steps: Mapping[str, float]  # when each DOF made its last step, by the steady clock
+
+    @property
+    def settings(self) -> Settings:
+        """Return the settings of the stream."""
+        return self.stream.settings
+
+    def rate(self, name: str) -> float:
+        """Return the rate [Hz] of the slowest topic of an input, 0 while one is unknown."""
+        return min(self.arrivals.rate(topic) for topic in topics_of(self.settings, name))
 
 
 def input_level(data: HealthData, name: str) -> LevelAndMessage:
@@ -188,18 +195,16 @@ def _arriving_level(data: HealthData, name: str, limit: float) -> LevelAndMessag
     share = count / max(count + taken, 1)
     if share > ACCEPTABLE:
         return WARN, f'{100.0 * share:.0f} % refused of late: {counts_text(refused, 3)}'
-    rate = min(data.arrivals.rate(topic) for topic in topics_of(data.settings, name))
-    return OK, rate_text(rate)
+    return OK, rate_text(data.rate(name))
 
 
 def remedy(data: HealthData, name: str, reason: str) -> str:
     """Return what to set so that an input is no longer refused for a reason, '' if unknown."""
-    rates = [data.arrivals.rate(topic) for topic in topics_of(data.settings, name)]
     if reason == 'late':
         wait = math.ceil(12.5 * data.stream.lag(name)) / 10.0  # with a margin
         return f'; set max_wait to {wait:g}, or correct its clock'
-    if reason == 'gap' and min(rates) > 0.0:
-        gap = math.ceil(10.0 * PERIODS / min(rates)) / 10.0
+    if reason == 'gap' and (rate := data.rate(name)) > 0.0:
+        gap = math.ceil(10.0 * PERIODS / rate) / 10.0
         return f'; set max_gap to {gap:g}, or leave it out'
     if reason == 'too_fast':
         return f'; is it in m? Otherwise raise velocity.max, which is {data.settings.max_speed:g}'

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 import heapq
 import time
-from typing import Any, Protocol
+from typing import Any
 
 from rclpy.clock import ROSClock
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
@@ -21,7 +21,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_ros.config.input_topics import inputs_of, section
+from rovid_ros.config.input_topics import given_of, inputs_of, section
 from rovid_ros.messages.converter import Converter, Unpacker
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import MAX_MESSAGE_SIZE, typestore, WireType
@@ -33,11 +33,6 @@ LATE = 0.5  # [s] the node is behind when the oldest message of a batch has wait
 LARGEST_DECIMATION = 64  # at least one message in so many is always used
 # Gap between two used messages of an input, as a share of its timeout, that is never exceeded.
 SHARE_OF_TIMEOUT = 0.3
-
-
-def message_classes(settings: Settings, converter: Converter) -> dict[str, type[Any]]:
-    """Import the message class of every topic; raises as :func:`message_class`."""
-    return {topic: message_class(settings, converter, topic) for topic in converter.topics}
 
 
 def message_class(settings: Settings, converter: Converter, topic: str) -> type[Any]:
@@ -66,11 +61,16 @@ def message_class(settings: Settings, converter: Converter, topic: str) -> type[
 
 def qos(settings: Settings, topic: str) -> QoSProfile:
     """Return the QoS profile of a topic: the strongest that one of its inputs asks for."""
-    wanted = [settings.thrusters.qos if name == 'thrusters' else settings.input(name).qos
-              for name in inputs_of(settings, topic)]
+    wanted = [given_of(settings, name).qos for name in inputs_of(settings, topic)]
     if 'transient_local' in wanted:
         return latched(DEPTH)
     return reliable(DEPTH) if 'reliable' in wanted else best_effort(DEPTH)
+
+
+def is_simulated(node: Node) -> bool:
+    """Tell whether the clock of a node follows /clock."""
+    clock = node.get_clock()
+    return isinstance(clock, ROSClock) and clock.ros_time_is_active
 
 
 class LoadShedding:
@@ -218,7 +218,7 @@ class Subscriptions:
             return  # taken by the executor before the end, delivered after it
         began = time.time()
         batch = self._empty_batch()
-        batch[topic].append(self._received(topic, cdr, info, self._is_simulated()))
+        batch[topic].append(self._received(topic, cdr, info, is_simulated(self._node)))
         self._add_waiting(batch)
         self._process_batch(batch, began, info['received_timestamp'])
 
@@ -245,7 +245,7 @@ class Subscriptions:
 
     def _add_waiting(self, batch: dict[str, list[Received]]) -> int:
         """Add all messages that wait; return when the oldest came [ns], 0 if not known."""
-        simulated = self._is_simulated()
+        simulated = is_simulated(self._node)
         oldest = []
         for topic, subscription in self._topics.items():
             messages, handle = batch[topic], subscription.handle
@@ -259,10 +259,6 @@ class Subscriptions:
                     messages.append(self._received(topic, *taken, simulated))
         return min(oldest, default=0)
 
-    def _is_simulated(self) -> bool:
-        clock = self._node.get_clock()
-        return isinstance(clock, ROSClock) and clock.ros_time_is_active
-
     def _received(self, topic: str, cdr: bytes, info: Any, simulated: bool) -> Received:
         # with the system's clock, the time of arrival is more exact than the present time
         time = 0 if simulated else info['received_timestamp']
@@ -270,27 +266,22 @@ class Subscriptions:
                         time or self._node.get_clock().now().nanoseconds)
 
 
-class ArrivalCounter(Protocol):
-    """What the decoder tells of every message that came."""
-
-    def add(self, topic: str, receive_time: int, events: Iterable[Event] = ()) -> None:
-        """Count a message that came at a time [ns] and the events that it gave."""
-
-
 class InputDecoder:
     """
     Turns messages into events for the stream, or counts why they give none.
 
+    ``arrived`` is told the topic, the receive time [ns] and the events of every message that came.
     With ``keep``, events carry the bytes that they came from, for a record.
     """
 
     def __init__(self, stream: Stream, converter: Converter, classes: dict[str, type[Any]],
-                 arrivals: ArrivalCounter, log: RcutilsLogger, keep: bool) -> None:
+                 arrived: Callable[[str, int, Sequence[Event]], None], log: RcutilsLogger,
+                 keep: bool) -> None:
         self._stream = stream
         self._converter = converter
         self._unpackers = {
             topic: _unpacker(converter, topic, cls) for topic, cls in classes.items()}
-        self._arrivals = arrivals
+        self._arrived = arrived
         self._log = log
         self._keep = keep
 
@@ -307,7 +298,7 @@ class InputDecoder:
 
     def _counted(self, topic: str, receive_time: int, events: list[Event]) -> list[Event]:
         """Count a message; return those of its events that have a time."""
-        self._arrivals.add(topic, receive_time, events)
+        self._arrived(topic, receive_time, events)
         if receive_time:
             return events
         for event in events:  # simulated time has not begun: there is no time to give it
@@ -326,7 +317,7 @@ class InputDecoder:
                 received.cdr, received.time, received if self._keep else None))
         except (RuntimeError, FieldError) as error:  # a publisher with another definition
             self._log.error(f'{topic}: {error}', once=True)
-            self._arrivals.add(topic, received.time)
+            self._arrived(topic, received.time, [])
             self._reject(topic, 'undecodable')
             return []
 

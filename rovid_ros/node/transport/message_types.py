@@ -8,6 +8,8 @@ from importlib import import_module
 import re
 from typing import Any
 
+from rovid_ros.messages.types import normalised, RULE
+
 # Primitive types whose name in rclpy is not that in a .msg file.
 DEFINITION_NAMES = {
     'boolean': 'bool', 'octet': 'byte', 'float': 'float32', 'double': 'float64'}
@@ -24,9 +26,7 @@ def import_type(name: str) -> type[Any]:
 
     Raises MessageTypeError if it is not the name of a type, or not installed.
     """
-    parts = name.split('/')
-    if len(parts) == 2:
-        parts.insert(1, 'msg')
+    parts = normalised(name).split('/')
     if len(parts) != 3 or not all(part.isidentifier() for part in parts):
         raise MessageTypeError(f'got {name!r}, takes a message type such as sensor_msgs/msg/Imu')
     package, folder, short = parts
@@ -58,7 +58,7 @@ def definition(name: str) -> str:
         seen.append(inner)
         sections.append(f'MSG: {inner}\n{_fields_text(import_type(inner))}')
         queue += _nested(import_type(inner))
-    return ('=' * 80 + '\n').join(sections)
+    return RULE.join(sections)
 
 
 def _fields_text(cls: type[Any]) -> str:

@@ -17,9 +17,9 @@ PERIOD = 0.02  # [s]
 DEPTH = 100  # messages: every publisher has one of its own
 
 
-def look_up(node: Node, settings: Settings, timeout: float = PATIENCE) -> dict[str, Any]:
+def look_up(node: Node, settings: Settings) -> dict[str, Any]:
     """
-    Return the values of ``wanted_frames`` by key; waits for them, at most ``timeout`` [s].
+    Return the values of ``wanted_frames`` by key; waits for them, at most ``PATIENCE``.
 
     Nothing else of the node runs meanwhile. Raises SettingsError if they do not come.
     """
@@ -33,8 +33,8 @@ def look_up(node: Node, settings: Settings, timeout: float = PATIENCE) -> dict[s
                             str(error)) from None
     frames = StaticFrames()
     take_latched(node, cls, TOPIC, frames.add,
-                 lambda: frames.knows(wanted.values(), settings.base_frame), timeout)
-    return frames.values(wanted, settings.base_frame, f'within {timeout:g} s')
+                 lambda: frames.knows(wanted.values(), settings.base_frame), PATIENCE)
+    return frames.values(wanted, settings.base_frame, f'within {PATIENCE:g} s')
 
 
 def take_latched(node: Node, cls: type[Any], topic: str, take: Callable[[Any], object],

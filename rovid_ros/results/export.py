@@ -75,10 +75,6 @@ _ADDED = dict(zip(DOFS, ('xx', 'yy', 'zz', 'pp', 'qq', 'rr')))
 FORMATS = ('yaml', 'sdf', 'csv', 'urdf', 'ros-params', 'fossen')
 
 
-class ExportError(ValueError):
-    """What the format needs is not known; the text is the line to print."""
-
-
 @dataclass(frozen=True)
 class Export:
     """A document and what has to be said about it, one line each."""
@@ -110,7 +106,7 @@ def export(models: Sequence[Identified], format: str, origin: Path, *,
 
     Raises
     ------
-    ExportError, HydrodynamicsError
+    HydrodynamicsError
         If a dry mass is unknown or above the effective mass; not for yaml and csv.
 
     """

@@ -72,14 +72,15 @@ MUTANTS = [
           'isinstance(error, DamagedStateError)', 'False')),
     *_of('rovid_ros/commands/replay.py', 'test/commands/test_replay_state.py '
          'a_result_that_cannot_be_printed_leaves_the_state_as_it_was '
-         'a_state_that_a_node_uses_is_refused '
          'a_clock_that_goes_back_in_a_log_leaves_what_was_learned',
          ('the result is not out before the state',
           'sys.stdout.flush()', 'pass'),
-         ('a replay takes no lock',
-          'lock = FileLock(state)', "lock = FileLock(state.with_name('other'))"),
          ('a replay overwrites what was learned',
           'place_for(args.state, player.stream)', 'args.state')),
+    *_of('rovid_ros/commands/running.py', 'test/commands/test_replay_state.py '
+         'a_state_that_a_node_uses_is_refused',
+         ('a replay takes no lock',
+          'lock = FileLock(path)', "lock = FileLock(path.with_name('other'))")),
     *_of('rovid_ros/logs/writer.py', 'test/files/test_power_loss.py',
          ('a finished log is not brought to the disk',
           'if synced:', 'if False:'),
@@ -457,8 +458,8 @@ MUTANTS = [
          ('an invalid row is published',
           "if dof.status not in ('invalid', 'stale'):", 'if True:'),
          ('the standard deviations are the parameters',
-          'lambda: self._row_array(0), lambda: self._row_array(1)',
-          'lambda: self._row_array(0), lambda: self._row_array(0)'),
+          "'rov/params_std': lambda: self._row_array(1)",
+          "'rov/params_std': lambda: self._row_array(0)"),
          ('what is not identified stands still',
           'velocity.get(name, math.nan) for', 'velocity.get(name, 0.0) for'),
          ('v_hat and force are exchanged',

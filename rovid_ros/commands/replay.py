@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, ExitStack
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 import json
@@ -32,6 +32,7 @@ from rovid_ros.commands.running import (
     Interrupt,
     Interrupted,
     located_errors,
+    locked,
     print_written,
     read_settings,
     read_values,
@@ -39,7 +40,7 @@ from rovid_ros.commands.running import (
     warn as warn_on_stderr,
 )
 from rovid_ros.files.state_file import place_for, restore, save
-from rovid_ros.files.whole_files import FileLock, write_json
+from rovid_ros.files.whole_files import write_json
 from rovid_ros.logs.log import Log, LogMessage, Maker, RECORD
 from rovid_ros.logs.player import CONTROL, PipelinePlayer, Player
 from rovid_ros.logs.writer import OutputLog, unfinished
@@ -53,10 +54,6 @@ from rovid_ros.results.text import NONE, number, percent, quantity, table
 DESCRIPTION = (
     'Prints the parameters of each degree of freedom, how well they predict the log, and what '
     'was refused.')
-
-
-class ReplayError(ValueError):
-    """A log that gives nothing to identify from; the text is the line to print."""
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:
@@ -91,7 +88,7 @@ def run(args: argparse.Namespace) -> None:
     check_written([*{args.output, part}, args.json, args.state],
                   [*args.logs, *args.params_file.paths])
     settings = read_settings(args.params_file, args.method, args.logs)
-    with _locked(args.state):
+    with locked(args.state):  # against nodes and other replays
         _run(args, settings)
 
 
@@ -126,22 +123,6 @@ def _output_topics(names: Sequence[str] | None, settings: Settings) -> list[str]
     for name in wanted - known.keys():
         raise UsageError(f'--topics: got {name!r}, takes {", ".join(known)}')
     return [name for name in known if name in wanted]
-
-
-@contextmanager
-def _locked(state: Path | None) -> Iterator[None]:
-    """Keep nodes and other replays from a saved state."""
-    if state is None:
-        yield
-        return
-    try:
-        lock = FileLock(state)
-    except BlockingIOError as error:
-        raise CommandError(f'{state}: {error.strerror}') from None
-    try:
-        yield
-    finally:
-        lock.release()
 
 
 def _node(args: argparse.Namespace, settings: Settings) -> Player:
@@ -184,7 +165,7 @@ def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
 
     Raises
     ------
-    LogError, FieldError, ReplayError
+    LogError, FieldError, CommandError
         If a log cannot be read, lacks what the settings name, or gives no step.
     StateError
         If the saved state is damaged or belongs to another configuration.
@@ -269,7 +250,7 @@ class _Replay:
         stream = self._player.stream
         estimate = stream.estimate
         if estimate is None:
-            raise ReplayError(f'{", ".join(map(str, logs))}: no step: {self._why_no_step()}')
+            raise CommandError(f'{", ".join(map(str, logs))}: no step: {self._why_no_step()}')
         models = {dof.dof: (*dof.parameters, *dof.couplings) for dof in estimate.dofs}
         delays = {dof.dof: dof.delay for dof in estimate.dofs}
         scores = {dof: self._player.scores.score(dof, model, delays[dof])
@@ -293,7 +274,7 @@ class _Replay:
             try:
                 self._write(self._player.repeat_control(name, value))
             except (ValueError, RecursionError) as error:
-                raise ReplayError(f'{CONTROL}: {error}') from None
+                raise CommandError(f'{CONTROL}: {error}') from None
             if name == 'reset':
                 self._write_topics(  # as the node does
                     [out for out in self._outputs.reset() if out.topic in self._written],
@@ -358,7 +339,7 @@ def _restore_recorded(log: Log, player: Player) -> None:
         try:
             player.stream.restore(json.loads(state))
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
-            raise ReplayError(f'the state that the recording began with: {error}') from None
+            raise CommandError(f'the state that the recording began with: {error}') from None
 
 
 def _control(message: LogMessage) -> tuple[str, str]:
@@ -367,7 +348,7 @@ def _control(message: LogMessage) -> tuple[str, str]:
         control = json.loads(message.data.data)
         return str(control['control']), str(control['value'])
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-        raise ReplayError(f'{CONTROL}: has what is no control of a node') from None
+        raise CommandError(f'{CONTROL}: has what is no control of a node') from None
 
 
 def report(result: Result) -> str:

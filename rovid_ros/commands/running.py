@@ -199,6 +199,23 @@ def located_errors(path: Path | ParameterSource) -> Iterator[None]:
         raise CommandError(f'{source_of(path).place_of(key)}: {error}') from None
 
 
+@contextmanager
+def locked(path: Path | None) -> Iterator[None]:
+    """Keep other processes from a file that is read and written; None is no file."""
+    if path is None:
+        yield
+        return
+    from rovid_ros.files.whole_files import FileLock
+    try:
+        lock = FileLock(path)
+    except BlockingIOError as error:
+        raise CommandError(f'{path}: {error.strerror}') from None
+    try:
+        yield
+    finally:
+        lock.release()
+
+
 def check_written(written: Sequence[Path | None], read: Sequence[Path | None]) -> None:
     """
     Refuse to write over what is read, twice to one file, or to where nothing can be.

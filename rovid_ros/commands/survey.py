@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,6 +21,7 @@ from rovid_ros.commands.running import (
     Interrupt,
     Interrupted,
     located_errors,
+    locked,
     print_written,
     printable,
     read_settings,
@@ -83,8 +82,9 @@ def run(args: argparse.Namespace) -> None:
         PipelinePlayer(settings)  # what is wrong with the configuration is no fault of the dives
     given = {'parameters': read_values(args.params_file, args.method, dives),
              'part': [args.start, args.duration]}
-    with _journal(args.output, given) as journal:
-        finished = _survey(args, dives, settings, journal)
+    kept = journal_of(args.output) if args.output else None
+    with locked(kept):
+        finished = _survey(args, dives, settings, Journal(kept, given))
     rows = [row for path in dives for row in finished[path]]
     data = survey_data(rows)
     print(survey_text(data))
@@ -98,21 +98,13 @@ def run(args: argparse.Namespace) -> None:
         raise CommandError(f'{len(data["failed"])} of {len(dives)} dives gave nothing')
 
 
-@dataclass(frozen=True)
-class Dive:
-    """What came of a dive: its rows, and its warnings."""
-
-    rows: list[Row]
-    warnings: list[str]
-
-
 def survey_dive(path: Path, settings: Settings, start: float = 0.0,
-                duration: float | None = None) -> Dive:
-    """Replay one dive, as ``rovid replay`` does; what is wrong with the log is raised."""
+                duration: float | None = None) -> list[Row]:
+    """Return the rows of one dive, replayed as ``rovid replay`` does; raises what is wrong."""
     warnings: list[str] = []
     result = replay([path], settings, PipelinePlayer(settings), start=start, duration=duration,
                     warn=warnings.append)
-    return Dive(rows_of(path, result, tags(path, result.metadata), len(warnings)), warnings)
+    return rows_of(path, result, tags(path, result.metadata), len(warnings))
 
 
 def _survey(args: argparse.Namespace, dives: Sequence[Path], settings: Settings,
@@ -140,10 +132,10 @@ def _survey(args: argparse.Namespace, dives: Sequence[Path], settings: Settings,
     return finished
 
 
-def _rows(path: Path, made: Dive | Exception, journal: Journal, prog: str) -> list[Row]:
-    if isinstance(made, Dive):
-        journal.add(path, made.rows)
-        return made.rows
+def _rows(path: Path, made: list[Row] | Exception, journal: Journal, prog: str) -> list[Row]:
+    if isinstance(made, list):
+        journal.add(path, made)
+        return made
     text = str(made)
     if isinstance(made, OSError) and made.strerror:
         text = f'{path}: {made.strerror.lower()}'
@@ -152,20 +144,6 @@ def _rows(path: Path, made: Dive | Exception, journal: Journal, prog: str) -> li
     line = printable(text if str(path) in text else f'{path}: {text}')
     warn(prog, line)
     return failed(path, line)
-
-
-@contextmanager
-def _journal(output: Path | None, given: dict[str, Any]) -> Iterator[Journal]:
-    path = journal_of(output) if output else None
-    try:
-        journal = Journal(path, given)
-    except BlockingIOError as error:
-        raise CommandError(f'{path}: {error.strerror}') from None
-    try:
-        yield journal
-    finally:
-        with suppress(OSError):
-            journal.close()
 
 
 def survey_text(data: dict[str, Any]) -> str:

@@ -23,6 +23,7 @@ from rovid_ros.commands.long_work import in_parallel, Progress
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import (
     check_written,
+    CommandError,
     located_errors,
     print_written,
     read_settings,
@@ -75,10 +76,6 @@ def run(args: argparse.Namespace) -> None:
     print(f'next      rovid replay {" ".join(map(str, args.logs))} {files}')
 
 
-class TuneError(ValueError):
-    """A log that nothing can be tuned with; the text is the line to print."""
-
-
 class _MotionStream(Stream):
     """A stream for its velocities: what a recorded node did with its identifier is left out."""
 
@@ -107,7 +104,7 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
               duration: float | None = None,
               warn: Callable[[str], None] = lambda line: None) -> Tuned:
     """
-    Read logs with ``replay``, and tune with them; TuneError if they tell nothing.
+    Read logs with ``replay``, and tune with them; CommandError if they tell nothing.
 
     Where a current shows, they are read once before, by the method that estimates it.
     """
@@ -138,7 +135,7 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
         try:
             return tune(read, settings, show, each)
         except TuningError as error:
-            raise TuneError(f'{", ".join(map(str, logs))}: {error}') from None
+            raise CommandError(f'{", ".join(map(str, logs))}: {error}') from None
 
 
 def tuned_text(tuned: Tuned) -> str:

@@ -47,7 +47,6 @@ class Signal:
     names: tuple[str, ...] = ()  # of the entries of an array, where the message has them
     rate: float = 0.0  # [Hz] in the log, with what was left out
     longest_gap: float = 0.0  # [s] between two samples of the log
-    lag: float = 0.0  # [s] from the stamp to the receipt, the longest
     topics: tuple[str, ...] = ()  # of the entries of an array, where each has its own
 
     @cached_property
@@ -147,11 +146,9 @@ class _Sampler:
         """Yield the signals in what was kept."""
         if len(self._messages) < 3:
             return
-        received = np.array(self._received)
         stamps = np.array([_stamp(message) for message in self._messages])
-        times = np.where(stamps > 0, stamps, received)
+        times = np.where(stamps > 0, stamps, np.array(self._received))
         rate = (self._count - 1) / max(1e-9 * (self._last - self._first), 1e-9)
-        lag = float(np.max(received - times)) * 1e-9
         seconds = (times - begin) * 1e-9
         middle = self._messages[len(self._messages) // 2]
         found = _paths(middle, '') if paths is None else ((path, 'array') for path in paths)
@@ -162,7 +159,7 @@ class _Sampler:
             order = order[np.argsort(seconds[order], kind='stable')]
             if len(order) >= 3:
                 yield Signal(topic, type, path, shape, seconds[order], values[order], names,
-                             rate, 1e-9 * self._gap, lag)
+                             rate, 1e-9 * self._gap)
 
 
 def _has_fix(position: Any) -> bool:

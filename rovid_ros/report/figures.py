@@ -90,8 +90,8 @@ class Plot:
             trace['showlegend'] = trace['showlegend'] and trace['name'] in told_apart
         bottom = 0
         heights = [panel['height'] + SPACE for panel in self._panels]
-        total = sum(heights) or 1
-        x_unit = escape(self._x_axis[1] or '')
+        total = sum(heights)
+        x_unit = escape(self._x_axis[1])
         layout: Dict = {'height': total, 'annotations': [], 'xaxis': {
             'anchor': f'y{len(self._panels)}', 'title': {'text': _labelled(*self._x_axis)},
             'unifiedhovertitle': {'text': f'%{{x:.4~g}} {x_unit}'}}}
@@ -145,8 +145,7 @@ class Figures:
         self._plots: dict[str, Dict] = {}
         methods = dict.fromkeys(
             method for values in data['dofs'].values()
-            for log in (values.get('series') or {}).values()
-            for method in log.get('simulated') or {})
+            for log in values['series'].values() for method in log['simulated'])
         self._line = {method: LINES[i % len(LINES)] for i, method in enumerate(methods)}
 
     def document(self) -> Dict:
@@ -159,10 +158,9 @@ class Figures:
 
         ``values`` is the DOF's part of the report's input. What it has no data for is left out.
         """
-        units, log = values.get('units') or {}, entry['name']
-        trained = ' trained on this log' if entry.get('role') != 'validate' else ''
-        series = (values.get('series') or {}).get(log)
-        found = (values.get('adaptation') or {}).get(log)
+        units, log = values['units'], entry['name']
+        trained = ' trained on this log' if entry['role'] == 'train' else ''
+        series, found = values['series'].get(log), values['adaptation'].get(log)
         link = f'{dof} on {log}'
         out = []
         if series:
@@ -178,7 +176,7 @@ class Figures:
                 'errors', dof, log, self._errors(found, units, link), 'Errors of the identifier.',
                 join('Velocity error, parameter errors against least squares, and the Lyapunov '
                      'function W (the paper’s Fig. 5).',
-                     _fall(found.get('W') or (), _squared(units.get('velocity', ''))))),
+                     _fall(found['W'], _squared(units['velocity'])))),
                 class_='pair'))
         return out
 
@@ -221,22 +219,19 @@ class Figures:
 
     def of_excitation(self, dof: str, values: Data, log: str) -> Html:
         """Return the figures of what moved one DOF on one log: histograms and spectra."""
-        units = values.get('units') or {}
         found = values['excitation'][log]
-        spectrum = found.get('spectrum') or {}
-        frequency = spectrum.get('frequency') or []
+        frequency = found['spectrum']['frequency']
         figures = []
         for name, color in (('force', 'c1'), ('velocity', 'c2')):
-            label, unit = _label(name), units.get(name, '')
-            histogram = found.get(f'{name}_histogram')
-            if histogram:
-                bars = Plot(self._columns, (label, unit))
-                bars.add_panel('samples', '', tall=True)
-                bars.add_bars('samples', histogram['edges'], histogram['counts'], color)
-                figures.append(self._figure('excitation', dof, log, bars,
-                                            f'How often each {label} occurred.', link=False))
-            amplitudes = spectrum.get(name)
-            if frequency and amplitudes:
+            label, unit = _label(name), values['units'][name]
+            histogram = found[f'{name}_histogram']
+            bars = Plot(self._columns, (label, unit))
+            bars.add_panel('samples', '', tall=True)
+            bars.add_bars('samples', histogram['edges'], histogram['counts'], color)
+            figures.append(self._figure('excitation', dof, log, bars,
+                                        f'How often each {label} occurred.'))
+            if frequency:
+                amplitudes = found['spectrum'][name]
                 lines = Plot(self._columns, ('frequency', 'Hz'))
                 high = max(map(finite, amplitudes))
                 low = min((a for a in map(finite, amplitudes) if a > high / SPECTRUM_SPAN),
@@ -246,13 +241,12 @@ class Figures:
                 lines.add_panel(f'{label} amplitude', unit, tall=True, type='log', **axis)
                 lines.add_curve('amplitude', frequency, amplitudes, {'color': color, 'width': 1.4})
                 figures.append(self._figure('excitation', dof, log, lines,
-                                            f'Spectrum of the {label}.', link=False, log_x=True))
-        return join(tag('h3', f'{capital(dof)} on {log}'), tag('div', *figures, class_='pair')
-                    ) if figures else Html('')
+                                            f'Spectrum of the {label}.', log_x=True))
+        return join(tag('h3', f'{capital(dof)} on {log}'), tag('div', *figures, class_='pair'))
 
     def _velocity(self, series: Data, units: Mapping[str, str], link: str) -> Plot:
-        t, measured, unit = series['t'], series['velocity'], units.get('velocity', '')
-        simulated = series.get('simulated') or {}
+        t, measured, unit = series['t'], series['velocity'], units['velocity']
+        simulated = series['simulated']
         plot = Plot(self._columns, ('time', 's'), link)
         plot.add_panel('velocity', unit, tall=True)
         plot.add_curve('measured', t, measured, MEASURED)
@@ -263,44 +257,44 @@ class Figures:
         for method, values in simulated.items():
             error = [finite(y) - finite(v) for y, v in zip(values, measured)]
             plot.add_curve(title(method), t, error, self._line[method])
-        if series.get('force'):
-            plot.add_panel('thrust', units.get('force', ''))
+        if series['force']:
+            plot.add_panel('thrust', units['force'])
             plot.add_curve('thrust', t, series['force'], {'color': 'ink', 'width': 1.2})
         return plot
 
     def _estimates(self, found: Data, units: Mapping[str, str], link: str) -> Plot:
         t = found['t']
         plot = Plot(self._columns, ('time', 's'), link)
-        plot.add_panel('velocity', units.get('velocity', ''))
+        plot.add_panel('velocity', units['velocity'])
         for name, label, line in (('velocity', 'measured v', MEASURED), ('v_hat', 'v̂', LINES[0])):
-            if found.get(name):
+            if found[name]:
                 plot.add_curve(label, t, found[name], line)
         for name, reference in _estimated(found):
-            plot.add_panel(_label(name), units.get(name, ''))
+            plot.add_panel(_label(name), units[name])
             plot.add_curve('estimate', t, found[name], {'color': 'c2', 'width': 1.4})
             if math.isfinite(reference):
                 plot.add_level('least squares', t, reference, REFERENCE)
         return plot
 
     def _errors(self, found: Data, units: Mapping[str, str], link: str) -> Plot:
-        t, unit = found['t'], units.get('velocity', '')
+        t, unit = found['t'], units['velocity']
         plot = Plot(self._columns, ('time', 's'), link)
-        if found.get('dv'):
+        if found['dv']:
             plot.add_panel('Δv = v̂ − v', unit)
             plot.add_curve('Δv', t, found['dv'], LINES[0])
         for name, reference in _estimated(found):
             if math.isfinite(reference):
                 label = f'Δ{SYMBOLS[name]}'
-                plot.add_panel(label, units.get(name, ''))
+                plot.add_panel(label, units[name])
                 plot.add_curve(label, t, [finite(y) - reference for y in found[name]],
                                {'color': 'c2', 'width': 1.4})
-        if any(math.isfinite(finite(value)) for value in found.get('W') or ()):
+        if any(math.isfinite(finite(value)) for value in found['W']):
             plot.add_panel('W', _squared(unit), type='log')
             plot.add_curve('W', t, found['W'], {'color': 'c3', 'width': 1.4})
         return plot
 
     def _figure(self, kind: str, dof: str, log: str, plot: Plot, heading: str, text: str = '', *,
-                link: bool = True, log_x: bool = False) -> Html:
+                log_x: bool = False) -> Html:
         spec = plot.spec()
         if log_x:
             spec['layout']['xaxis']['type'] = 'log'
@@ -352,13 +346,12 @@ def _labelled(name: str, unit: str) -> str:
 
 def _estimated(found: Data) -> list[tuple[str, float]]:
     """Return the parameters that were estimated, with their reference; one left out is 0."""
-    reference = found.get('reference') or {}
-    return [(name, finite(reference.get(name))) for name in PARAMETERS if any(
-        finite(value) != 0.0 for value in found.get(name) or () if value is not None)]
+    return [(name, finite(found['reference'][name])) for name in PARAMETERS
+            if any(value != 0.0 for value in found[name] if value is not None)]
 
 
 def _squared(unit: str) -> str:
-    return '/'.join(f'{part}²' for part in unit.split('/')) if unit else ''
+    return '/'.join(f'{part}²' for part in unit.split('/'))
 
 
 def _fall(values: Values, unit: str) -> Html:

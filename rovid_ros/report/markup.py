@@ -88,14 +88,12 @@ def terms(names: Sequence[str]) -> str:
     return ' '.join(SYMBOLS[name] for name in PARAMETERS if name in names)
 
 
-def finite(value: Any) -> float:
-    """Return a number, NaN for None and whatever else is none."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        return math.nan
-    return float(value)
+def finite(value: float | None) -> float:
+    """Return a number, NaN for None."""
+    return math.nan if value is None else float(value)
 
 
-def quantity(value: Any, unit: str) -> Html:
+def quantity(value: float | None, unit: str) -> Html:
     """Return a number with four significant digits and its unit, or a dash."""
     if not math.isfinite(finite(value)):
         return Html(NONE)
@@ -117,9 +115,9 @@ def bound_to_units(text: str) -> str:
     return re.sub(r'(?<=\d) (?=[%\w])', '\u00a0', text)
 
 
-def percent(value: Any) -> str:
+def percent(value: float) -> str:
     """Return a share in percent, with at most four significant digits."""
-    share = 100.0 * finite(value)
+    share = 100.0 * value
     if not math.isfinite(share):
         return NONE
     size = abs(share)
@@ -129,15 +127,15 @@ def percent(value: Any) -> str:
 
 
 def score(model: Mapping[str, Any], log: str, key: str) -> float:
-    """Return ``mae`` or ``fit`` of a model on a log, NaN if there is none."""
-    return finite(((model.get('scores') or {}).get(log) or {}).get(key))
+    """Return ``mae``, ``fit`` or ``fit_joint`` of a model on a log, NaN if there is none."""
+    return finite(model['scores'][log].get(key))
 
 
 def mean_score(model: Mapping[str, Any]) -> tuple[float, float]:
     """Return mean mae and mean fit of a model over the logs that it was scored on."""
     means = []
     for key in ('mae', 'fit'):
-        values = [score(model, log, key) for log in model.get('scores') or {}]
+        values = [score(model, log, key) for log in model['scores']]
         values = [value for value in values if math.isfinite(value)]
         means.append(math.fsum(values) / len(values) if values else math.nan)
     return means[0], means[1]
@@ -145,7 +143,6 @@ def mean_score(model: Mapping[str, Any]) -> tuple[float, float]:
 
 def rank(model: Mapping[str, Any]) -> tuple[int, float]:
     """Return what to sort models by: those with most logs scored, then the lowest mean mae."""
-    scored = [log for log in model.get('scores') or {}
-              if math.isfinite(score(model, log, 'mae'))]
+    scored = [log for log in model['scores'] if math.isfinite(score(model, log, 'mae'))]
     mae = mean_score(model)[0]
     return -len(scored), mae if math.isfinite(mae) else math.inf

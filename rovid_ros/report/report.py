@@ -45,8 +45,8 @@ def write_report(path: Path, data: Data) -> None:
     data : mapping
         What ``rovid compare`` found: ``rovid_version``, ``logs``, ``current`` and, under
         ``dofs``, per DOF ``sentence``, ``best``, ``models``, ``series``, ``adaptation``,
-        ``excitation`` and ``units``. Times [s]; what is missing or None is left out or shown as
-        a dash.
+        ``excitation`` and ``units``, as ``rovid_ros.comparison.report_data`` has them. Times
+        [s]; None is left out or shown as a dash.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def page(data: Data) -> str:
     """Return the whole HTML document."""
     figures = Figures(data)
     sections = _sections(data, figures)
-    return document(f'Identification of {", ".join(data["dofs"]) or "nothing"}', _header(data),
+    return document(f'Identification of {", ".join(data["dofs"])}', _header(data),
                     sections, figures)
 
 
@@ -115,9 +115,9 @@ def _sections(data: Data, figures: Figures) -> list[tuple[str, str, Html]]:
         if plots:
             first = [hint()] if len(sections) == 4 else []
             sections.append((f'plots-{dof}', f'{capital(dof)} over time', join(*first, *plots)))
-    if currents := data.get('current'):
+    if data['current']:
         sections.append(('current', 'Current of the water', join(*(
-            figures.of_current(found, log) for log, found in currents.items()))))
+            figures.of_current(found, log) for log, found in data['current'].items()))))
     sections.append(('excitation', 'Excitation', _excitation(data, figures)))
     sections.append(('quality', 'Data quality', join(*(quality(log) for log in logs))))
     return sections
@@ -130,16 +130,16 @@ def _excitation(data: Data, figures: Figures) -> Html:
     for dof, values in data['dofs'].items():
         parts.append(excitation(dof, values))
         parts += [figures.of_excitation(dof, values, log)
-                  for log in values.get('excitation') or {}]
+                  for log in values['excitation']]
     return join(*parts)
 
 
 def _header(data: Data) -> Html:
-    logs = [f'{log["name"]} ({log.get("duration_s") or 0.0:,.0f} s)' for log in data['logs']]
+    logs = [f'{log["name"]} ({log["duration_s"]:,.0f} s)' for log in data['logs']]
     return tag(
         'header', tag('h1', 'Vehicle identification'),
-        tag('p', f'{", ".join(map(capital, data["dofs"]))} from {", ".join(logs) or "no log"}'
-                 f'. Made by rovid {data.get("rovid_version", "")}.'),
+        tag('p', f'{", ".join(map(capital, data["dofs"]))} from {", ".join(logs)}'
+                 f'. Made by rovid {data["rovid_version"]}.'),
         tag('p', Html('m v̇ + d<sub>Q</sub> v|v| + d<sub>L</sub> v + b = τ, or v̇ = α τ + β v|v| '
                       '+ γ v + δ'), class_='model'))
 

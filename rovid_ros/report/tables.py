@@ -38,38 +38,29 @@ BOUNDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # between the colours of relative bo
 def findings(data: Data) -> Html:
     """Return what was identified, a sentence per DOF."""
     items = []
-    for dof, values in data['dofs'].items():
-        sentence = bound_to_units(
-            values.get('sentence') or f'{capital(dof)}: nothing was identified.')
-        start, colon, rest = re.sub(r' -(?=\d)', ' −', sentence).partition(':')
-        items.append(tag('li', tag('b', start + colon), rest) if colon and ' ' not in start
-                     else tag('li', sentence))
+    for values in data['dofs'].values():
+        sentence = re.sub(r' -(?=\d)', ' −', bound_to_units(values['sentence']))
+        name, colon, rest = sentence.partition(':')
+        items.append(tag('li', tag('b', name + colon), rest))
     return tag('ul', *items, class_='findings')
 
 
 def parameters(dof: str, values: Data) -> Html:
     """Return the parameters of a DOF's best model with their 95 % intervals."""
-    best = values.get('best') or {}
-    units = values.get('units') or {}
-    bodies = []
-    for names, form in ((PHYSICAL, 'physical'), (PARAMETERS, 'lumped')):
-        found = best.get(form) or {}
-        rows = [_parameter(name, found[name], units) for name in names if found.get(name)]
-        if rows:
-            bodies.append(rows)
-    if not bodies:
-        return tag('p', f'{capital(dof)}: no model.')
-    if couplings := best.get('couplings'):
-        bodies.append([[join('coupling ', symbol(f'κ_{name}')), *_parameter(name, found, {})[1:]]
-                       for name, found in couplings.items()])
-    source = f'{title(best.get("method", ""))}, trained on {best.get("trained_on", NONE)}'
+    best = values['best']
+    bodies = [[_parameter(name, best[form][name]) for name in names]
+              for names, form in ((PHYSICAL, 'physical'), (PARAMETERS, 'lumped'))]
+    if best['couplings']:
+        bodies.append([[join('coupling ', symbol(f'κ_{name}')), *_parameter(name, found)[1:]]
+                       for name, found in best['couplings'].items()])
+    source = f'{title(best["method"])}, trained on {best["trained_on"]}'
     caption = join(tag('b', capital(dof)), ' ', small(source))
     return table(caption, ('parameter', 'value', '95 % interval'), bodies, class_='parameters')
 
 
-def _parameter(name: str, values: Data, units: Mapping[str, str]) -> list[str]:
-    unit = values.get('unit') or units.get(name, '')
-    value, low, high = (finite(values.get(key)) for key in ('value', 'low', 'high'))
+def _parameter(name: str, values: Data) -> list[str]:
+    unit = values.get('unit', '')  # a coupling has none
+    value, low, high = (finite(values[key]) for key in ('value', 'low', 'high'))
     interval: str = NONE
     if math.isfinite(low) and math.isfinite(high):
         digits = _decimals(low, high)
@@ -90,9 +81,8 @@ def _decimals(low: float, high: float) -> int:
 
 def matrix(dof: str, values: Data, logs: Sequence[Data]) -> Html:
     """Return the heat map of models x logs for a DOF."""
-    models = values.get('models') or []
+    models, unit = values['models'], values['units']['velocity']
     names = [log['name'] for log in logs]
-    unit = (values.get('units') or {}).get('velocity', '')
     maes = [[score(model, name, 'mae') for name in names] for model in models]
     known = [mae for row in maes for mae in row if math.isfinite(mae) and mae > 0.0]
     best = [min((row[j] for row in maes if math.isfinite(row[j])), default=math.nan)
@@ -103,7 +93,7 @@ def matrix(dof: str, values: Data, logs: Sequence[Data]) -> Html:
         cells: list[str] = [_model(model)]
         for j, name in enumerate(names):
             classes = [f'heat{level(row[j], known)}'] if math.isfinite(row[j]) else []
-            classes += ['own'] if name == model.get('trained_on') else []
+            classes += ['own'] if name == model['trained_on'] else []
             classes += ['best'] if same(row[j], best[j]) else []
             fits = [small(f'fit {percent(score(model, name, "fit"))}')]
             joint = score(model, name, 'fit_joint')
@@ -115,7 +105,7 @@ def matrix(dof: str, values: Data, logs: Sequence[Data]) -> Html:
         if len(names) > 1:
             mae, mean_fit = mean_score(model)
             cells.append(join(quantity(mae, unit), small(f'fit {percent(mean_fit)}')))
-        groups.setdefault(tuple(model.get('terms') or ()), []).append(cells)
+        groups.setdefault(tuple(model['terms']), []).append(cells)
     caption = join(tag('b', capital(dof)), ' ', small(
         f'mean |v_sim − v| [{unit}] and fit of each model (rows) on each log (columns){together}'))
     head = ['model', *(join(log['name'], small(_role(log))) for log in logs),
@@ -149,34 +139,31 @@ def heat_legend() -> Html:
 
 
 def _model(model: Data) -> Html:
-    chosen = ''.join(f' {name}' for name in model.get('couplings') or ())
-    chosen += ' (selected)' if model.get('selected') else ''
-    note = [small(model['note'], class_='note')] if model.get('note') else []
+    chosen = ''.join(f' {name}' for name in model['couplings'])
+    chosen += ' (selected)' if model['selected'] else ''
+    note = [small(model['note'], class_='note')] if model['note'] else []
     return tag('th', capital(title(model['method'])),
-               small(f'{model["trained_on"]} · {terms(model.get("terms") or ())}{chosen}'),
+               small(f'{model["trained_on"]} · {terms(model["terms"])}{chosen}'),
                *note, scope='row')
 
 
 def _role(log: Data) -> str:
-    return {'train': 'training', 'validate': 'validation'}.get(log.get('role', ''), '')
+    return {'train': 'training', 'validate': 'validation'}[log['role']]
 
 
 def _row(first: str, model: Data, units: Mapping[str, str], best: bool) -> list[str]:
-    values, std = model.get('parameters') or {}, model.get('std') or {}
-    used = model.get('terms') or PARAMETERS
+    std = model['std'] or {}
     mae, fit = mean_score(model)
     cells: list[str] = [first]
     for name in PARAMETERS:
-        if name not in used:
+        if name not in model['terms']:
             cells.append(NONE)
             continue
-        sigma = finite(std.get(name))
-        unit = units.get(name, '')
+        sigma, unit = finite(std.get(name)), units[name]
         spread = [small('σ ', quantity(sigma, unit))] if math.isfinite(sigma) else []
-        cells.append(tag('td', quantity(values.get(name), unit), *spread))
-    cells.append(tag('td', quantity(mae, units.get('velocity', '')),
-                     class_='best' if best else None))
-    return [*cells, percent(fit), model.get('trained_on', NONE)]
+        cells.append(tag('td', quantity(model['parameters'][name], unit), *spread))
+    cells.append(tag('td', quantity(mae, units['velocity']), class_='best' if best else None))
+    return [*cells, percent(fit), model['trained_on']]
 
 
 HEAD = (*(symbol(name) for name in PARAMETERS), 'mean mae', 'mean fit', 'trained on')
@@ -186,17 +173,16 @@ def equal_terms(data: Data) -> Html:
     """Return the methods beside each other on equal parameter sets (the paper's Table VII)."""
     bodies: list[list[list[str]]] = []
     for dof, values in data['dofs'].items():
-        models = values.get('models') or []
-        for used in dict.fromkeys(tuple(model.get('terms') or ()) for model in models):
-            best = _best([m for m in models if tuple(m.get('terms') or ()) == used])
+        models = values['models']
+        for used in dict.fromkeys(tuple(model['terms']) for model in models):
+            best = _best([m for m in models if tuple(m['terms']) == used])
             if len(best) < 2:
                 continue
             lowest = mean_score(min(best.values(), key=rank))[0]
             group = tag('th', f'{capital(dof)}: {terms(used)}', colspan='8', scope='rowgroup',
                         class_='group')
             bodies.append([[group], *(
-                _row(title(method), model, values.get('units') or {},
-                     same(mean_score(model)[0], lowest))
+                _row(title(method), model, values['units'], same(mean_score(model)[0], lowest))
                 for method, model in best.items())])
     if not bodies:
         return tag('p', 'No two methods identified the same terms.')
@@ -207,17 +193,16 @@ def equal_terms(data: Data) -> Html:
 def best_terms(data: Data) -> Html:
     """Return each method's best model per DOF (the paper's Tables V and VI)."""
     methods = dict.fromkeys(model['method'] for values in data['dofs'].values()
-                            for model in values.get('models') or [])
+                            for model in values['models'])
     bodies = []
     for method in methods:
         body: list[Sequence[str]] = [[tag(
             'th', capital(title(method)), colspan='8', scope='rowgroup', class_='group')]]
         for dof, values in data['dofs'].items():
-            model = _best(values.get('models') or []).get(method)
-            if model is not None:
-                chosen = 'selected' if model.get('selected') else 'all configured'
-                name = join(dof, small(f'{terms(model.get("terms") or ())} ({chosen})'))
-                body.append(_row(name, model, values.get('units') or {}, False))
+            model = _best(values['models'])[method]
+            chosen = 'selected' if model['selected'] else 'all configured'
+            name = join(dof, small(f'{terms(model["terms"])} ({chosen})'))
+            body.append(_row(name, model, values['units'], False))
         bodies.append(body)
     return table('The best terms of each method (the paper’s Tables V and VI)',
                  ('DOF', *HEAD), bodies, class_='models')
@@ -235,22 +220,16 @@ def _best(models: Sequence[Data]) -> dict[str, Data]:
 
 def excitation(dof: str, values: Data) -> Html:
     """Return which parameters of a DOF each log can determine."""
-    found = values.get('excitation') or {}
-    if not found:
-        return tag('p', f'{capital(dof)}: no log moved it.')
+    found = values['excitation']
     names = [name for name in PARAMETERS
-             if any(name in (log.get('relative_bound') or {}) for log in found.values())]
-    rows = []
-    for log, measured in found.items():
-        bounds = measured.get('relative_bound') or {}
-        rows.append([
-            log, *(_bound(bounds.get(name)) for name in names),
-            quantity(measured.get('condition'), '')])
+             if any(name in log['relative_bound'] for log in found.values())]
+    rows = [[log, *(_bound(measured['relative_bound'].get(name)) for name in names),
+             quantity(measured['condition'], '')] for log, measured in found.items()]
     caption = join(tag('b', capital(dof)), ' ', small(
         'lowest standard deviation that any method can reach, relative to the parameter '
         '(Cramér-Rao bound), and condition number of the normalised regressors [–]'))
     verdicts = [tag('li', tag('b', f'{log}: '), bound_to_units(measured['verdict']))
-                for log, measured in found.items() if measured.get('verdict')]
+                for log, measured in found.items()]
     return join(table(caption, ('log', *map(symbol, names), 'condition'), [rows], class_='bounds'),
                 tag('ul', *verdicts, class_='verdicts'))
 
@@ -264,27 +243,19 @@ def _bound(value: Any) -> Html:
 
 def quality(log: Data) -> Html:
     """Return rates, gaps, what was refused and warnings of a log."""
-    count = log.get('messages')
-    about = ', '.join(part for part in (
-        _role(log), f'{finite(log.get("duration_s")):,.1f} s',
-        f'{count:,} messages' if count else '')
-        if part and 'nan' not in part)
-    rows = [[entry['input'], tag('code', entry.get('topic') or NONE),
-             quantity(entry.get('rate_hz'), 'Hz'), _count(entry.get('count')),
-             quantity(entry.get('longest_gap_s'), 's')] for entry in log.get('inputs') or []]
+    about = f'{_role(log)}, {log["duration_s"]:,.1f} s, {log["messages"]:,} messages'
+    rows = [[entry['input'], tag('code', entry['topic']), quantity(entry['rate_hz'], 'Hz'),
+             f'{entry["count"]:,}', quantity(entry['longest_gap_s'], 's')]
+            for entry in log['inputs']]
     parts: list[str] = [tag('h3', log['name'])]
     caption = join(tag('b', 'Inputs'), ' ', small(about))
     parts.append(table(caption, ('input', 'topic', 'rate', 'samples', 'longest gap'),
                        [rows], class_='inputs'))
-    rejected = log.get('rejected') or {}
-    listed = ', '.join(f'{n:,} {reason.replace("_", " ")}' for reason, n in rejected.items())
+    listed = ', '.join(f'{n:,} {reason.replace("_", " ")}'
+                       for reason, n in log['rejected'].items())
     parts.append(tag('p', tag('b', 'Refused samples and steps: '), listed or 'none'))
-    parts.append(_warnings(log.get('warnings') or []))
+    parts.append(_warnings(log['warnings']))
     return tag('section', *parts, class_='log')
-
-
-def _count(value: Any) -> str:
-    return f'{value:,}' if isinstance(value, int) else NONE
 
 
 def _warnings(lines: Sequence[str]) -> Html:

@@ -44,6 +44,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import csv
 from dataclasses import dataclass
 import io
+import math
 from pathlib import Path
 import re
 import sys
@@ -73,10 +74,6 @@ _ADDED = dict(zip(DOFS, ('xx', 'yy', 'zz', 'pp', 'qq', 'rr')))
 
 
 FORMATS = ('yaml', 'sdf', 'csv', 'urdf', 'ros-params', 'fossen')
-
-
-class ExportError(ValueError):
-    """What the format needs is not known; the text is the line to print."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +107,7 @@ def export(models: Sequence[Identified], format: str, origin: Path, *,
 
     Raises
     ------
-    ExportError, HydrodynamicsError
+    HydrodynamicsError
         If a dry mass is unknown or above the effective mass; not for yaml and csv.
 
     """
@@ -131,21 +128,17 @@ def export(models: Sequence[Identified], format: str, origin: Path, *,
 
 def notes(models: Sequence[Identified]) -> list[str]:
     """Return which models they are, where there was a choice, and what is doubtful in them."""
-    return [note for model in models for note in _notes(model)]
-
-
-def _notes(model: Identified) -> list[str]:
-    """Return which model it is, where there was a choice, and what is doubtful in it."""
-    notes = []
-    if model.mae == model.mae:
-        notes.append(f'{model.dof}: {model.source}, mean mae {number(model.mae)} '
-                     f'{unit(model.dof, "mae")}')
-    elif not model.status:
-        notes.append(f'{model.dof}: {model.source}, not scored')
-    if model.status in ('waiting', 'invalid'):
-        was = 'nothing but the initial values' if model.status == 'waiting' else 'not valid'
-        notes.append(f'warning: {model.dof}: is {model.status}: these parameters are {was}')
-    return notes
+    lines = []
+    for model in models:
+        if not math.isnan(model.mae):
+            lines.append(f'{model.dof}: {model.source}, mean mae {number(model.mae)} '
+                         f'{unit(model.dof, "mae")}')
+        elif not model.status:
+            lines.append(f'{model.dof}: {model.source}, not scored')
+        if model.status in ('waiting', 'invalid'):
+            was = 'nothing but the initial values' if model.status == 'waiting' else 'not valid'
+            lines.append(f'warning: {model.dof}: is {model.status}: these parameters are {was}')
+    return lines
 
 
 def _csv(models: Sequence[Identified]) -> str:

@@ -16,9 +16,8 @@ from rovid_ros.results.wire_encoding import (
     ArrayEncoder,
     diagnostic_array,
     JointStateEncoder,
+    StampedEncoder,
     StatusBody,
-    TwistEncoder,
-    VectorEncoder,
 )
 
 ARRAY_TYPE = 'std_msgs/msg/Float64MultiArray'
@@ -111,20 +110,18 @@ class Outputs:
         self._model_array = ArrayEncoder(names, model_columns(self._coupling_names))
         self._covariance_array = ArrayEncoder('xy', 'xy')
         self._joints = JointStateEncoder(self._base, names)
-        self._twists = TwistEncoder(self._base)
-        self._currents = VectorEncoder(WORLD_FRAMES[self._frames])
+        self._twists = StampedEncoder(self._base, 6)
+        self._currents = StampedEncoder(WORLD_FRAMES[self._frames], 3)
         self._has_current = settings.estimates_current
         self.topics = {**TOPICS, **(COUPLING_TOPICS if self._coupling_names else {}),
                        **(CURRENT_TOPICS if self._has_current else {})}
-        self._latched: dict[str, Callable[[], bytes]] = {
-            topic: make for topic, make in zip(LATCHED, (
-                lambda: self._row_array(0), lambda: self._row_array(1),
-                lambda: self._coupling_array(0), lambda: self._coupling_array(1),
-                self._model))
-            if topic in self.topics}
-        self._makers: dict[str, Callable[[Estimate], bytes]] = {
+        self._makers: dict[str, Callable[[], bytes]] = {
+            'rov/params': lambda: self._row_array(0),
+            'rov/params_std': lambda: self._row_array(1),
             'rov/identifier_state': self._state, 'rov/velocity': self._twist,
-            'rov/estimate': self._diagnostics,
+            'rov/model': self._model, 'rov/estimate': self._diagnostics,
+            'rov/couplings': lambda: self._coupling_array(0),
+            'rov/couplings_std': lambda: self._coupling_array(1),
             'rov/current': self._current, 'rov/current_covariance': self._current_covariance}
         self._told: dict[str, DofEstimate] = {}  # what ``_rows`` and ``_kappas`` have seen
         self._models: dict[str, tuple[DofEstimate, list[float]]] = {}
@@ -164,22 +161,24 @@ class Outputs:
                 self._kappas[dof.dof] = (
                     dict(zip(names, dof.couplings)), dict(zip(names, dof.couplings_std)))
         for topic in topics:
-            make = self._latched.get(topic)
-            yield Output(topic, self.topics[topic],
-                         self._makers[topic](estimate) if make is None else make())
+            yield self._output(topic)
 
     def reset(self) -> list[Output]:
         """Go back to the initial values; return the messages that say so without a step."""
         self._rows, self._kappas = dict(self._initial), dict(self._initial_kappas)
         self._estimate = self._nothing
         self._told.clear()
-        return self.latched(list(self._latched))
+        return self.latched([topic for topic in LATCHED if topic in self.topics])
 
     def latched(self, topics: Collection[str]) -> list[Output]:
         """Return the messages of ``LATCHED`` topics as they are after the last estimate."""
-        return [Output(topic, self.topics[topic], self._latched[topic]()) for topic in topics]
+        return [self._output(topic) for topic in topics]
 
-    def _diagnostics(self, estimate: Estimate) -> bytes:
+    def _output(self, topic: str) -> Output:
+        return Output(topic, self.topics[topic], self._makers[topic]())
+
+    def _diagnostics(self) -> bytes:
+        estimate = self._estimate
         statuses = [self._status(dof, index in estimate.stepped)
                     for index, dof in enumerate(estimate.dofs)]
         if self._has_current:
@@ -188,22 +187,24 @@ class Outputs:
                 'current', current_message(current), '', current_values(current)).encode()))
         return diagnostic_array(estimate.time, self._base, statuses)
 
-    def _state(self, estimate: Estimate) -> bytes:
+    def _state(self) -> bytes:
+        estimate = self._estimate
         return self._joints.encode(estimate.time, [dof.v_hat for dof in estimate.dofs],
                                    [dof.force for dof in estimate.dofs])
 
-    def _twist(self, estimate: Estimate) -> bytes:
+    def _twist(self) -> bytes:
+        estimate = self._estimate
         # a DOF that is not identified has no velocity here: NaN, not a claim of standing still
         velocity = {dof.dof: dof.velocity for dof in estimate.dofs}
         return self._twists.encode(
             estimate.time, [velocity.get(name, math.nan) for name in DOFS])
 
-    def _current(self, estimate: Estimate) -> bytes:
-        current = told(estimate.current, self._frames)
-        return self._currents.encode(estimate.time, current.x, current.y, 0.0)
+    def _current(self) -> bytes:
+        current = told(self._estimate.current, self._frames)
+        return self._currents.encode(self._estimate.time, (current.x, current.y, 0.0))
 
-    def _current_covariance(self, estimate: Estimate) -> bytes:
-        xx, xy, yy = told(estimate.current, self._frames).covariance
+    def _current_covariance(self) -> bytes:
+        xx, xy, yy = told(self._estimate.current, self._frames).covariance
         return self._covariance_array.encode([(xx, xy), (xy, yy)])
 
     def _status(self, dof: DofEstimate, stepped: bool) -> tuple[int, bytes]:

@@ -16,7 +16,6 @@ from typing import Any
 _ENCAPSULATION = b'\0\1\0\0'  # plain CDR, little endian; alignment counts from behind it
 _COUNT = struct.Struct('<I')
 _STAMP = struct.Struct('<iI')
-_VECTOR = struct.Struct('<3d')
 _SECOND = 1_000_000_000  # [ns]
 
 
@@ -45,27 +44,22 @@ class ArrayEncoder:
         return self._start + self._pack(*[value for row in rows for value in row])
 
 
-class TwistEncoder:
-    """Encodes ``geometry_msgs/TwistStamped`` messages in a frame."""
+class StampedEncoder:
+    """
+    Encodes messages of a header and numbers, in a frame.
 
-    def __init__(self, frame: str) -> None:
-        self._frame = _framed(frame)
-        self._pack = struct.Struct('<6d').pack
+    Of three numbers ``geometry_msgs/Vector3Stamped``; of six, the linear and the angular ones,
+    ``geometry_msgs/TwistStamped``.
+    """
+
+    def __init__(self, frame: str, count: int) -> None:
+        # the frame is padded for the numbers of eight bytes that follow
+        self._frame = _aligned(_STAMP.size, _string(frame))
+        self._pack = struct.Struct(f'<{count}d').pack
 
     def encode(self, time: int, values: Sequence[float]) -> bytes:
-        """Return the message: time [ns]; linear x, y, z and angular x, y, z."""
-        return _ENCAPSULATION + _stamp(time) + self._frame + self._pack(*values)
-
-
-class VectorEncoder:
-    """Encodes ``geometry_msgs/Vector3Stamped`` messages in a frame."""
-
-    def __init__(self, frame: str) -> None:
-        self._frame = _framed(frame)
-
-    def encode(self, time: int, x: float, y: float, z: float) -> bytes:
         """Return the message; time in ns."""
-        return _ENCAPSULATION + _stamp(time) + self._frame + _VECTOR.pack(x, y, z)
+        return _ENCAPSULATION + _stamp(time) + self._frame + self._pack(*values)
 
 
 class JointStateEncoder:
@@ -75,8 +69,7 @@ class JointStateEncoder:
         self._start = _aligned(_STAMP.size, ''.join([
             _string(frame), _number(len(names)), *map(_string, names),
             _number(0), _number(len(names))]))  # counts of position and velocity
-        numbers = struct.Struct(f'<{len(names)}d')
-        self._pack = numbers.pack
+        self._pack = struct.Struct(f'<{len(names)}d').pack
         self._count = _COUNT.pack(len(names)) + bytes(4)  # of effort
 
     def encode(self, time: int, velocity: Sequence[float], effort: Sequence[float]) -> bytes:
@@ -182,11 +175,6 @@ def _number(value: int) -> str:
 
 def _stamp(time: int) -> bytes:
     return _STAMP.pack(*divmod(time, _SECOND))
-
-
-def _framed(frame: str) -> bytes:
-    """Return what a header has behind its stamp, up to the numbers of eight bytes that follow."""
-    return _aligned(_STAMP.size, _string(frame))
 
 
 def _aligned(before: int, text: str) -> bytes:

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from rovid_ros import __version__
-from rovid_ros.files.whole_files import FileLock
 from rovid_ros.survey.dives import stamps
 from rovid_ros.survey.table import Row
 
@@ -27,7 +26,7 @@ class Journal:
     The finished dives beside a table, by log, configuration and version of rovid.
 
     It stays there: a survey of more dives computes only the new ones. Without a path nothing is
-    kept. Raises BlockingIOError while another survey writes it.
+    kept. Who has one keeps other surveys from the file.
 
     Parameters
     ----------
@@ -41,7 +40,6 @@ class Journal:
     def __init__(self, path: Path | None, run: Mapping[str, Any]) -> None:
         self._path = path
         self._run = json.dumps([__version__, dict(run)], sort_keys=True, default=str)
-        self._lock = FileLock(path) if path else None
         self._known: dict[str, Rows] = {}
         if path and path.exists():
             self._read(path)
@@ -59,11 +57,6 @@ class Journal:
                 file.write(json.dumps({'key': key, 'rows': rows}, allow_nan=False) + '\n')
                 file.flush()
                 os.fsync(file.fileno())
-
-    def close(self) -> None:
-        """Let another survey have it."""
-        if self._lock:
-            self._lock.release()
 
     def _read(self, path: Path) -> None:
         """Read it, and cut off a last line that was not finished."""

@@ -11,9 +11,8 @@ from rovid_ros.results.wire_encoding import (
     ArrayEncoder,
     diagnostic_array,
     JointStateEncoder,
+    StampedEncoder,
     StatusBody,
-    TwistEncoder,
-    VectorEncoder,
     words,
 )
 
@@ -52,10 +51,10 @@ def test_arrays(names: list[str], labels: list[str], data: st.DataObject) -> Non
 @given(TIME, TEXT, st.lists(NUMBER, min_size=6, max_size=6))
 def test_twists_and_vectors(time: int, frame: str, values: list[float]) -> None:
     linear, angular = dict(zip('xyz', values[:3])), dict(zip('xyz', values[3:]))
-    assert TwistEncoder(frame).encode(time, values) == serialised(
+    assert StampedEncoder(frame, 6).encode(time, values) == serialised(
         'geometry_msgs/msg/TwistStamped',
         {'header': header(time, frame), 'twist': {'linear': linear, 'angular': angular}})
-    assert VectorEncoder(frame).encode(time, *values[:3]) == serialised(
+    assert StampedEncoder(frame, 3).encode(time, values[:3]) == serialised(
         'geometry_msgs/msg/Vector3Stamped', {'header': header(time, frame), 'vector': linear})
 
 

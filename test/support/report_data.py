@@ -24,7 +24,7 @@ def report_data(logs: tuple[str, ...] = ('a.mcap', 'b.mcap'),
     if len(logs) > 1:
         roles[-1] = 'validate'
     return {
-        'rovid_version': '0.1.0',
+        'rovid_version': '0.1.0', 'current': {},
         'logs': [{
             'name': name, 'role': role, 'duration_s': 0.1 * points, 'messages': 42001,
             'inputs': [{'input': 'position', 'topic': '/sharps/position', 'rate_hz': 10.0,
@@ -48,12 +48,12 @@ def _dof(dof: str, logs: tuple[str, ...], roles: list[str], points: int) -> dict
     return {
         'sentence': f'{dof.capitalize()}: 290 {units["mass"]} of effective mass.',
         'best': {'method': 'output_error', 'trained_on': train[0],
-                 'physical': intervals(physical), 'lumped': intervals(TRUTH)},
+                 'physical': intervals(physical), 'lumped': intervals(TRUTH), 'couplings': {}},
         'models': [
             {'method': method, 'trained_on': name, 'terms': list(terms), 'selected': selected,
              'parameters': TRUTH, 'physical': physical,
              'std': dict.fromkeys(TRUTH, 0.001) if method == 'output_error' else None,
-             'note': '',
+             'note': '', 'couplings': [],
              'scores': {log: {'mae': 0.004 * (1 + i + j), 'fit': 0.96 - 0.01 * i}
                         for j, log in enumerate(logs)}}
             for name in train

@@ -14,6 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import OWN
+from rovid_core.model.lowpass import weights
 from rovid_core.model.trajectory import Array, drag_at, midpoint_steps
 from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.tuning.cross_validation import Blocks, blocks, fold_bounds, FOLDS
@@ -72,7 +73,7 @@ class OutputError:
     def __init__(self, blocks: Blocks, scales: Scales, cutoff: float,
                  possible: Sequence[str] = ()) -> None:
         self.blocks, self.scales = blocks, scales
-        self.weights = blocks.weights(cutoff)
+        self.weights = weights(cutoff, blocks.dt)
         self._valid = blocks.valid[:, None, :]
         self._dt = np.repeat(blocks.dt / blocks.parts, blocks.parts, axis=0)
         coupled = scales.coupling_regressor

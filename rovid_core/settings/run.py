@@ -399,6 +399,11 @@ class Settings:
             name: replace(self.input(name), timeout=timeout) for name, timeout in timeouts.items()}
         return replace(self, **inputs)
 
+    def latencies(self) -> dict[str, float]:
+        """Return the latency [s] of each input that has a topic."""
+        return {name: (self.thrusters if name == 'thrusters' else self.input(name)).latency
+                for name in self.used_inputs()}
+
     @property
     def wait(self) -> float:
         """
@@ -408,8 +413,7 @@ class Settings:
         """
         if self.max_wait >= 0.0:
             return self.max_wait
-        latencies = [self.thrusters.latency if name == 'thrusters' else self.input(name).latency
-                     for name in self.used_inputs()]
+        latencies = self.latencies().values()
         return LEAST_WAIT + max(latencies) - min(latencies)
 
     @property

@@ -69,8 +69,8 @@ class ScoredRun:
         Number of the first step with a cutoff, and the cutoff of the low-pass [Hz].
     couplings : tuple of str
         Names of the DOF's couplings.
-    water : LogWater or None
-        In which it moves; None for a DOF that does not move with it.
+    water : LogWater
+        In which it moves; still water for a DOF that does not move with it.
     axis : tuple of 2 floats
         Axis of the DOF in the world at the start.
     count : int
@@ -83,9 +83,9 @@ class ScoredRun:
     start: int
     velocity: float
     cutoffs: list[tuple[int, float]]
-    couplings: tuple[str, ...] = ()
-    water: LogWater | None = None
-    axis: Axis = STILL
+    couplings: tuple[str, ...]
+    water: LogWater
+    axis: Axis
     count: int = 0
 
     @property
@@ -97,14 +97,11 @@ class ScoredRun:
     @property
     def first_velocity(self) -> float:
         """Return the measured velocity at the start, through the water."""
-        if self.water is None or not self._has_current:
-            return self.velocity
-        return self.velocity - float(
-            self.water.along(np.array([self.start]), np.array([self.axis]))[0])
+        return self.velocity - float(self._current_at_start()[0])
 
     def through_water(self) -> tuple[Times, Array]:
         """Return the same relative to the water; the filtered velocity stays over ground."""
-        if not self._has_current or not self.count:
+        if self.water.is_still or not self.count:
             return self.columns
         parts = list(self._parts())
         times = np.concatenate([nodes[1:].reshape(-1, 2) for nodes, _, _ in parts])
@@ -117,9 +114,9 @@ class ScoredRun:
         values[:, 3] -= mean
         return times.T.copy(), values[:, :4 + 2 * len(self.couplings)].T.copy()
 
-    @property
-    def _has_current(self) -> bool:
-        return self.water is not None and not self.water.is_still
+    def _current_at_start(self) -> Array:
+        """Return the velocity of the water along the axis, shape (1,) [m/s]."""
+        return self.water.along(np.array([self.start]), np.array([self.axis]))
 
     def _parts(self, delay: float = 0.0) -> Iterator[tuple[Times, Array, Array]]:
         """
@@ -129,16 +126,14 @@ class ScoredRun:
         with couplings relative to the water; and the velocity of the water at these times [m/s].
         """
         start = self.start
-        last = np.zeros(1)
-        if self.water is not None and self._has_current:
-            last = self.water.along(np.array([start]), np.array([self.axis]))
+        last = self._current_at_start()
         blocks = self.table.blocks(self.first, self.first + self.count)
         if delay and math.isfinite(delay):
             blocks = _delayed(blocks, start, delay)
         for times, values in blocks:
             nodes = _nodes(start, times)
             water = np.zeros(len(nodes))
-            if self.water is not None and self._has_current:
+            if not self.water.is_still:
                 water = np.concatenate(
                     [last, self.water.along(nodes[1:], values[:, -4:].reshape(-1, 2))])
                 values = through_water(values, self.couplings, nodes, water)

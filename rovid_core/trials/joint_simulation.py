@@ -12,7 +12,7 @@ import math
 from typing import NamedTuple
 
 from rovid_core.model.dofs import OWN, own_coefficients, velocity_factors
-from rovid_core.model.plant import MAX_PIECES
+from rovid_core.model.plant import MAX_PIECES, runge_kutta
 from rovid_core.model.trajectory import MAX_VELOCITY
 
 NS = 1e-9
@@ -118,15 +118,9 @@ class JointModel:
                       for (_, beta, gamma, _), (_, reverse), v, on in zip(
                           self._rows, self._own, velocity, known) if on)
         pieces = min(int(fastest * dt), MAX_PIECES) + 1
-        h = dt / pieces
         v = velocity
         for _ in range(pieces):
-            k1 = rates(v)
-            k2 = rates([x + 0.5 * h * k for x, k in zip(v, k1)])
-            k3 = rates([x + 0.5 * h * k for x, k in zip(v, k2)])
-            k4 = rates([x + h * k for x, k in zip(v, k3)])
-            v = [x + h / 6.0 * (a + 2.0 * (b + c) + d)
-                 for x, a, b, c, d in zip(v, k1, k2, k3, k4)]
+            v = runge_kutta(rates, v, dt / pieces)
             if not all(abs(x) < MAX_VELOCITY for x in v):
                 self._lost = True
                 return

@@ -279,28 +279,28 @@ class Dof:
     def fit_commands(self, candidates: Sequence[CommandedForce],
                      pair: tuple[float, float]) -> Models:
         """Fit and score a model for each way in which commands become a force."""
-        force = [self.blocks.force(commanded, self.row, *pair) for commanded in candidates]
-        return self.problem.fit(np.stack(force, 1), None, self._begin_of(force[0]), 6)
+        return self._fit([self.blocks.force(one, self.row, *pair) for one in candidates])
 
     def fit_with(self, commanded: CommandedForce, pair: tuple[float, float],
                  settings: DofSettings) -> Models:
         """Fit and score a model with other terms or couplings."""
-        problem = OutputError(self.blocks, Scales.of(settings), self.cutoff, self.possible)
-        return problem.fit(self.blocks.force(commanded, self.row, *pair)[:, None], iterations=30)
+        force = self.blocks.force(commanded, self.row, *pair)
+        return self.with_settings(settings).problem.fit(force[:, None], iterations=30)
 
     def fit(self, commanded: CommandedForce, pairs: Sequence[tuple[float, float]],
             measured: Array | None = None) -> Models:
         """Fit and score a model for each pair of delay and lag."""
-        force = np.stack([self.blocks.force(commanded, self.row, *pair) for pair in pairs], 1)
+        return self._fit(
+            [self.blocks.force(commanded, self.row, *pair) for pair in pairs], measured)
+
+    def _fit(self, forces: Sequence[Array], measured: Array | None = None) -> Models:
+        """Fit and score a model for each force; what a fit begins with is found once."""
+        if self._begin is None:
+            self._begin = self.problem.fit(forces[0][:, None], iterations=30).theta[0]
+        force = np.stack(forces, 1)
         if measured is not None:
             force = np.broadcast_to(force, (len(force), *measured.shape[1:]))
-        return self.problem.fit(force, measured, self._begin_of(force[:, 0]), 6)
-
-    def _begin_of(self, force: Array) -> Array:
-        """Return the parameters that a fit begins with; they are found once."""
-        if self._begin is None:
-            self._begin = self.problem.fit(force[:, None], iterations=30).theta[0]
-        return self._begin
+        return self.problem.fit(force, measured, self._begin, 6)
 
     def model(self, commanded: CommandedForce, pair: tuple[float, float]) -> Models:
         """Return the model for one pair of delay and lag; it is fitted once."""

@@ -88,7 +88,7 @@ def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settin
              if delay >= 0.0 or lag <= LARGEST_EARLY]
     pairs, errors = search_pairs(
         present, first, (DELAYS, LAGS), lambda new: each(
-            lambda k: dofs[k].fit(commanded, new).scores, range(len(dofs))), done)
+            lambda k: dofs[k].fit(commanded, new), range(len(dofs))), done)
     together = relative(errors, 0)
     causal = np.array([pair[0] >= 0.0 for pair in pairs])
     choice = choose(np.where(causal[:, None], together, np.inf), 0)

@@ -58,7 +58,7 @@ class OutputError:
     """
 
     def __init__(self, blocks: Blocks, scales: Scales, cutoff: float,
-                 possible: Sequence[str] = ()) -> None:
+                 possible: Sequence[str]) -> None:
         self.blocks, self.scales = blocks, scales
         self.weights = weights(cutoff, blocks.dt)
         self._valid = blocks.valid[:, None, :]
@@ -72,13 +72,9 @@ class OutputError:
             [scales.couplings.index(name)] if name in scales.couplings else [] for name in OWN)
         self._active = np.array([*scales.active, *[True for _ in coupled]])
         self._units = scales.velocity * np.array([*scales.regressor, *coupled])
-        self.first = self.scaled(np.array([*scales.initial, *[0.0 for _ in coupled]]))
-        self._low, self._high = (self.scaled(np.array([*bound, *others])) for bound, others in zip(
+        self._first = np.array([*scales.initial, *[0.0 for _ in coupled]]) / self._units
+        self._low, self._high = (np.array([*own, *others]) / self._units for own, others in zip(
             scales.bounds(), scales.coupling_bounds()))
-
-    def scaled(self, parameters: Array) -> Array:
-        """Return scaled parameters of lumped ones, shape (..., 4 + k)."""
-        return np.asarray(parameters / self._units)
 
     def fit(self, force: Array, measured: Array | None = None,
             begin: Array | None = None) -> tuple[Array, Array]:
@@ -107,7 +103,7 @@ class OutputError:
         target = np.broadcast_to(
             target / self.scales.velocity, (len(target), *force.shape[1:]))
         count = force.shape[1]
-        theta = np.tile(self.first if begin is None else begin, (count, 1))
+        theta = np.tile(self._first if begin is None else begin, (count, 1))
         start = target[:5].mean(axis=0)
         damping = np.full(count, 1e-2)
         kept = self._normal(theta, start, force, target, np.full(count, np.inf))
@@ -161,8 +157,7 @@ class OutputError:
     def _held_out(self, theta: Array, start: Array, normal: NormalEquations, force: Array,
                   target: Array) -> Array:
         """Take each block out by a Newton step, for sums over blocks can be taken apart."""
-        member = (self.blocks.fold[:, None] == np.arange(FOLDS)).astype(float)
-        rest = 1.0 - member  # (pieces, FOLDS)
+        rest = (self.blocks.fold[:, None] != np.arange(FOLDS)).astype(float)  # (pieces, FOLDS)
         own = np.empty((len(theta), FOLDS, theta.shape[1]))
         for fold in range(FOLDS):
             own[:, fold] = theta + self._solved(

@@ -66,6 +66,13 @@ Vector = tuple[float, float, float]
 Three = tuple[float, float, float]
 
 
+def velocity_factors(coupling: str) -> tuple[str, ...]:
+    """Return the DOFs whose velocities a coupling is a product of; () for one of the others."""
+    if coupling in RESTORING or coupling in OWN:
+        return ()
+    return tuple([DOFS['uvwpqr'.index(letter)] for letter in coupling])
+
+
 def own_coefficients(names: Sequence[str], coefficients: Sequence[float]) -> Own:
     """Return those of ``OWN`` among the couplings ``names`` of a DOF."""
     of = dict(zip(names, coefficients))

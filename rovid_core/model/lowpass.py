@@ -64,6 +64,17 @@ class LowPass:
         self.value = None
 
 
+def weights(cutoff: float | Array, dt: Array) -> Array:
+    """
+    Return the weights that ``LowPass`` gives steps of ``dt`` [s], 1 for the first ones.
+
+    ``cutoff`` [Hz] is above 0. ``dt`` has shape (n,), or (n, ...) for one cutoff of all.
+    """
+    found = -np.expm1(-np.minimum(2.0 * math.pi * cutoff * dt, MOST_TURN))
+    found[:1] = 1.0
+    return np.asarray(found)
+
+
 def filtered(cutoff: float | Array, dt: Array, signals: Array) -> Array:
     """
     Return what ``LowPass`` gives for a whole trial.
@@ -84,6 +95,5 @@ def filtered(cutoff: float | Array, dt: Array, signals: Array) -> Array:
     """
     if isinstance(cutoff, float) and cutoff == 0.0:
         return signals
-    weight = -np.expm1(-np.minimum(2.0 * math.pi * cutoff * dt, MOST_TURN))
-    weight[:1] = 1.0
+    weight = weights(cutoff, dt)
     return linear_recurrence(1.0 - weight, weight * signals)

@@ -7,10 +7,10 @@ lumped    v' = alpha tau + beta v|v| + gamma v + delta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 
-from rovid_core.model.dofs import Four
+from rovid_core.model.dofs import Four, NAN4
 
 MAX_PIECES = 1000
 """A step that needs more pieces, because the drag is very fast, is made by backward Euler."""
@@ -29,7 +29,7 @@ def physical(parameters: Sequence[float]) -> Four:
     """
     alpha, beta, gamma, delta = parameters
     if not alpha > 0.0:
-        return (math.nan, math.nan, math.nan, math.nan)
+        return NAN4
     return (1.0 / alpha, -beta / alpha, -gamma / alpha, -delta / alpha)
 
 
@@ -64,6 +64,17 @@ def advance(parameters: Sequence[float], velocity: float, force: float, dt: floa
         k4 = u + beta * w * abs(w) + gamma * w
         v += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
     return v
+
+
+def runge_kutta(rates: Callable[[Sequence[float]], list[float]], velocities: Sequence[float],
+                dt: float) -> list[float]:
+    """Return coupled velocities after one step of ``dt`` [s] with accelerations ``rates``."""
+    k1 = rates(velocities)
+    k2 = rates([v + 0.5 * dt * k for v, k in zip(velocities, k1)])
+    k3 = rates([v + 0.5 * dt * k for v, k in zip(velocities, k2)])
+    k4 = rates([v + dt * k for v, k in zip(velocities, k3)])
+    return [v + dt / 6.0 * (a + 2.0 * (b + c) + d)
+            for v, a, b, c, d in zip(velocities, k1, k2, k3, k4)]
 
 
 def _backward_euler(u: float, beta: float, gamma: float, velocity: float, dt: float) -> float:

@@ -23,6 +23,7 @@ from rovid_core.model.dofs import (
     OWN,
     PARAMETERS,
     RESTORING,
+    velocity_factors,
 )
 from rovid_core.model.plant import lumped
 from rovid_core.settings.inputs import InputSettings, SettingsError, ThrusterSettings
@@ -175,7 +176,7 @@ class Scales:
         one, and each other term at most 1000 times the initial acceleration or its initial
         value.
         """
-        largest = 1000.0 * max(self.initial[0] * self.force, self.velocity / 3.0)
+        largest = 1000.0 * self._acceleration
         low: list[float] = []
         high: list[float] = []
         ranges = (
@@ -343,11 +344,12 @@ class Settings:
         """Return the couplings of a DOF whose velocities and angles are measured."""
         sources = {self.source(d) for d in self.dofs}
         linear = 'velocity' if self.velocity.topic else 'position'
-        known = set('uvw') if linear in sources else set()
+        known = set(LINEAR_DOFS) if linear in sources else set()
         if self.attitude.topic or 'angular_velocity' in sources:
-            known |= set('pqr')
-        return tuple([name for name in COUPLINGS[dof] if (
-            bool(self.attitude.topic) if name.startswith('sin') else set(name) <= known)])
+            known |= set(ANGULAR_DOFS)
+        return tuple([name for name in COUPLINGS[dof] if name not in OWN and (
+            bool(self.attitude.topic) if name in RESTORING
+            else set(velocity_factors(name)) <= known)])
 
     def watched(self, dof: str) -> tuple[str, ...]:
         """Return the regressors that a DOF does not have and its method watches."""
@@ -397,6 +399,11 @@ class Settings:
             name: replace(self.input(name), timeout=timeout) for name, timeout in timeouts.items()}
         return replace(self, **inputs)
 
+    def latencies(self) -> dict[str, float]:
+        """Return the latency [s] of each input that has a topic."""
+        return {name: (self.thrusters if name == 'thrusters' else self.input(name)).latency
+                for name in self.used_inputs()}
+
     @property
     def wait(self) -> float:
         """
@@ -406,8 +413,7 @@ class Settings:
         """
         if self.max_wait >= 0.0:
             return self.max_wait
-        latencies = [self.thrusters.latency if name == 'thrusters' else self.input(name).latency
-                     for name in self.used_inputs()]
+        latencies = self.latencies().values()
         return LEAST_WAIT + max(latencies) - min(latencies)
 
     @property
@@ -465,10 +471,10 @@ class Settings:
                     f'{name}.couplings', f'got {coupling!r}, takes {", ".join(COUPLINGS[name])}')
         if len(set(couplings)) != len(couplings):
             raise SettingsError(f'{name}.couplings', 'names one twice')
-        letters = {x for c in couplings if c not in RESTORING and c not in OWN for x in c}
-        if letters & set('uvw') and not (self.position.topic or self.velocity.topic):
+        moving = {dof for coupling in couplings for dof in velocity_factors(coupling)}
+        if moving & set(LINEAR_DOFS) and not (self.position.topic or self.velocity.topic):
             raise SettingsError(f'{name}.couplings', 'needs position.topic or velocity.topic')
-        if letters & set('pqr') and not (self.attitude.topic or self.angular_velocity.topic):
+        if moving & set(ANGULAR_DOFS) and not (self.attitude.topic or self.angular_velocity.topic):
             raise SettingsError(
                 f'{name}.couplings', 'needs attitude.topic or angular_velocity.topic')
         if set(RESTORING) & set(couplings) and not self.attitude.topic:

@@ -11,15 +11,16 @@ It is what the identifiers do not assume, and so what they are tested on.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS, Quaternion, Vector
+from rovid_core.model.plant import runge_kutta
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.velocity.attitude_history import rotate_back
 
-Array = NDArray[np.float64]
 Rows = list[list[tuple[int, float]]]
 
 FORCE_CORRELATION = 3.0
@@ -131,20 +132,14 @@ class CoupledPlant:
         fastest = max([(2.0 * max(ahead, astern) * abs(v[i]) + linear) * inverse
                        for i, ahead, astern, linear, inverse in self._drag], default=0.0)
         pieces = min(int(fastest * dt), MAX_PIECES - 1) + 1
-        h = dt / pieces
-        half, sixth, rate = 0.5 * h, h / 6.0, self._acceleration
+        rates = partial(self._acceleration, given)
         for _ in range(pieces):
-            k1 = rate(v, given)
-            k2 = rate([x + half * k for x, k in zip(v, k1)], given)
-            k3 = rate([x + half * k for x, k in zip(v, k2)], given)
-            k4 = rate([x + h * k for x, k in zip(v, k3)], given)
-            v = [x + sixth * (a + 2.0 * (b + c) + d)
-                 for x, a, b, c, d in zip(v, k1, k2, k3, k4)]
+            v = runge_kutta(rates, v, dt / pieces)
         self.velocity = v
         self._change_unknown_force(dt)
         return [0.5 * (a + b) for a, b in zip(before, v)]
 
-    def _acceleration(self, v: Sequence[float], given: Sequence[float]) -> list[float]:
+    def _acceleration(self, given: Sequence[float], v: Sequence[float]) -> list[float]:
         force = self._coriolis_force(v) if self._coriolis else [0.0] * 6
         for i, ahead, astern, linear, _ in self._drag:
             x = v[i]

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS, Quaternion, Vector
 from rovid_core.model.plant import advance, lumped
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings, SettingsError, SimulatedDof, ThrusterSettings
 from rovid_core.simulation.coupled_plant import CoupledPlant, is_coupled
 from rovid_core.simulation.profiles import Profile, Sinusoid, Waveform
@@ -62,14 +62,8 @@ class Vehicle:
             force = self._force(self.time, self.time + step)
             if self._coupled is not None:
                 self._advance_coupled(self._coupled, force, dt)
-                self.time += step
-                continue
-            before = list(self.velocity)
-            for dof, parameters, f in zip(self._dofs, self._parameters, force):
-                i = DOFS.index(dof)
-                self.velocity[i] = advance(parameters, before[i], f, dt)
-            mean = [0.5 * (a + b) for a, b in zip(before, self.velocity)]
-            self._move(mean, dt)
+            else:
+                self._advance_decoupled(force, dt)
             self.time += step
         self._forces.forget(self.time)
 
@@ -77,6 +71,13 @@ class Vehicle:
     def through_water(self) -> list[float]:
         """Return the body velocity relative to the water [m/s, rad/s]."""
         return self.velocity if self._coupled is None else self._coupled.velocity
+
+    def _advance_decoupled(self, force: Sequence[float], dt: float) -> None:
+        before = list(self.velocity)
+        for dof, parameters, f in zip(self._dofs, self._parameters, force):
+            i = DOFS.index(dof)
+            self.velocity[i] = advance(parameters, before[i], f, dt)
+        self._move([0.5 * (a + b) for a, b in zip(before, self.velocity)], dt)
 
     def _advance_coupled(self, plant: CoupledPlant, force: Sequence[float], dt: float) -> None:
         self._move(plant.advance(self.attitude, force, dt), dt)
@@ -175,9 +176,9 @@ class ThrusterCommands:
 
 
 def _inverse_allocation(settings: ThrusterSettings, moved: Sequence[str],
-                        still: Sequence[str]) -> NDArray[np.float64]:
+                        still: Sequence[str]) -> Array:
     """Return the smallest thruster forces, shape (n, moved), that push only those DOFs."""
-    def allocation(dofs: Sequence[str]) -> NDArray[np.float64]:
+    def allocation(dofs: Sequence[str]) -> Array:
         found = np.array([settings.allocation[DOFS.index(d)] for d in dofs])
         working = [float(k != 0.0) for k in settings.gain]
         return np.asarray(found.reshape(len(dofs), settings.count) * working)

@@ -20,12 +20,11 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+from rovid_core.model.trajectory import Array
 from scipy.optimize import brentq
 from scipy.stats import t as student
 
 LEVEL = 0.05  # of a test, as of all intervals: 95 %
-_Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,7 @@ def trend(times: Sequence[float], values: Sequence[float],
     span = max(times) - min(times)  # so that columns are of one size
     t = (np.array(times) - min(times)) / span
 
-    def weights(scatter: float) -> _Array:
+    def weights(scatter: float) -> Array:
         return np.asarray(1.0 / (own + scatter))
 
     def squares(scatter: float) -> float:
@@ -112,7 +111,7 @@ def holm(ps: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def _residuals(t: _Array, y: _Array, w: _Array) -> tuple[tuple[float, float], _Array]:
+def _residuals(t: Array, y: Array, w: Array) -> tuple[tuple[float, float], Array]:
     """Return intercept and slope of the weighted line, and what it leaves of ``y``."""
     centre, mean = w @ t / w.sum(), w @ y / w.sum()
     slope = float(w @ ((t - centre) * (y - mean)) / (w @ (t - centre) ** 2))

@@ -11,13 +11,11 @@ from collections.abc import Callable, Iterator, Sequence
 import math
 from typing import NamedTuple
 
-from rovid_core.model.dofs import DOFS, OWN, own_coefficients, RESTORING
-from rovid_core.model.plant import MAX_PIECES
+from rovid_core.model.dofs import OWN, own_coefficients, velocity_factors
+from rovid_core.model.plant import MAX_PIECES, runge_kutta
 from rovid_core.model.trajectory import MAX_VELOCITY
 
 NS = 1e-9
-
-LETTERS = dict(zip('uvwpqr', DOFS))
 
 Rates = Callable[[Sequence[float]], list[float]]
 
@@ -70,7 +68,7 @@ class JointModel:
         self._rows = [(row[0], row[1], row[2], row[3]) for row in parameters]
         # of every coupling of a row: kappa, and the rows whose velocities are its factors
         self._terms: list[list[tuple[float, tuple[int, ...]]]] = [
-            [(0.0 if name in OWN else kappa, _factors(name, dofs))
+            [(0.0 if name in OWN else kappa, _rows_of(velocity_factors(name), dofs))
              for kappa, name in zip(row[4:], names)]
             for row, names in zip(parameters, couplings)]
         self._own = [own_coefficients(names, row[4:])
@@ -120,15 +118,9 @@ class JointModel:
                       for (_, beta, gamma, _), (_, reverse), v, on in zip(
                           self._rows, self._own, velocity, known) if on)
         pieces = min(int(fastest * dt), MAX_PIECES) + 1
-        h = dt / pieces
         v = velocity
         for _ in range(pieces):
-            k1 = rates(v)
-            k2 = rates([x + 0.5 * h * k for x, k in zip(v, k1)])
-            k3 = rates([x + 0.5 * h * k for x, k in zip(v, k2)])
-            k4 = rates([x + h * k for x, k in zip(v, k3)])
-            v = [x + h / 6.0 * (a + 2.0 * (b + c) + d)
-                 for x, a, b, c, d in zip(v, k1, k2, k3, k4)]
+            v = runge_kutta(rates, v, dt / pieces)
             if not all(abs(x) < MAX_VELOCITY for x in v):
                 self._lost = True
                 return
@@ -164,7 +156,6 @@ class JointModel:
         return rates
 
 
-def _factors(name: str, dofs: Sequence[str]) -> tuple[int, ...]:
-    """Return the rows whose velocities make a regressor; () if not all of them are there."""
-    needed = [] if name in (*RESTORING, *OWN) else [LETTERS[letter] for letter in name]
+def _rows_of(needed: Sequence[str], dofs: Sequence[str]) -> tuple[int, ...]:
+    """Return the numbers of some DOFs among the rows; () if not all of them are there."""
     return tuple([dofs.index(dof) for dof in needed]) if set(needed) <= set(dofs) else ()

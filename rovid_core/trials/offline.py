@@ -48,9 +48,9 @@ def with_acceleration(records: Sequence[Record], scales: Scales, cutoff: float) 
     targets: list[Array] = []
     for record in records:
         grid = np.arange(record.time[0], record.time[-1], np.median(np.diff(record.time)))
-        dt = float(grid[1] - grid[0]) if len(grid) > 1 else 0.0
-        band = min(cutoff, 0.4 / dt) if dt else cutoff
-        edge = int(1.0 / (band * dt)) if dt else 0
+        dt = float(grid[1] - grid[0])
+        band = min(cutoff, 0.4 / dt)
+        edge = int(1.0 / (band * dt))
         if len(grid) < 4 * edge + 16:
             continue
         smooth = butter(LOWPASS_ORDER, band, fs=1.0 / dt, output='sos')

@@ -9,18 +9,17 @@ compared with it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import numpy as np
-from rovid_core.model.dofs import Four, OWN, own_coefficients, RESTORING
+from rovid_core.model.dofs import Four, OWN, own_coefficients
 from rovid_core.model.trajectory import Array, integral, midpoint_trajectory, sensitivities
 from rovid_core.settings.run import Scales
 from rovid_core.trials.record import Fit, Record
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 
-LARGEST_COUPLING = 100.0  # in the standard deviations that a coupling has before any data
 # Residuals so many times larger than the noise come from the model, and are not white.
 MODEL_ERROR = 3.0
 
@@ -103,17 +102,17 @@ class Residuals:
     def __init__(self, records: Sequence[Record], scales: Scales, of_position: bool) -> None:
         self._records = [r for r in records if len(r.time) > 8]
         self.of_position = of_position
-        couplings = scales.couplings if all(len(r.couplings) for r in self._records) else ()
-        sizes = list(scales.coupling_std) if couplings else []
-        self._couplings = couplings
-        self._active = np.array((*scales.active, *[True] * len(sizes)))
-        self._scale = np.array((*scales.regressor, *sizes))
+        if not all(len(r.couplings) for r in self._records):
+            scales = replace(scales, couplings=())
+        self._couplings = scales.couplings
+        self._active = np.array((*scales.active, *[True] * len(scales.couplings)))
+        self._count = int(self._active.sum())
+        self._starts = 2 if of_position else 1  # of each record
+        self._scale = np.array((*scales.regressor, *scales.coupling_std))
         self._velocity = scales.velocity
-        low, high = scales.bounds()
-        lowest = [-LARGEST_COUPLING * size for size in sizes]
-        highest = [0.0 if name in RESTORING else -edge for name, edge in zip(couplings, lowest)]
-        self._low = (np.array((*low, *lowest)) / self._scale)[self._active]
-        self._high = (np.array((*high, *highest)) / self._scale)[self._active]
+        self._low, self._high = (
+            (np.array((*own, *others)) / self._scale)[self._active]
+            for own, others in zip(scales.bounds(), scales.coupling_bounds()))
         self.size = sum(len(r.velocity) for r in self._records)
         self._drift = 0.0
 
@@ -135,7 +134,7 @@ class Residuals:
 
     def solve(self, start: Sequence[float]) -> tuple[tuple[float, ...], float]:
         """Return the best parameters, couplings last, and the robust rms of the residuals."""
-        count, first = int(self._active.sum()), self._unknowns(start)
+        count, first = self._count, self._unknowns(start)
         inside = 1e-9 * (self._high - self._low)  # the solver starts inside the bounds only
         first[:count] = np.clip(first[:count], self._low + inside, self._high - inside)
         free = np.full(len(first) - count, np.inf)
@@ -163,12 +162,11 @@ class Residuals:
 
     def information(self, parameters: Sequence[float], sigma: float) -> Information:
         """Return the bound for white noise of ``sigma`` on what is fitted."""
-        count = int(self._active.sum())
         jacobian = self._evaluate(self._unknowns(parameters))[1]
         values, vectors = np.linalg.eigh(jacobian.T @ jacobian)
         values = np.maximum(values, 1e-300)
         covariance = (vectors / values) @ vectors.T
-        own = covariance[:count, :count]
+        own = covariance[:self._count, :self._count]
         scale = self._scale[self._active]
         full = np.zeros((len(self._active), len(self._active)))
         full[np.ix_(self._active, self._active)] = sigma**2 * scale[:, None] * own * scale
@@ -187,9 +185,8 @@ class Residuals:
             cross = scores[lag:].T @ scores[:-lag]
             total += (1.0 - lag / MAX_LAG) * (cross + cross.T)
         inverse = np.linalg.pinv(jacobian.T @ jacobian)
-        count = int(self._active.sum())
         found, expected = (
-            np.diag(inverse @ of @ inverse)[:count] for of in (total, white))
+            np.diag(inverse @ of @ inverse)[:self._count] for of in (total, white))
         known = expected > 0.0  # the data show nothing of the others
         return max(1.0, float((found[known] / expected[known]).max(initial=1.0)))
 
@@ -214,8 +211,7 @@ class Residuals:
 
     def _unknowns(self, parameters: Sequence[float]) -> Array:
         """Return the unknowns of parameters, with a guess of the starts; couplings may lack."""
-        count = int(self._active.sum())
-        each = 2 if self.of_position else 1
+        count, each = self._count, self._starts
         unknowns = np.zeros(count + each * len(self._records))
         known = np.zeros(len(self._active))
         known[:len(parameters)] = parameters
@@ -233,17 +229,16 @@ class Residuals:
 
     def _parameters(self, unknowns: Array) -> Array:
         parameters = np.zeros(len(self._active))
-        count = int(self._active.sum())
+        scaled = unknowns[:self._count]
         # so small a drag means that it is at its bound, 0
-        scaled = np.where(np.abs(unknowns[:count]) < 1e-9, 0.0, unknowns[:count])
+        scaled = np.where(np.abs(scaled) < 1e-9, 0.0, scaled)
         parameters[self._active] = scaled * self._scale[self._active]
         return parameters
 
     def _evaluate(self, unknowns: Array) -> tuple[Array, Array]:
         """Return the residuals and their derivatives by the unknowns."""
         parameters = self._parameters(unknowns)
-        count = int(self._active.sum())
-        each = 2 if self.of_position else 1
+        count, each = self._count, self._starts
         errors: list[Array] = []
         blocks: list[Array] = []
         for k, record in enumerate(self._records):

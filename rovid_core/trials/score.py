@@ -150,7 +150,7 @@ class ScoreLog:
         table = self._tables[dof]
         self.runs[dof].append(
             ScoredRun(table, table.count, time, velocity, [(0, self._cutoff)],
-                      self._couplings[dof], self.water if self._axes[dof] else None,
+                      self._couplings[dof], self.water if self._axes[dof] else LogWater(),
                       axis or STILL))
 
     def set_cutoff(self, cutoff: float) -> None:
@@ -226,7 +226,8 @@ class ScoreLog:
         return [v for run in self.runs[dof]
                 for found, _ in run.as_measured(parameters, delay=delay) for v in found.tolist()]
 
-    def score(self, dof: str, parameters: Sequence[float], delay: float = 0.0) -> Score:
+    def score(self, dof: str, parameters: Sequence[float], delay: float = 0.0,
+              simulated: SpillingTable | None = None) -> Score:
         """
         Return the score of a model on all steps.
 
@@ -239,9 +240,23 @@ class ScoreLog:
             regressors are the measured ones.
         delay : float
             Of the thrust, as the method found it [s]; NaN where it finds none.
+        simulated : SpillingTable, optional
+            What the model predicts, where that is known; see ``ScoredRun.predicted``.
 
         """
-        return self._score(dof, parameters, delay)
+        total = _ScoreSum(self._block)
+        column = DOFS.index(dof)
+        known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
+        for run in self.runs[dof]:
+            if not known:
+                for pair in run.as_measured(parameters, simulated, delay):
+                    total.add(*pair)
+                continue
+            for part in run.predicted(parameters, simulated, delay):
+                for times, values in self._all_references():
+                    there = ~np.isnan(values[:, column])
+                    total.add(*run.at(part, times[there, 0], values[there, column]))
+        return total.score()
 
     def score_joint(self, models: Mapping[str, Sequence[float]],
                     delays: Mapping[str, float] | None = None) -> dict[str, Score]:
@@ -266,29 +281,12 @@ class ScoreLog:
         for i, velocity in joint.simulate(
                 [self._segments(dof, late.get(dof, 0.0)) for dof in dofs]):
             found[i].append((0,), (velocity,))
-        return {dof: self._score(dof, models[dof], simulated=found[dofs.index(dof)])
+        return {dof: self.score(dof, models[dof], simulated=found[dofs.index(dof)])
                 for dof in coupled}
 
     def _segments(self, dof: str, delay: float) -> Iterator[ForceSegment]:
         for run in self.runs[dof]:
             yield from run.segments(delay)
-
-    def _score(self, dof: str, parameters: Sequence[float], delay: float = 0.0,
-               simulated: SpillingTable | None = None) -> Score:
-        """Return the score of a model, or of velocities at the nodes of all runs."""
-        total = _ScoreSum(self._block)
-        column = DOFS.index(dof)
-        known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
-        for run in self.runs[dof]:
-            if not known:
-                for pair in run.as_measured(parameters, simulated, delay):
-                    total.add(*pair)
-                continue
-            for part in run.predicted(parameters, simulated, delay):
-                for times, values in self._all_references():
-                    there = ~np.isnan(values[:, column])
-                    total.add(*run.at(part, times[there, 0], values[there, column]))
-        return total.score()
 
     def _all_references(self) -> Iterator[tuple[Times, Array]]:
         return self._references.blocks(0, self._references.count)

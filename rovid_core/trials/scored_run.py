@@ -69,8 +69,8 @@ class ScoredRun:
         Number of the first step with a cutoff, and the cutoff of the low-pass [Hz].
     couplings : tuple of str
         Names of the DOF's couplings.
-    water : LogWater or None
-        In which it moves; None for a DOF that does not move with it.
+    water : LogWater
+        In which it moves; still water for a DOF that does not move with it.
     axis : tuple of 2 floats
         Axis of the DOF in the world at the start.
     count : int
@@ -83,9 +83,9 @@ class ScoredRun:
     start: int
     velocity: float
     cutoffs: list[tuple[int, float]]
-    couplings: tuple[str, ...] = ()
-    water: LogWater | None = None
-    axis: Axis = STILL
+    couplings: tuple[str, ...]
+    water: LogWater
+    axis: Axis
     count: int = 0
 
     @property
@@ -97,29 +97,22 @@ class ScoredRun:
     @property
     def first_velocity(self) -> float:
         """Return the measured velocity at the start, through the water."""
-        if self.water is None or not self._has_current:
-            return self.velocity
-        return self.velocity - float(
-            self.water.along(np.array([self.start]), np.array([self.axis]))[0])
+        return self.velocity - float(self._current_at_start()[0])
 
     def through_water(self) -> tuple[Times, Array]:
         """Return the same relative to the water; the filtered velocity stays over ground."""
-        if not self._has_current or not self.count:
+        if self.water.is_still or not self.count:
             return self.columns
         parts = list(self._parts())
         times = np.concatenate([nodes[1:].reshape(-1, 2) for nodes, _, _ in parts])
         values = np.concatenate([rows for _, rows, _ in parts])
         water = np.concatenate([w[1:].reshape(-1, 2) for _, _, w in parts])
-        mean = water[:, 1].copy()
-        averaged = (times[:, 0] < times[:, 1])[:-1]
-        mean[:-1][averaged] = (
-            (water[:-1, 0] + 4.0 * water[:-1, 1] + water[1:, 0]) / 6.0)[averaged]
-        values[:, 3] -= mean
+        values[:, 3] -= _measured(times, water)
         return times.T.copy(), values[:, :4 + 2 * len(self.couplings)].T.copy()
 
-    @property
-    def _has_current(self) -> bool:
-        return self.water is not None and not self.water.is_still
+    def _current_at_start(self) -> Array:
+        """Return the velocity of the water along the axis, shape (1,) [m/s]."""
+        return self.water.along(np.array([self.start]), np.array([self.axis]))
 
     def _parts(self, delay: float = 0.0) -> Iterator[tuple[Times, Array, Array]]:
         """
@@ -129,16 +122,14 @@ class ScoredRun:
         with couplings relative to the water; and the velocity of the water at these times [m/s].
         """
         start = self.start
-        last = np.zeros(1)
-        if self.water is not None and self._has_current:
-            last = self.water.along(np.array([start]), np.array([self.axis]))
+        last = self._current_at_start()
         blocks = self.table.blocks(self.first, self.first + self.count)
         if delay and math.isfinite(delay):
             blocks = _delayed(blocks, start, delay)
         for times, values in blocks:
             nodes = _nodes(start, times)
             water = np.zeros(len(nodes))
-            if self.water is not None and self._has_current:
+            if not self.water.is_still:
                 water = np.concatenate(
                     [last, self.water.along(nodes[1:], values[:, -4:].reshape(-1, 2))])
                 values = through_water(values, self.couplings, nodes, water)
@@ -147,17 +138,14 @@ class ScoredRun:
 
     def segments(self, delay: float = 0.0) -> Iterator[ForceSegment]:
         """Yield the two parts of each step through the water, after the begin of the run."""
-        begun, count = False, 2 * len(self.couplings)
+        yield ForceSegment(
+            self.start, begins=self.first_velocity if self.count else self.velocity)
+        count = 2 * len(self.couplings)
         for nodes, values, _ in self._parts(delay):
-            if not begun:
-                yield ForceSegment(self.start, begins=self.first_velocity)
-            begun = True
             for (middle, end), row in zip(
                     nodes[1:].reshape(-1, 2).tolist(), values.tolist()):
                 yield ForceSegment(middle, row[0], tuple(row[4:4 + count:2]))
                 yield ForceSegment(end, row[1], tuple(row[5:4 + count:2]))
-        if not begun:
-            yield ForceSegment(self.start, begins=self.velocity)
 
     def mean_forces(self) -> Array:
         """Return the mean force of every step [N or N m]."""
@@ -175,14 +163,12 @@ class ScoredRun:
         """
         first, left = self.first, self.count
         _, reverse_drag = own_coefficients(self.couplings, parameters[4:])
-        velocity: float | None = None  # through the water
+        velocity = self.first_velocity
         if not left:
             yield Predicted(
                 np.array([self.start]), np.array([self.velocity]), np.empty(0), True)
         for nodes, values, water in self._parts(delay):
             left -= len(values)
-            if velocity is None:
-                velocity = self.first_velocity
             if simulated is None:
                 found = trajectory(
                     parameters[:4], velocity, np.diff(nodes) * NS,
@@ -206,15 +192,11 @@ class ScoredRun:
         part: Predicted | None = None
         for new in self.predicted(parameters, simulated, delay):
             part = new if part is None else _prepend_last(part, new)
-            middle, end = part.velocity[1::2], part.velocity[2::2]
-            means = end.copy()
-            # for position, the mean from this fix to the next
-            averaged = (part.nodes[1::2] < part.nodes[2::2])[:-1]
-            means[:-1][averaged] = (
-                (middle[:-1] + 4.0 * end[:-1] + middle[1:]) / 6.0)[averaged]
+            times = part.nodes[1:].reshape(-1, 2)
+            means = _measured(times, part.velocity[1:].reshape(-1, 2))
             # the mean of the last step needs the step that follows
             count = len(means) if part.is_last else len(means) - 1
-            ends = part.nodes[2::2][:count]
+            ends = times[:count, 1]
             with np.errstate(invalid='ignore'):  # infinite velocities of an unstable model
                 found = filtered(self._cutoff(done, count), np.diff([time, time, *ends]) * NS,
                                  np.concatenate([[velocity], means[:count]]))[1:]
@@ -275,6 +257,20 @@ def _delayed(blocks: Iterator[tuple[Times, Array]], start: int,
 
 def _nodes(start: int, times: Times) -> Times:
     return np.concatenate([[start], times.ravel()])
+
+
+def _measured(times: Times, velocity: Array) -> Array:
+    """
+    Return what sensors make of velocities at the middle and the end of steps, shape (n, 2).
+
+    That is the one at the end, and for a position the mean from this fix to the next; of the last
+    step that is not known.
+    """
+    middle, end = velocity[:, 0], velocity[:, 1]
+    means = end.copy()
+    averaged = (times[:, 0] < times[:, 1])[:-1]
+    means[:-1][averaged] = ((middle[:-1] + 4.0 * end[:-1] + middle[1:]) / 6.0)[averaged]
+    return means
 
 
 def _prepend_last(part: Predicted, new: Predicted) -> Predicted:

@@ -46,13 +46,13 @@ class LogWater:
 
     def at(self, time: int) -> tuple[float, float]:
         """Return the current in the world [m/s] at a time [ns]; still water unless it is known."""
-        if self.is_still:
-            return 0.0, 0.0
         x, y = self.along(np.array([time, time]), np.eye(2)).tolist()
         return x, y
 
     def along(self, times: Times, axes: Array) -> Array:
         """Return the velocity of the water along axes, shape (n, 2), at n times [m/s]."""
+        if self.is_still:
+            return np.zeros(len(times))
         first = self._times[0]  # absolute times have too many digits for a float
         known = np.array(self._times, np.int64) - first
         x, y = (np.interp(times - first, known, np.array(c)) for c in (self._x, self._y))

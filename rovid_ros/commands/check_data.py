@@ -180,10 +180,8 @@ class Observation:
         self.converter = Converter(settings, self.stream.reject)
         # by input and number of the topic
         self.samples: dict[tuple[str, int], SampleStatistics] = {
-            (name, part): SampleStatistics(
-                name, settings.max_speed, (
-                    settings.thrusters if name == 'thrusters' else settings.input(name)).latency)
-            for name in settings.used_inputs()
+            (name, part): SampleStatistics(name, settings.max_speed, latency)
+            for name, latency in settings.latencies().items()
             for part in range(len(topics_of(settings, name)))}
         self.steps = 0  # estimates that the node would have published
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 from rovid_core.identify.intervals import Z95
-from rovid_core.model.dofs import DOFS, OWN, RESTORING
+from rovid_core.model.dofs import OWN, RESTORING, velocity_factors
 from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
 from rovid_core.trials.output_error import Residuals
@@ -21,8 +21,6 @@ from rovid_core.trials.planning.information import paths, Sensor
 from rovid_core.trials.planning.plan import Plan, STEP
 from rovid_core.trials.planning.shapes import samples, times
 from rovid_core.trials.record import Record
-
-AXES = dict(zip('uvwpqr', DOFS))  # whose velocity a letter of a coupling is
 
 
 @dataclass(frozen=True)
@@ -44,16 +42,17 @@ def coupled_prospect(dof: str, plans: Mapping[str, Plan], scales: Scales, sensor
     coupling with the attitude, or with a DOF that is not planned, is not told.
     """
     told = tuple([name for name in scales.couplings if name not in RESTORING
-                  and all(AXES[letter] in plans for letter in _factors(name))])
+                  and all(other in plans for other in velocity_factors(name))])
     partners = tuple(dict.fromkeys(
-        AXES[x] for name in told for x in _factors(name) if AXES[x] != dof))
+        other for name in told for other in velocity_factors(name) if other != dof))
     dt = STEP if sensor.of_velocity else 0.5 * STEP
     moved = {d: _mean_velocity(plans[d], dt) for d in {dof, *partners}}
     force = samples(plans[dof].planned.waveforms, times(plans[dof].limits.duration, dt))
     regressors = np.array([
         # that of the drag is made where the motion is
         np.minimum(force, 0.0) if name in OWN else
-        np.prod([moved[AXES[x]] for x in name], axis=0) for name in told]).reshape(-1, len(force))
+        np.prod([moved[other] for other in velocity_factors(name)], axis=0)
+        for name in told]).reshape(-1, len(force))
     known = [kappa for name, kappa in zip(scales.couplings, kappas) if name in told]
     model = (*plans[dof].vehicles.parameters[:, 0].tolist(), *known)
     information = Residuals(
@@ -64,11 +63,6 @@ def coupled_prospect(dof: str, plans: Mapping[str, Plan], scales: Scales, sensor
     found = dict(zip(told, half[4:].tolist()))
     return CoupledProspect({name: found.get(name, math.inf) for name in scales.couplings},
                            float(half[0]) / model[0], partners)
-
-
-def _factors(name: str) -> str:
-    """Return the letters of the velocities that a regressor is a product of."""
-    return '' if name in OWN else name
 
 
 def _mean_velocity(plan: Plan, dt: float) -> Array:

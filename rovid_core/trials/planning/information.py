@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice, product
+from itertools import islice, product, repeat
 import math
 
 import numpy as np
@@ -134,7 +134,7 @@ def reach(parameters: Array, force: Array, dt: float) -> tuple[Array, Array]:
     """
     shape = force.shape[1], parameters.shape[1]
     speed, room, path = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    for _, v, mean, _ in _steps(parameters, force, dt):
+    for mean, v in _steps(parameters, force, dt):
         path += dt * mean
         np.maximum(speed, np.abs(v), out=speed)
         np.maximum(room, np.abs(path), out=room)
@@ -143,7 +143,7 @@ def reach(parameters: Array, force: Array, dt: float) -> tuple[Array, Array]:
 
 def paths(parameters: Array, force: Array, dt: float) -> Array:
     """Return the position of each vehicle after each step, shape (n, p, v) [m or rad]."""
-    steps = [dt * mean for _, _, mean, _ in _steps(parameters, force, dt)]
+    steps = [dt * mean for mean, _ in _steps(parameters, force, dt)]
     return np.asarray(np.cumsum(steps, axis=0))
 
 
@@ -167,7 +167,7 @@ def bounds(vehicles: Vehicles, sensor: Sensor, force: Array, dt: float) -> tuple
         so are delay and current, as far as ``sensor`` says so.
 
     """
-    raw = information(vehicles.parameters, force, dt, sensor)
+    raw = _sum_of_squares(_slopes(vehicles.parameters, force, dt, sensor))
     raw *= dt * sensor.rate / sensor.noise**2
     for k, prior in enumerate(reversed(sensor.priors), 1):
         raw[..., -k, -k] += 1.0 / prior**2
@@ -186,10 +186,17 @@ def disturbance(vehicles: Vehicles, force: Array, dt: float, density: float) -> 
     """
     Return the covariance of the physical parameters that unknown forces cause, (p, v, 4, 4).
 
-    ``density`` is that of the forces, which are white noise [N^2 s or N^2 m^2 s].
+    ``density`` is that of the forces, which are white noise [N^2 s or N^2 m^2 s]. With one of 1
+    the information of exact measurements is the integral of the squared regressors of
+    m v' + d_Q v|v| + d_L v + b = tau.
     """
-    raw = regression(vehicles.parameters, force, dt)
-    return density * _inverse(raw, vehicles)
+    def regressors() -> Iterator[Array]:
+        before = np.zeros((force.shape[1], vehicles.parameters.shape[1]))
+        for mean, v in _steps(vehicles.parameters, force, dt):
+            yield np.stack([(v - before) / dt, mean * np.abs(mean), mean, np.ones(v.shape)], -1)
+            before = v
+
+    return density * _inverse(dt * _sum_of_squares(regressors()), vehicles)
 
 
 def _inverse(raw: Array, vehicles: Vehicles) -> Array:
@@ -208,42 +215,14 @@ def _inverse(raw: Array, vehicles: Vehicles) -> Array:
     return covariance
 
 
-def information(parameters: Array, force: Array, dt: float, sensor: Sensor) -> Array:
-    """
-    Return the Fisher information for measurements after each step with unit white noise.
-
-    Parameters are as in ``reach``. It is of alpha, beta, gamma, delta, the velocity at the start,
-    and, unless the sensor is ``of_velocity``, the position at the start; then of delay and
-    current, as far as they are unknown. Shape (p, v, n, n).
-    """
-    return _sum_of_squares(_slopes(parameters, force, dt, sensor))
-
-
-def regression(parameters: Array, force: Array, dt: float) -> Array:
-    """
-    Return the information of exact measurements where white noise is on the force.
-
-    Parameters are as in ``reach``. It is of the physical parameters, shape (p, v, 4, 4), for noise
-    with a density of 1 [N^2 s or N^2 m^2 s]: the integral of the squared regressors of
-    m v' + d_Q v|v| + d_L v + b = tau.
-    """
-    before = np.zeros((force.shape[1], parameters.shape[1]))
-
-    def regressors() -> Iterator[Array]:
-        nonlocal before
-        for _, v, mean, size in _steps(parameters, force, dt):
-            yield np.stack([(v - before) / dt, mean * size, mean, np.ones(v.shape)], -1)
-            before = v
-
-    return dt * _sum_of_squares(regressors())
-
-
 def _slopes(parameters: Array, force: Array, dt: float, sensor: Sensor) -> Iterator[Array]:
     """
-    Yield the derivatives of the velocity or of the position after each step.
+    Yield the derivatives of the velocity or of the position after each step, shape (p, v, n).
 
-    Their last axis is that of ``information``. The vehicle turns by ``TURN`` after each quarter of
-    the trial; without a turn nothing tells the current from drag and bias.
+    They are by alpha, beta, gamma, delta, the velocity at the start, and, unless the sensor is
+    ``of_velocity``, the position at the start; then by delay and current, as far as they are
+    unknown. The vehicle turns by ``TURN`` after each quarter of the trial; without a turn nothing
+    tells the current from drag and bias.
     """
     alpha, beta, gamma, _ = parameters
     count = 6 if sensor.delay else 5
@@ -254,9 +233,10 @@ def _slopes(parameters: Array, force: Array, dt: float, sensor: Sensor) -> Itera
     right = np.zeros((*shape, count))
     right[..., 3] = dt
     rise = np.gradient(force, axis=0) if len(force) > 1 else 0.0 * force
-    for k, (f, _, mean, size) in enumerate(_steps(parameters, force, dt)):
+    for k, (mean, _) in enumerate(_steps(parameters, force, dt)):
+        size = np.abs(mean)
         half = 0.5 * dt * (2.0 * beta * size + gamma)
-        right[..., 0] = dt * f
+        right[..., 0] = dt * force[k][:, None]
         right[..., 1] = dt * mean * size
         right[..., 2] = dt * mean
         if sensor.delay:  # a delay takes back what the force has risen by
@@ -283,11 +263,7 @@ def _sum_of_squares(rows: Iterator[Array]) -> Array:
     return np.asarray(total)
 
 
-def _steps(parameters: Array, force: Array,
-           dt: float) -> Iterator[tuple[Array, Array, Array, Array]]:
-    """Yield the force, shape (p, 1), v at the end, the mean v and its size."""
-    columns = force[:, :, None]
+def _steps(parameters: Array, force: Array, dt: float) -> Iterator[tuple[Array, Array]]:
+    """Yield the mean velocity over each step and that at its end, shape (p, v), from rest."""
     start = np.zeros((force.shape[1], parameters.shape[1]))
-    steps = midpoint_steps(parameters, start, np.full(len(force), dt), columns)
-    for f, (mean, v) in zip(columns, steps):
-        yield f, v, mean, np.abs(mean)
+    return midpoint_steps(parameters, start, repeat(dt), force[:, :, None])

@@ -12,14 +12,13 @@ which is the largest that keeps all the vehicles within the limits.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 import math
 
 import numpy as np
 from rovid_core.identify.intervals import Z95
 from rovid_core.model.trajectory import Array
-from rovid_core.simulation.profiles import Sinusoid, Steps, Waveform
+from rovid_core.simulation.profiles import Sinusoid, Steps
 from rovid_core.trials.planning.information import (
     bounds,
     disturbance,
@@ -59,7 +58,7 @@ class PlanError(ValueError):
 class Prospect:
     """What a profile would cost and give."""
 
-    waveforms: tuple[Waveform, ...]  # the profile
+    waveforms: Shape  # the profile
     force: float  # its largest thrust [N or N m]
     # shape (v,); how fast [m/s or rad/s] and how far from the start [m or rad] each vehicle gets
     speed: Array
@@ -108,7 +107,7 @@ def plan(vehicles: Vehicles, sensor: Sensor, limits: Limits) -> Plan:
     planned = _sized(shape, size, offset, vehicles, sensor, limits)
     peak = rounded(planned.force - abs(offset), 3)
     naive = prospect((Sinusoid(peak, NAIVE), *_constant(offset)), vehicles, sensor,
-                     limits.duration, STEP)
+                     limits.duration)
     found = Plan(limits, vehicles, planned, naive)
     force = samples(planned.waveforms, times(limits.duration, STEP))[:, None]
     unknown = disturbance(vehicles, force, STEP, _density(limits))[0, 0] + planned.physical[0]
@@ -186,18 +185,17 @@ def _sized(shape: Shape, size: float, offset: float, vehicles: Vehicles, sensor:
         waveforms = _scaled(shape, size / unit, offset)
         excess = float(_excess(vehicles, limits, samples(waveforms, t)[:, None], STEP)[0])
         if excess <= 1.0:
-            return prospect(waveforms, vehicles, sensor, limits.duration, STEP)
+            return prospect(waveforms, vehicles, sensor, limits.duration)
         size *= min(0.985, 1.0 / excess)
 
 
 def _scaled(shape: Shape, factor: float, offset: float) -> Shape:
     """Return a shape times a factor, towards 0 rounded, and the thrust against the bias."""
-    scaled: list[Waveform] = []
+    scaled: list[Sinusoid | Steps] = []
     for w in shape:
         if isinstance(w, Steps):
             levels = [rounded(factor * x, 3) + offset for x in w.levels]
             return (Steps(tuple(float(f'{x:.6g}') for x in levels), w.hold),)
-        assert isinstance(w, Sinusoid)
         scaled.append(Sinusoid(rounded(factor * w.amplitude, 3), w.frequency))
     return (*scaled, *_constant(offset))
 
@@ -206,11 +204,10 @@ def _constant(force: float) -> Shape:
     return (Steps((force, force), 60.0),) if force else ()
 
 
-def prospect(waveforms: Sequence[Waveform], vehicles: Vehicles, sensor: Sensor,
-             duration: float, dt: float) -> Prospect:
+def prospect(waveforms: Shape, vehicles: Vehicles, sensor: Sensor, duration: float) -> Prospect:
     """Return what a profile would cost and give."""
-    force = samples(waveforms, times(duration, dt))[:, None]
-    speed, room = reach(vehicles.parameters, force, dt)
-    lumped_bound, physical_bound = bounds(vehicles, sensor, force, dt)
-    return Prospect(tuple(waveforms), float(np.abs(force).max()), speed[0], room[0],
+    force = samples(waveforms, times(duration, STEP))[:, None]
+    speed, room = reach(vehicles.parameters, force, STEP)
+    lumped_bound, physical_bound = bounds(vehicles, sensor, force, STEP)
+    return Prospect(waveforms, float(np.abs(force).max()), speed[0], room[0],
                     lumped_bound[0], physical_bound[0])

@@ -8,9 +8,10 @@ import math
 
 import numpy as np
 from rovid_core.model.trajectory import Array
-from rovid_core.simulation.profiles import Sinusoid, Steps, Waveform
+from rovid_core.simulation.profiles import Sinusoid, Steps
 
-Shape = tuple[Waveform, ...]  # sinusoids, or one sequence of steps
+Part = Sinusoid | Steps
+Shape = tuple[Part, ...]  # sinusoids, or one sequence of steps
 FREQUENCIES = 0.01, 1.0  # [Hz] from the slowest to the fastest motion that is considered
 RATIOS = 2.0, 3.0, 4.4
 # Of the second sinusoid to the first. With twice the frequency the thrust is strong one way and
@@ -49,12 +50,12 @@ def near_shapes(shape: Shape, change: float) -> Iterator[Shape]:
             yield *shape, third
 
 
-def _changed(w: Waveform, by: float) -> Iterator[Waveform]:
-    """Yield a waveform, first with another frequency, then with another amplitude."""
+def _changed(w: Part, by: float) -> Iterator[Part]:
+    """Yield a part, first with another frequency, then with another amplitude."""
     if isinstance(w, Sinusoid):
         yield _sinusoid(w.amplitude, w.frequency * by)
         yield _sinusoid(w.amplitude * by * by, w.frequency)
-    elif isinstance(w, Steps):
+    else:
         yield Steps(w.levels, _held(w.hold / by))
         for k, level in enumerate(w.levels):
             yield Steps((*w.levels[:k], rounded(level * by, 3), *w.levels[k + 1:]), w.hold)
@@ -76,17 +77,15 @@ def rounded(value: float, digits: int) -> float:
     return float(f'{math.trunc(value * unit * (1.0 + 1e-12)) / unit:.{digits}g}')
 
 
-def samples(waveforms: Sequence[Waveform], t: Array) -> Array:
-    """Return the thrust of waveforms at many times at once [N or N m]."""
+def samples(shape: Shape, t: Array) -> Array:
+    """Return the thrust of a shape at many times at once [N or N m]."""
     total = np.zeros(len(t))
-    for w in waveforms:
+    for w in shape:
         if isinstance(w, Sinusoid):
             total += w.amplitude * np.sin(2.0 * math.pi * w.frequency * t)
-        elif isinstance(w, Steps):
+        else:
             which = np.floor(t / w.hold + 1e-9).astype(int) % len(w.levels)
             total += np.array(w.levels)[which]
-        else:
-            total += [w.at(x) for x in t.tolist()]
     return total
 
 

@@ -14,7 +14,6 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.model.lowpass import MOST_TURN
 from rovid_core.model.trajectory import Array
 from rovid_core.trials.tuning.log import CommandedForce, Segment
 
@@ -61,12 +60,6 @@ class Blocks:
     def moved(self, force: Array) -> Array:
         """Return a force without the padding."""
         return np.asarray(force[np.repeat(self.valid, self.parts, axis=0)])
-
-    def weights(self, cutoff: float) -> Array:
-        """Return the weight of each step in the low-pass with ``cutoff`` [Hz]."""
-        weight = -np.expm1(-np.minimum(2.0 * math.pi * cutoff * self.dt, MOST_TURN))
-        weight[0] = 1.0
-        return np.asarray(weight)
 
     def by_fold(self, values: Array) -> Array:
         """Return the means over each fold of values of shape (steps, ..., pieces)."""

@@ -14,30 +14,18 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import OWN
+from rovid_core.model.lowpass import weights
 from rovid_core.model.trajectory import Array, drag_at, midpoint_steps
 from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.tuning.cross_validation import Blocks, blocks, fold_bounds, FOLDS
 from rovid_core.trials.tuning.log import CommandedForce, Segment, TuningLog
 
-ITERATIONS = 10
+ITERATIONS, FROM_NEAR = 30, 6  # of Gauss and Newton at most; from what was found before, fewer
 SETTLED = 1e-4  # relative change of the cost after which an iteration ends
 HUBER_LIMIT = 2.0  # residuals beyond this many median ones count less and less (Huber)
 MIN_INFORMATION = 1e-6  # of the largest: what the data do not show stays where it was
 MIN_TIME = 60.0  # [s] of steps, for less the blocks are too short to be predicted
 MIN_GAIN = 0.05  # a model has to be this much better than a constant velocity for a DOF to count
-
-
-@dataclass(frozen=True)
-class Models:
-    """What was found for the candidates."""
-
-    # shape (candidates, 4 + k); with k couplings, from all blocks, in units of typical force and
-    # velocity
-    theta: Array
-    start: Array  # shape (candidates, pieces); velocity at each piece's start, in typical ones
-    # shape (candidates, FOLDS); mean absolute error on each block of the model of the others [m/s
-    # or rad/s]
-    scores: Array
 
 
 @dataclass
@@ -70,9 +58,9 @@ class OutputError:
     """
 
     def __init__(self, blocks: Blocks, scales: Scales, cutoff: float,
-                 possible: Sequence[str] = ()) -> None:
+                 possible: Sequence[str]) -> None:
         self.blocks, self.scales = blocks, scales
-        self.weights = blocks.weights(cutoff)
+        self.weights = weights(cutoff, blocks.dt)
         self._valid = blocks.valid[:, None, :]
         self._dt = np.repeat(blocks.dt / blocks.parts, blocks.parts, axis=0)
         coupled = scales.coupling_regressor
@@ -84,16 +72,12 @@ class OutputError:
             [scales.couplings.index(name)] if name in scales.couplings else [] for name in OWN)
         self._active = np.array([*scales.active, *[True for _ in coupled]])
         self._units = scales.velocity * np.array([*scales.regressor, *coupled])
-        self.first = self.scaled(np.array([*scales.initial, *[0.0 for _ in coupled]]))
-        self._low, self._high = (self.scaled(np.array([*bound, *others])) for bound, others in zip(
+        self._first = np.array([*scales.initial, *[0.0 for _ in coupled]]) / self._units
+        self._low, self._high = (np.array([*own, *others]) / self._units for own, others in zip(
             scales.bounds(), scales.coupling_bounds()))
 
-    def scaled(self, parameters: Array) -> Array:
-        """Return scaled parameters of lumped ones, shape (..., 4 + k)."""
-        return np.asarray(parameters / self._units)
-
-    def fit(self, force: Array, measured: Array | None = None, begin: Array | None = None,
-            iterations: int = ITERATIONS) -> Models:
+    def fit(self, force: Array, measured: Array | None = None,
+            begin: Array | None = None) -> tuple[Array, Array]:
         """
         Fit and score all candidates.
 
@@ -105,8 +89,13 @@ class OutputError:
             Where the candidates differ in it.
         begin : ndarray, shape (4 + k,), optional
             Scaled parameters to begin with.
-        iterations : int
-            Of Gauss and Newton.
+
+        Returns
+        -------
+        theta : ndarray, shape (candidates, 4 + k)
+            Scaled parameters, from all blocks.
+        scores : ndarray, shape (candidates, FOLDS)
+            Mean absolute error on each block of the model of the others [m/s or rad/s].
 
         """
         force = force / self.scales.force
@@ -114,11 +103,11 @@ class OutputError:
         target = np.broadcast_to(
             target / self.scales.velocity, (len(target), *force.shape[1:]))
         count = force.shape[1]
-        theta = np.tile(self.first if begin is None else begin, (count, 1))
+        theta = np.tile(self._first if begin is None else begin, (count, 1))
         start = target[:5].mean(axis=0)
         damping = np.full(count, 1e-2)
         kept = self._normal(theta, start, force, target, np.full(count, np.inf))
-        for _ in range(iterations):
+        for _ in range(ITERATIONS if begin is None else FROM_NEAR):
             step, begins = self._step(theta, kept, damping)
             trial = self._normal(theta + step, start + begins, force, target, kept.limit)
             better = trial.before <= kept.cost * (1.0 + SETTLED)
@@ -129,7 +118,7 @@ class OutputError:
             kept.replace(better, trial)
             if settled.all():
                 break
-        return Models(theta, start, self._held_out(theta, start, kept, force, target))
+        return theta, self._held_out(theta, start, kept, force, target)
 
     def score(self, theta: Array, start: Array, force: Array, target: Array) -> Array:
         """
@@ -168,8 +157,7 @@ class OutputError:
     def _held_out(self, theta: Array, start: Array, normal: NormalEquations, force: Array,
                   target: Array) -> Array:
         """Take each block out by a Newton step, for sums over blocks can be taken apart."""
-        member = (self.blocks.fold[:, None] == np.arange(FOLDS)).astype(float)
-        rest = 1.0 - member  # (pieces, FOLDS)
+        rest = (self.blocks.fold[:, None] != np.arange(FOLDS)).astype(float)  # (pieces, FOLDS)
         own = np.empty((len(theta), FOLDS, theta.shape[1]))
         for fold in range(FOLDS):
             own[:, fold] = theta + self._solved(
@@ -259,7 +247,8 @@ class Dof:
     One DOF that is tuned with: ``settings`` have typical sizes from the data.
 
     Predictions are compared through a low-pass of ``cutoff`` [Hz]. ``possible`` are the names of
-    the couplings whose regressors are measured.
+    the couplings whose regressors are measured. Scores are mean absolute errors on held-out
+    blocks, shape (candidates, FOLDS) [m/s or rad/s].
     """
 
     def __init__(self, name: str, row: int, segments: list[Segment], blocks: Blocks,
@@ -267,8 +256,8 @@ class Dof:
         self.name, self.row, self.segments, self.blocks = name, row, segments, blocks
         self.settings, self.cutoff, self.possible = settings, cutoff, possible
         self.problem = OutputError(blocks, Scales.of(settings), cutoff, possible)
+        self.error = math.nan  # with delay and lag in use, where that is known [m/s or rad/s]
         self._begin: Array | None = None  # scaled parameters to begin with
-        self._models: dict[tuple[float, float], Models] = {}
 
     def with_settings(self, settings: DofSettings) -> Dof:
         """Return the same with another model."""
@@ -276,36 +265,30 @@ class Dof:
                    self.possible)
 
     def fit_commands(self, candidates: Sequence[CommandedForce],
-                     pair: tuple[float, float]) -> Models:
-        """Fit and score a model for each way in which commands become a force."""
-        force = [self.blocks.force(commanded, self.row, *pair) for commanded in candidates]
-        return self.problem.fit(np.stack(force, 1), None, self._begin_of(force[0]), 6)
+                     pair: tuple[float, float]) -> Array:
+        """Return the scores of a model for each way in which commands become a force."""
+        return self._fit([self.blocks.force(one, self.row, *pair) for one in candidates])
 
     def fit_with(self, commanded: CommandedForce, pair: tuple[float, float],
-                 settings: DofSettings) -> Models:
-        """Fit and score a model with other terms or couplings."""
-        problem = OutputError(self.blocks, Scales.of(settings), self.cutoff, self.possible)
-        return problem.fit(self.blocks.force(commanded, self.row, *pair)[:, None], iterations=30)
+                 settings: DofSettings) -> Array:
+        """Return the scores of a model with other terms or couplings."""
+        force = self.blocks.force(commanded, self.row, *pair)
+        return self.with_settings(settings).problem.fit(force[:, None])[1]
 
     def fit(self, commanded: CommandedForce, pairs: Sequence[tuple[float, float]],
-            measured: Array | None = None) -> Models:
-        """Fit and score a model for each pair of delay and lag."""
-        force = np.stack([self.blocks.force(commanded, self.row, *pair) for pair in pairs], 1)
+            measured: Array | None = None) -> Array:
+        """Return the scores of a model for each pair of delay and lag."""
+        return self._fit(
+            [self.blocks.force(commanded, self.row, *pair) for pair in pairs], measured)
+
+    def _fit(self, forces: Sequence[Array], measured: Array | None = None) -> Array:
+        """Return the scores of a model for each force; what a fit begins with is found once."""
+        if self._begin is None:
+            self._begin = self.problem.fit(forces[0][:, None])[0][0]
+        force = np.stack(forces, 1)
         if measured is not None:
             force = np.broadcast_to(force, (len(force), *measured.shape[1:]))
-        return self.problem.fit(force, measured, self._begin_of(force[:, 0]), 6)
-
-    def _begin_of(self, force: Array) -> Array:
-        """Return the parameters that a fit begins with; they are found once."""
-        if self._begin is None:
-            self._begin = self.problem.fit(force[:, None], iterations=30).theta[0]
-        return self._begin
-
-    def model(self, commanded: CommandedForce, pair: tuple[float, float]) -> Models:
-        """Return the model for one pair of delay and lag; it is fitted once."""
-        if pair not in self._models:
-            self._models[pair] = self.fit(commanded, [pair])
-        return self._models[pair]
+        return self.problem.fit(force, measured, self._begin)[1]
 
 
 def typical(blocks: Blocks, force: Array, settings: DofSettings) -> DofSettings:
@@ -335,9 +318,9 @@ def dof_or_reason(log: TuningLog, seen: Settings, name: str, settings: DofSettin
         return 'no motion'
     dof = Dof(name, row, segments, parts, typical(parts, force, settings), seen.cutoff,
               seen.couplings(name))
-    error = float(dof.model(commanded, pair).scores.mean())
+    dof.error = float(dof.fit(commanded, [pair]).mean())
     level = parts.measured - parts.by_fold(parts.measured).mean()
     still = float(np.abs(np.where(parts.valid, level, 0.0)).sum() / parts.valid.sum())
-    if not error < (1.0 - MIN_GAIN) * still:
+    if not dof.error < (1.0 - MIN_GAIN) * still:
         return 'a motion that its thrust does not explain'
     return dof

@@ -164,7 +164,7 @@ class _Turned:
                 part[i].measured for part in parts if part[i] is not None], 1)  # type: ignore
             problem = (dof or known).problem
             if dof is not None:
-                found.append(dof.fit(self._commanded, pairs, measured).scores)
+                found.append(dof.fit(self._commanded, pairs, measured))
                 continue
             # without thrust there is no motion this way
             target = measured / problem.scales.velocity

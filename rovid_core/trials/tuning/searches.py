@@ -105,7 +105,7 @@ class _Candidates:
             return
         forces = [self._log.commanded(self.thrusters(value)) for value in new]
         for parts, dof in zip(self._scores, self._dofs):
-            parts.append(dof.fit_commands(forces, self._pair).scores)
+            parts.append(dof.fit_commands(forces, self._pair))
         self.tried += new
 
 
@@ -130,13 +130,13 @@ def tune_couplings(dof: Dof, commanded: CommandedForce,
     Those that it has stay. Weaker thrust in reverse is sought as one of the thrusters.
     """
     before = after = dof.settings.couplings
-    scores = first = dof.fit_with(commanded, pair, dof.settings).scores
+    scores = first = dof.fit_with(commanded, pair, dof.settings)
     while True:
         sets = [(*after, name) for name in dof.possible
                 if name not in (*after, 'reverse_thrust')]
         if not sets:
             break
-        found = [dof.fit_with(commanded, pair, replace(dof.settings, couplings=names)).scores
+        found = [dof.fit_with(commanded, pair, replace(dof.settings, couplings=names))
                  for names in sets]
         choice = choose(np.concatenate([scores, *found]), 0)
         if not (choice.index and choice.gain > max(choice.spread, WORTH)):
@@ -159,7 +159,7 @@ def tune_terms(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -
         ('alpha', *others) for count in range(len(PARAMETERS))
         for others in combinations(PARAMETERS[1:], count) if {'alpha', *others} != {*before})]
     scores = np.concatenate([
-        dof.fit_with(commanded, pair, replace(dof.settings, terms=terms)).scores
+        dof.fit_with(commanded, pair, replace(dof.settings, terms=terms))
         for terms in candidates])
     cost = scores.mean(axis=1) * [1.0 + WORTH * len(terms) for terms in candidates]
     best = int(np.where(np.isfinite(cost), cost, np.inf).argmin())

@@ -88,7 +88,7 @@ def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settin
              if delay >= 0.0 or lag <= LARGEST_EARLY]
     pairs, errors = search_pairs(
         present, first, (DELAYS, LAGS), lambda new: each(
-            lambda k: dofs[k].fit(commanded, new).scores, range(len(dofs))), done)
+            lambda k: dofs[k].fit(commanded, new), range(len(dofs))), done)
     together = relative(errors, 0)
     causal = np.array([pair[0] >= 0.0 for pair in pairs])
     choice = choose(np.where(causal[:, None], together, np.inf), 0)
@@ -114,8 +114,7 @@ def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settin
 
 def latencies(settings: Settings, more: dict[str, float]) -> dict[str, Change]:
     """Return what changes where inputs come by so much [s] later than their latency says."""
-    before = {name: settings.thrusters.latency if name == 'thrusters'
-              else settings.input(name).latency for name in settings.used_inputs()}
+    before = settings.latencies()
     after = {name: latency + more.get(name, 0.0) for name, latency in before.items()}
     changes = {f'{name}.latency': Change(before[name], after[name]) for name in more}
     wait = LEAST_WAIT + max(after.values()) - min(after.values())

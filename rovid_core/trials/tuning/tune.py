@@ -109,8 +109,7 @@ def tune(read: Callable[[Settings], TuningLog], settings: Settings,
     now = _read(read, settings)
     done(0.05)
     present = (settings.thrusters.delay, settings.thrusters.time_constant)
-    before = {dof.name: float(dof.model(now.commanded, present).scores.mean())
-              for dof in now.dofs}
+    before = {dof.name: dof.error for dof in now.dofs}
     stages = []
     # with other headings the log is another one: it is read again
     heading = tune_heading(now.log, now.dofs, now.commanded, settings, present)
@@ -146,7 +145,7 @@ def tune(read: Callable[[Settings], TuningLog], settings: Settings,
     errors = {}
     for dof, names in zip(coupled, terms):
         found_last = replace(dof.settings, terms=names.after)
-        error = dof.fit_with(commanded, pair, found_last).scores.mean()
+        error = dof.fit_with(commanded, pair, found_last).mean()
         errors[dof.name] = (before.get(dof.name, math.nan), float(error))
     return Tuned(tuple(stages), (*couplings, *terms), errors, now.left_out)
 
@@ -195,7 +194,7 @@ def _timed(now: _Reading, present: Pair, each: ParallelMap,
     dofs, _ = _with_couplings(now.dofs, now.commanded, present, each)
     stage, pair = tune_thrust(dofs, now.commanded, now.settings, each, done)
     return _Timed(dofs, stage, pair, {
-        dof.name: dof.fit(now.commanded, [pair]).scores[0] for dof in dofs})
+        dof.name: dof.fit(now.commanded, [pair])[0] for dof in dofs})
 
 
 def _predicts_better(new: _Timed, old: _Timed) -> bool:

@@ -121,9 +121,8 @@ class Pipeline:
             settings.estimates_current) else None
         rows = self._planar.filter.rows if self._planar is not None else {}
         weaker: set[str] = set()
-        self.dofs = [Identification(settings, i, self._commands.unsigned, reject,
-                                    rows.get(settings.dofs[i]), weaker)
-                     for i in range(len(settings.dofs))]
+        self.dofs = [Identification(settings, dof, reject, rows.get(dof), weaker)
+                     for dof in settings.dofs]
         self.adapt = settings.enable
 
     def change(self, settings: Settings) -> None:
@@ -417,6 +416,7 @@ class Pipeline:
         delay = source.velocity.delay
         for i, step in zip(source.indices, steps):
             self.dofs[i].add_step(time, step, self.adapt, delay)
+            self._commands.unsigned.add_velocity(i, step.velocity[2])
             if self._scorer is not None:
                 dof = self._settings.dofs[i]
                 self._scorer.add_step(dof, span, step, (

@@ -110,7 +110,7 @@ def test_a_current_that_nobody_saw_may_have_changed():
     """Its variance grows by the gap."""
     filter = PlanarFilter(ROWS, THETA, [0.0] * 15, Noise(0.0, 1e-5))
     filter.set_motion((0.0, 0.0), (1.0, 0.0, 0.0, 1.0), 0.01, 100.0)
-    assert filter.current()[1] == pytest.approx(1e-3 * np.eye(2))
+    assert filter.current(filter.theta_covariance)[1] == pytest.approx(1e-3 * np.eye(2))
 
 
 COMMANDS = np.array([0.9, -0.7, 0.1, -0.1, 0.6, -1.0, 0.15, 0.8, -0.3, -0.9, 0.5, 0.05])

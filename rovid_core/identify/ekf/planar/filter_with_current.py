@@ -486,12 +486,11 @@ class PlanarFilter:
         for i, variance in enumerate((path, path, velocity, velocity)):
             self.covariance[i, i] += variance
 
-    def current(self, of_theta: Array | None = None) -> tuple[Array, Array]:
+    def current(self, of_theta: Array) -> tuple[Array, Array]:
         """Return the current [m/s] and its covariance, for one of the parameters."""
-        spread = self.theta_covariance if of_theta is None else of_theta
         along = self.sensitivities[CURRENT, :self._p]
         return self.motion[CURRENT].copy(), (
-            self.covariance[CURRENT, CURRENT] + along @ spread @ along.T)
+            self.covariance[CURRENT, CURRENT] + along @ of_theta @ along.T)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

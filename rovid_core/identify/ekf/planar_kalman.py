@@ -145,7 +145,7 @@ class PlanarKalman:
             self._model.box,
             unmodelled, self._settings.change if free else 0.0,
             FIRST_NOISE * max(row.velocity for row in self._model.rows), self._model.watched,
-            self._model.identified)
+            tuple(self.rows))
         if member.filter.theta.tolist() != list(theta):
             member.filter.theta = np.array(theta, dtype=float)
             member.filter.motion[CURRENT] = member.filter.theta[-2:]

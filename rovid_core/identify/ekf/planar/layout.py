@@ -72,23 +72,6 @@ class Row(NamedTuple):
         return self.end - self.first - 5
 
 
-class Noise(NamedTuple):
-    """
-    What moves without being modelled.
-
-    Attributes
-    ----------
-    force_std : float
-        Stationary standard deviation of the unknown accelerations, in typical ones.
-    current : float
-        Spectral density of the current's change, per axis [m^2/s^3].
-
-    """
-
-    force_std: float
-    current: float
-
-
 class PlanarInnovation(NamedTuple):
     """
     A measurement against what was predicted.

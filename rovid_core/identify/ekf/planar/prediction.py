@@ -8,7 +8,7 @@ from typing import Any
 
 from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
-from rovid_core.identify.ekf.planar.layout import Noise, Row
+from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.planar.member import PlanarMeasurement, Recent
 from rovid_core.identify.ekf.single.free_prediction import KEPT, SPAN
 from rovid_core.identify.ekf.single.linearised_filter import floats
@@ -34,7 +34,7 @@ class PlanarPrediction:
     """
 
     def __init__(self, rows: tuple[Row, Row], size: int) -> None:
-        self._model = PlanarFilter(rows, [0.0] * size, [0.0] * size, Noise(0.0, 0.0))
+        self._model = PlanarFilter(rows, [0.0] * size, [0.0] * size)
         self._size = size
         self._noise = 0.0
         self._blocks: list[list[float]] = []

@@ -80,12 +80,12 @@ class EventOrder:
         self._inputs = frozenset(inputs)
         self._grows = grows
         self._max_wait = round(max_wait * 1e9)
-        self._far = max(FAR, self._max_wait)  # a stamp may lag by max_wait
         self._time_jump = round(time_jump * 1e9)
         self._reject = reject
         self._warn = warn
+        # a stamp may lag by max_wait
         self._jumps = ClockJumps(
-            self._inputs, self._far, self._time_jump, self._drop, warn)
+            self._inputs, max(FAR, self._max_wait), self._time_jump, self._drop, warn)
         self.restart()
 
     def restart(self) -> None:
@@ -107,7 +107,7 @@ class EventOrder:
         self._grows = grows
         self._past = max(self._past, self._newest - self._max_wait)
         self._max_wait = round(max_wait * 1e9)
-        self._jumps.far = self._far = max(FAR, self._max_wait)
+        self._jumps.far = max(FAR, self._max_wait)
 
     def lag(self, name: str) -> float:
         """Return by how much [s] late events of an input are behind the newest one, at most."""
@@ -221,7 +221,7 @@ class EventOrder:
                            f'other inputs: they wait up to {wait / 1e9:.2f} s for it from now on')
             return
         count = self._late[key] = self._late.get(key, 0) + 1
-        if count == WARN_AFTER and lag > self._far:
+        if count == WARN_AFTER and lag > self._jumps.far:
             self._warn(f'the stamps of {key[0]} are {lag / 1e9:.1f} s behind those of the other '
                        'inputs; they are refused as late: correct its clock or '
                        f'{key[0]}.latency, or, if they come so late, set max_wait to '

@@ -11,8 +11,6 @@ from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import SharedMotion
 from rovid_core.velocity.velocity_source import VelocitySource
 
-NS = 1e-9
-
 
 class FilteredSource(VelocitySource):
     """
@@ -51,8 +49,6 @@ class FilteredSource(VelocitySource):
         Of the couplings.
     last_regressors : tuple of float
         Those of the couplings over the interval of ``last``.
-    timeout : int
-        Longest time between two steps [ns].
 
     """
 
@@ -80,7 +76,6 @@ class FilteredSource(VelocitySource):
     def change(self, settings: Settings) -> None:
         """Use other limits and another cutoff; the filters go on from where they are."""
         super().change(settings)
-        self.timeout = round(settings.timeout_of(self.input) / NS)
         self._is_chosen = settings.cutoff != Settings.cutoff  # else it follows the rate
         self.velocity.retune(settings.cutoff)
         self.force.retune(settings.cutoff)

@@ -211,7 +211,7 @@ class CouplingRegressors:
         if not found and needed.rates:
             found = self._rates.missing(start, end)
         if not found and needed.attitude:
-            found = self._missing_attitude(start, end)
+            found = self._attitude.missing(start) or self._attitude.missing(end)
         return 'no_coupling' if found == 'no_attitude' else found
 
     def has_velocity(self, names: tuple[str, ...]) -> bool:
@@ -231,9 +231,6 @@ class CouplingRegressors:
                     name for name in names if name in OF_ATTITUDE
                     or not set(name) & set(LINEAR)]))
         return known
-
-    def _missing_attitude(self, start: int, end: int) -> str:
-        return self._attitude.missing(start) or self._attitude.missing(end)
 
     def mean(self, names: tuple[str, ...], start: int, end: int,
              measured: bool = True) -> tuple[float, ...]:

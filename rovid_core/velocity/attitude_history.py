@@ -275,11 +275,6 @@ def rotation_between(p: Quaternion, q: Quaternion) -> Vector:
     return (x * scale, y * scale, z * scale)
 
 
-def between(p: Quaternion, q: Quaternion, fraction: float) -> Quaternion:
-    """Return the attitude ``fraction`` of the way from ``p`` to ``q`` (slerp)."""
-    return turned(p, rotation_between(p, q), fraction)
-
-
 def turned(p: Quaternion, rotation: Vector, fraction: float) -> Quaternion:
     """Return ``p`` turned on by a ``fraction`` of a rotation vector [rad] in body axes."""
     rx, ry, rz = rotation

@@ -71,10 +71,10 @@ class Pipeline:
         Called with input (or DOF) and reason for everything that is refused.
     warn : callable
         Called with one line about what looks wrong in the data.
+    hint : callable
+        Called with one line about what could be better, but is no mistake.
     scorer : Scorer, optional
         Gets every step.
-    hint : callable, optional
-        Called with one line about what could be better, but is no mistake; default ``warn``.
     water : callable, optional
         Returns the current in the world [m/s] at a time [ns], where it is known beforehand;
         couplings are then those with velocities through the water.
@@ -89,16 +89,16 @@ class Pipeline:
     """
 
     def __init__(self, settings: Settings, reject: Callable[[str, str], None],
-                 warn: Callable[[str], None], scorer: Scorer | None = None,
-                 hint: Callable[[str], None] | None = None,
-                 water: Water | None = None) -> None:
+                 warn: Callable[[str], None], hint: Callable[[str], None],
+                 scorer: Scorer | None = None, water: Water | None = None) -> None:
         self._water = water
-        self._hint = hint = hint or warn
+        self._hint = hint
         self._sizes_told = False
         self._settings = settings
         self._reject = reject
         self._scorer = scorer
-        self._cadences = {name: Cadence() for name in settings.used_inputs() if name in SOURCES}
+        used = settings.used_inputs()
+        self._cadences = {name: Cadence() for name in used if name in SOURCES}
         self._patience = round(settings.longest_timeout / NS)
         self._sees_current = settings.sees_current
         self._shared = SharedMotion(settings)
@@ -106,7 +106,6 @@ class Pipeline:
         self._commands = CommandIntake(settings, self._forces, warn)
         self._configuration = ConfigurationCheck(
             settings, thruster_model(settings.thrusters), warn)
-        used = settings.used_inputs()
         self._couplings = CouplingRegressors(settings, self._shared.attitude) if any(
             settings.couplings(d) or settings.watched(d) for d in settings.dofs) else None
         needed = ('position', 'depth', *(self._couplings.inputs if self._couplings else ()))
@@ -115,8 +114,7 @@ class Pipeline:
         self._sources = [one for one in sources if one.dofs or one.input in used
                          and one.input in needed]
         self._by_input = {one.input: one for one in self._sources}
-        self._checks = {name: InputCheck(settings, name, warn) for name in SOURCES
-                        if name in used}
+        self._checks = {name: InputCheck(settings, name, warn) for name in self._cadences}
         self._planar = PlanarSteps(settings, self._shared.attitude) if (
             settings.estimates_current) else None
         rows = self._planar.filter.rows if self._planar is not None else {}

@@ -101,7 +101,7 @@ class Stream:
             MAX_WARNINGS)
         self._hints: deque[str] = deque((), MAX_WARNINGS)
         self._pipeline = Pipeline(
-            settings, self.reject, self._warnings.append, scorer, self._hints.append, water)
+            settings, self.reject, self._warnings.append, self._hints.append, scorer, water)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
         self._order = EventOrder(keys, settings.wait, settings.time_jump, self.reject,

@@ -23,14 +23,10 @@ import math
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS
-from rovid_core.model.samples import Motion
+from rovid_core.model.samples import Motion, NS
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
-
-Array = NDArray[np.float64]
-
-NS = 1e-9
 
 BLOCK = 500_000_000
 """[ns] Means over so long are kept; where fixes are rare, several are taken together."""

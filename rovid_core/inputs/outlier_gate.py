@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 from rovid_core.model.dofs import ANGULAR_DOFS, Vector
+from rovid_core.model.samples import NS
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.velocity.attitude_history import rotation_between
-
-NS = 1e-9
 
 LEARNED_AFTER = 20
 """Innovations after which the scale is known."""

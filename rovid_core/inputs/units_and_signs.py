@@ -7,10 +7,8 @@ import math
 from operator import lt, mul, sub
 
 from rovid_core.model.dofs import Vector
-from rovid_core.model.samples import Step
+from rovid_core.model.samples import NS, Step
 from rovid_core.settings.run import DofSettings, Scales, Settings, ThrusterSettings
-
-NS = 1e-9
 
 WINDOW = 1_000_000_000
 """[ns] Speeds are taken over at least so long, which leaves the noise behind."""

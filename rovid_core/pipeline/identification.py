@@ -13,10 +13,8 @@ from rovid_core.identify.status import DofStatus, Judgement
 from rovid_core.inputs.units_and_signs import TypicalSizeCheck
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import lumped
-from rovid_core.model.samples import Step
+from rovid_core.model.samples import NS, Step
 from rovid_core.settings.run import Scales, Settings
-
-NS = 1e-9
 
 
 class Identification:

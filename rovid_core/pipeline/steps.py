@@ -11,7 +11,7 @@ from rovid_core.inputs.configuration_check import ConfigurationCheck
 from rovid_core.inputs.stuck_sensor import InputCheck, RESTARTS
 from rovid_core.inputs.units_and_signs import LONG, SHORT
 from rovid_core.model.dofs import Quaternion, Vector
-from rovid_core.model.samples import Motion, Sample, Step
+from rovid_core.model.samples import Motion, NS, Sample, Step
 from rovid_core.ordering.cadence import Cadence
 from rovid_core.pipeline.filtered_source import FilteredSource
 from rovid_core.pipeline.identification import Identification
@@ -21,8 +21,6 @@ from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.velocity.attitude_history import normalised, rotate, rotate_back, SharedMotion
 from rovid_core.velocity.couplings import CouplingRegressors, own_regressors
-
-NS = 1e-9
 
 SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
 """Inputs that velocities are made of."""

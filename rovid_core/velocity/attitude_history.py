@@ -11,9 +11,8 @@ from collections import deque
 import math
 
 from rovid_core.model.dofs import Quaternion, Vector
+from rovid_core.model.samples import NS
 from rovid_core.settings.run import Settings
-
-NS = 1e-9
 
 MAX_KEPT = 65536
 """Attitudes and depths that are kept, however close their stamps are."""

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from rovid_core.model.dofs import HEADING, OWN, RESTORING, Vector
-from rovid_core.model.samples import Motion
+from rovid_core.model.samples import Motion, NS
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import (
     AttitudeHistory,
@@ -29,8 +29,6 @@ from rovid_core.velocity.attitude_history import (
     rotate_back,
     rotation_between,
 )
-
-NS = 1e-9
 
 LINEAR, ANGULAR = 'uvw', 'pqr'
 OF_ATTITUDE = (*RESTORING, *HEADING)

@@ -6,7 +6,7 @@ from collections import deque
 import math
 
 from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS, Quaternion, Vector
-from rovid_core.model.samples import Motion
+from rovid_core.model.samples import Motion, NS
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import (
     MAX_KEPT,
@@ -15,8 +15,6 @@ from rovid_core.velocity.attitude_history import (
     rotation_between,
     SharedMotion,
 )
-
-NS = 1e-9
 
 SPEED_SPAN = 0.1
 """[s] Least span of a speed that is too fast: at 1 kHz fixes of 5 mm seem to move at 7 m/s."""

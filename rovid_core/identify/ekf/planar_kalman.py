@@ -50,7 +50,6 @@ from rovid_core.identify.ekf.extended_kalman import (
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, SAID
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty
-from rovid_core.identify.ekf.planar.filter_with_current import Array
 from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS
 from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement, PlanarMember
 from rovid_core.identify.ekf.planar.prediction import PlanarPrediction
@@ -64,6 +63,7 @@ from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.samples import PlanarStart, PlanarStep
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import CurrentSettings, Scales
 
 WINDOW = 180.0

@@ -42,9 +42,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     LONGEST,
 )
 from rovid_core.model.samples import PlanarPiece
-
-Array = NDArray[np.float64]
-
+from rovid_core.model.trajectory import Array
 
 Law = tuple[float, float, float, float, float]
 """What moves a row: v' = push +- rise + (drag |v| + linear) v + turning w, in this order."""

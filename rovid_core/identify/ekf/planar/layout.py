@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from rovid_core.identify.ekf.single.linearised_filter import NONE_OWN
-
-Array = NDArray[np.float64]
+from rovid_core.model.trajectory import Array
 
 Looks = Array | None
 """What two values measure of the motion, an array of shape (2, 8); None for the position."""

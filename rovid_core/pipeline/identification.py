@@ -104,11 +104,10 @@ class Identification:
         self._status.reset()
         self._steps = 0
         self._interrupted = False
-        identifier = self.identifier
         self.estimate = DofEstimate(
-            dof=self._name, parameters=identifier.parameters, uncertainty=identifier.uncertainty,
-            judgement=Judgement('waiting', ('no step yet',)), delay=identifier.delay,
-            couplings=identifier.couplings)
+            dof=self._name, parameters=self.identifier.parameters,
+            judgement=Judgement('waiting', ('no step yet',)))
+        self.take_up()
 
     def begin_anew(self) -> None:
         """Forget all that was learned; the steps go on being counted."""

@@ -17,9 +17,6 @@ from rovid_core.settings.run import Settings
 MAX_KEPT = 65536
 """Attitudes and depths that are kept, however close their stamps are."""
 
-NEED_NOISE = ('ekf',)
-"""Methods that use how the noise of the attitude bends the path."""
-
 SHARE = 0.01
 """Of a new sample in the mean that tells the noise of the attitude."""
 
@@ -148,8 +145,7 @@ class SharedMotion:
     """
 
     def __init__(self, settings: Settings) -> None:
-        needs_noise = settings.all_methods or settings.identifier.method in NEED_NOISE
-        self.attitude = AttitudeHistory(0, 0, needs_noise)
+        self.attitude = AttitudeHistory(0, 0, settings.watches)
         self.change(settings)
         self.restart()
 

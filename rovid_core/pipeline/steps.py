@@ -369,8 +369,7 @@ class Pipeline:
         return self._couplings.mean(
             source.couplings, *span, self._planar_of(source) is not None)
 
-    def _coupling_means(self, source: FilteredSource, last: Motion,
-                        motion: Motion) -> list[tuple[float, float]]:
+    def _coupling_means(self, source: FilteredSource, motion: Motion) -> list[tuple[float, float]]:
         """Return the regressors over both parts of the step that a motion ends."""
         new = self._coupling_regressors(source, motion)
         old, source.last_regressors = source.last_regressors, new
@@ -400,7 +399,7 @@ class Pipeline:
         if missing:
             self._interrupt(source, missing)
             return
-        if last is None or source.velocity.value is None:
+        if last is None:
             self._begin(source, motion)
             return
         middle = min(max(motion.start, last.time), time)
@@ -439,7 +438,7 @@ class Pipeline:
         filtered: tuple[float, ...] = ()
         if source.has_couplings:
             couplings = [
-                *self._coupling_means(source, last, motion), *own_regressors(
+                *self._coupling_means(source, motion), *own_regressors(
                     source.own, (last, motion), (first, second, third), (lead, rest))]
             filtered = source.regressors.step(
                 dt, tuple([(lead * x + rest * y) / dt for x, y in couplings]))

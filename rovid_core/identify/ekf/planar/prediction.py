@@ -35,7 +35,6 @@ class PlanarPrediction:
 
     def __init__(self, rows: tuple[Row, Row], size: int) -> None:
         self._model = PlanarFilter(rows, [0.0] * size, [0.0] * size)
-        self._size = size
         self._noise = 0.0
         self._blocks: list[list[float]] = []
         self._sums = [0.0] * 8

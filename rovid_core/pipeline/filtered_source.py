@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from rovid_core.model.dofs import OWN
 from rovid_core.model.lowpass import LowPass
 from rovid_core.model.samples import Motion
+from rovid_core.pipeline.planar_steps import PlanarSteps
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import SharedMotion
 from rovid_core.velocity.velocity_source import VelocitySource
@@ -26,6 +27,8 @@ class FilteredSource(VelocitySource):
         What the sources know of each other.
     warn : callable
         Called with one line if the samples come too slowly.
+    planar : PlanarSteps or None
+        What takes the steps of surge and sway together.
 
     Attributes
     ----------
@@ -49,11 +52,13 @@ class FilteredSource(VelocitySource):
         Of the couplings.
     last_regressors : tuple of float
         Those of the couplings over the interval of ``last``.
+    planar : PlanarSteps or None
+        As given where this is the source of surge and sway.
 
     """
 
     def __init__(self, settings: Settings, input: str, shared: SharedMotion,
-                 warn: Callable[[str], None]) -> None:
+                 warn: Callable[[str], None], planar: PlanarSteps | None) -> None:
         self.velocity = LowPass(settings.cutoff)
         self.force = LowPass(settings.cutoff)
         self.regressors = LowPass(settings.cutoff)
@@ -70,6 +75,7 @@ class FilteredSource(VelocitySource):
         self.last_regressors: tuple[float, ...] = ()
         self.held: Motion | None = None
         self.last: Motion | None = None
+        self.planar = planar if planar is not None and planar.input == input else None
         self._warn: Callable[[str], None] | None = warn
         self._gaps = 0
 

@@ -107,14 +107,15 @@ class Pipeline:
         self._couplings = CouplingRegressors(settings, self._shared.attitude) if any(
             settings.couplings(d) or settings.watched(d) for d in settings.dofs) else None
         needed = ('position', 'depth', *(self._couplings.inputs if self._couplings else ()))
-        sources = [FilteredSource(settings, name, self._shared, hint) for name in SOURCES]
+        self._planar = PlanarSteps(settings, self._shared.attitude) if (
+            settings.estimates_current) else None
+        sources = [FilteredSource(settings, name, self._shared, hint, self._planar)
+                   for name in SOURCES]
         # position and depth need each other, and couplings their inputs, also without a DOF
         self._sources = [one for one in sources if one.dofs or one.input in used
                          and one.input in needed]
         self._by_input = {one.input: one for one in self._sources}
         self._checks = {name: InputCheck(settings, name, warn) for name in self._cadences}
-        self._planar = PlanarSteps(settings, self._shared.attitude) if (
-            settings.estimates_current) else None
         rows = self._planar.filter.rows if self._planar is not None else {}
         weaker: set[str] = set()
         self.dofs = [Identification(settings, dof, reject, rows.get(dof), weaker)
@@ -339,11 +340,6 @@ class Pipeline:
         a, b, c = rotate_back(attitude, (x, y, 0.0))
         return motion._replace(body=(u - a, v - b, w - c))
 
-    def _planar_of(self, source: FilteredSource) -> PlanarSteps | None:
-        """Return what takes the steps of surge and sway of a source together, if they are."""
-        planar = self._planar
-        return planar if planar is not None and planar.input == source.input else None
-
     def _lacking(self, source: FilteredSource, motion: Motion) -> tuple[str, str] | None:
         """
         Return what is missing of the other inputs over a motion, None if nothing is.
@@ -354,11 +350,10 @@ class Pipeline:
         if source.couplings and self._couplings is not None and span is not None:
             # what the filter of surge and sway waits for cannot wait for it
             missing = self._couplings.missing(
-                source.couplings, *span, self._planar_of(source) is not None)
+                source.couplings, *span, source.planar is not None)
             if missing:
                 return missing, 'no_coupling'
-        planar = self._planar_of(source)
-        missing = planar.missing(motion) if planar is not None else ''
+        missing = source.planar.missing(motion) if source.planar is not None else ''
         return (missing, 'no_attitude') if missing else None
 
     def _coupling_regressors(self, source: FilteredSource, motion: Motion) -> tuple[float, ...]:
@@ -367,7 +362,7 @@ class Pipeline:
         if self._couplings is None or span is None:
             return ()
         return self._couplings.mean(
-            source.couplings, *span, self._planar_of(source) is not None)
+            source.couplings, *span, source.planar is not None)
 
     def _coupling_means(self, source: FilteredSource, motion: Motion) -> list[tuple[float, float]]:
         """Return the regressors over both parts of the step that a motion ends."""
@@ -384,7 +379,7 @@ class Pipeline:
             source.note_gap()
         if reason not in ('too_fast', 'burst'):  # it costs one step; the state is still good
             source.interrupt()
-            if self._couplings is not None and self._planar_of(source) is not None:
+            if self._couplings is not None and source.planar is not None:
                 self._couplings.forget_filtered()
 
     def _make_step(self, source: FilteredSource, motion: Motion, now: int,
@@ -404,10 +399,10 @@ class Pipeline:
             return
         middle = min(max(motion.start, last.time), time)
         span = last.time, middle, time
-        planar, steps = self._planar_of(source), self._steps_of(source, last, motion, span)
-        if planar is not None:
-            planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
-            self._tell_others(planar, time, motion.body[2])
+        steps = self._steps_of(source, last, motion, span)
+        if source.planar is not None:
+            source.planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
+            self._tell_others(source.planar, time, motion.body[2])
         delay = source.velocity.delay
         for i, step in zip(source.indices, steps):
             self.dofs[i].add_step(time, step, self.adapt, delay)
@@ -475,9 +470,8 @@ class Pipeline:
             own = own_regressors(source.own, (motion, motion), (still, still, still), (0.0, 0.0))
             source.regressors.step(0.0, (*source.last_regressors, *[x for x, _ in own]))
         source.last = motion
-        planar = self._planar_of(source)
-        if planar is not None:
-            planar.begin(motion)
+        if source.planar is not None:
+            source.planar.begin(motion)
         for i, v in zip(source.indices, velocity):
             self.dofs[i].identifier.restart(v)
             if self._scorer is not None:
@@ -501,7 +495,7 @@ class Pipeline:
     def _begin_coupled_anew(self, couplings: CouplingRegressors) -> None:
         """Forget what DOFs have learned that were coupled with a velocity that was not known."""
         for source in self._sources:
-            for i in source.indices if self._planar_of(source) is None else ():
+            for i in source.indices if source.planar is None else ():
                 dof = self._settings.dofs[i]
                 if couplings.has_velocity(self._settings.couplings(dof)):
                     self.dofs[i].begin_anew()

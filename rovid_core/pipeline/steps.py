@@ -104,9 +104,8 @@ class Pipeline:
         self._commands = CommandIntake(settings, self._forces, warn)
         self._configuration = ConfigurationCheck(
             settings, thruster_model(settings.thrusters), warn)
-        self._couplings = CouplingRegressors(settings, self._shared.attitude) if any(
-            settings.couplings(d) or settings.watched(d) for d in settings.dofs) else None
-        needed = ('position', 'depth', *(self._couplings.inputs if self._couplings else ()))
+        self._couplings = CouplingRegressors(settings, self._shared.attitude)
+        needed = ('position', 'depth', *self._couplings.inputs)
         self._planar = PlanarSteps(settings, self._shared.attitude) if (
             settings.estimates_current) else None
         sources = [FilteredSource(settings, name, self._shared, hint, self._planar)
@@ -141,8 +140,7 @@ class Pipeline:
         """Hand other settings to all that depends on them."""
         self._patience = round(settings.longest_timeout / NS)
         self._shared.change(settings)
-        if self._couplings is not None:
-            self._couplings.change(settings)
+        self._couplings.change(settings)
         self._forces.change(settings.thrusters.timeout)
         self._commands.change(settings)
         for check in self._checks.values():
@@ -155,8 +153,7 @@ class Pipeline:
     def restart(self) -> None:
         """Forget filters and histories, and keep the parameters."""
         self._shared.restart()
-        if self._couplings is not None:
-            self._couplings.restart()
+        self._couplings.restart()
         self._forces.restart()
         self._commands.restart()
         self._configuration.restart()
@@ -174,8 +171,7 @@ class Pipeline:
         """Go back to the initial parameters; filters and histories stay."""
         for dof in self.dofs:
             dof.identifier.reset()
-        if self._couplings is not None:
-            self._couplings.forget_filtered()
+        self._couplings.forget_filtered()
         self.refresh()
         for source in self._sources:
             source.last = None
@@ -325,7 +321,7 @@ class Pipeline:
 
     def _note_motion(self, input: str, motion: Motion) -> None:
         """Hand a motion to what looks at all of them, whatever steps they make."""
-        if self._couplings is not None:
+        if self._couplings.are_there:
             self._couplings.add_velocity(input, self._through_water(motion))
         if self._configuration.active:
             self._configuration.add_motion(input, motion, self._shared.heading(
@@ -347,7 +343,7 @@ class Pipeline:
         ``later`` or why it will not come, and the reason of refusal if it does not.
         """
         span = source.coupling_span(motion)
-        if source.couplings and self._couplings is not None and span is not None:
+        if source.couplings and span is not None:
             # what the filter of surge and sway waits for cannot wait for it
             missing = self._couplings.missing(
                 source.couplings, *span, source.planar is not None)
@@ -359,7 +355,7 @@ class Pipeline:
     def _coupling_regressors(self, source: FilteredSource, motion: Motion) -> tuple[float, ...]:
         """Return the regressors of all DOFs of a source over a motion; () at a first point."""
         span = source.coupling_span(motion)
-        if self._couplings is None or span is None:
+        if span is None:
             return ()
         return self._couplings.mean(
             source.couplings, *span, source.planar is not None)
@@ -379,7 +375,7 @@ class Pipeline:
             source.note_gap()
         if reason not in ('too_fast', 'burst'):  # it costs one step; the state is still good
             source.interrupt()
-            if self._couplings is not None and source.planar is not None:
+            if source.planar is not None:
                 self._couplings.forget_filtered()
 
     def _make_step(self, source: FilteredSource, motion: Motion, now: int,
@@ -440,7 +436,7 @@ class Pipeline:
         pieces = self._forces.pieces(
             begin, time, source.indices) if self._settings.watches else ()
         watched: tuple[float, ...] = ()
-        if source.watched and self._couplings is not None:
+        if source.watched:
             watched = self._couplings.as_known(
                 source.watched, *((last.start, last.end) if interval else (begin, time)))
         path_noise, turn, none = motion.path_noise, motion.turn, not source.has_couplings
@@ -483,21 +479,19 @@ class Pipeline:
         current, velocity = planar.filter.current, planar.filter.water_velocity
         if self._scorer is not None and current.is_seen:
             self._scorer.add_current(time, current.x, current.y)
-        if self._couplings is None:
-            return
         if velocity is None:
             self._couplings.forget_filtered()
         else:
             self._couplings.add_filtered(time, (velocity[0], velocity[1], heave))
         if planar.filter.current_is_new:
-            self._begin_coupled_anew(self._couplings)
+            self._begin_coupled_anew()
 
-    def _begin_coupled_anew(self, couplings: CouplingRegressors) -> None:
+    def _begin_coupled_anew(self) -> None:
         """Forget what DOFs have learned that were coupled with a velocity that was not known."""
         for source in self._sources:
             for i in source.indices if source.planar is None else ():
                 dof = self._settings.dofs[i]
-                if couplings.has_velocity(self._settings.couplings(dof)):
+                if self._couplings.has_velocity(self._settings.couplings(dof)):
                     self.dofs[i].begin_anew()
                     source.last = None
                     if self._scorer is not None:

@@ -133,9 +133,6 @@ class CouplingRegressors:
     """
     The regressors of all DOFs that have couplings.
 
-    ``inputs`` are those whose velocities couplings are made of; what is only watched asks for
-    none.
-
     Parameters
     ----------
     settings : Settings
@@ -143,10 +140,19 @@ class CouplingRegressors:
     attitude : AttitudeHistory
         The attitudes that were accepted.
 
+    Attributes
+    ----------
+    are_there : bool
+        Whether a DOF has couplings, or some are watched.
+    inputs : tuple of str
+        Those whose velocities couplings are made of; what is only watched asks for none.
+
     """
 
     def __init__(self, settings: Settings, attitude: AttitudeHistory) -> None:
         self._attitude = attitude
+        self.are_there = any(
+            settings.couplings(dof) or settings.watched(dof) for dof in settings.dofs)
         self._linear_input = 'velocity' if settings.velocity.topic else 'position'
         self._rates_input = 'attitude' if settings.attitude.topic else 'angular_velocity'
         letters = {x for dof in settings.dofs for name in settings.couplings(dof)

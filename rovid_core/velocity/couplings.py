@@ -112,8 +112,8 @@ class Needed(NamedTuple):
     ----------
     linear, rates : bool
         Whether linear velocities, and angular ones that are measured.
-    attitude, turns : bool
-        Whether attitudes, and angular velocities made of them.
+    turns : bool
+        Whether angular velocities that are made of attitudes.
     points : bool
         Whether the attitude itself.
     early : tuple of str
@@ -123,7 +123,6 @@ class Needed(NamedTuple):
 
     linear: bool
     rates: bool
-    attitude: bool
     turns: bool
     points: bool
     early: tuple[str, ...]
@@ -214,7 +213,7 @@ class CouplingRegressors:
         found = self._linear_from(start, measured).missing(start, end) if needed.linear else ''
         if not found and needed.rates:
             found = self._rates.missing(start, end)
-        if not found and needed.attitude:
+        if not found and (needed.turns or needed.points):
             found = self._attitude.missing(start) or self._attitude.missing(end)
         return 'no_coupling' if found == 'no_attitude' else found
 
@@ -230,10 +229,9 @@ class CouplingRegressors:
             by_attitude = turns and self._rates_input == 'attitude'
             points = any(name in OF_ATTITUDE for name in names)
             known = self._known_needs[names] = Needed(
-                bool(letters & set(LINEAR)), turns and not by_attitude, by_attitude or points,
-                by_attitude, points, tuple([
-                    name for name in names if name in OF_ATTITUDE
-                    or not set(name) & set(LINEAR)]))
+                bool(letters & set(LINEAR)), turns and not by_attitude, by_attitude, points,
+                tuple([name for name in names if name in OF_ATTITUDE
+                       or not set(name) & set(LINEAR)]))
         return known
 
     def mean(self, names: tuple[str, ...], start: int, end: int,

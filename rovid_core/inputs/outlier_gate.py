@@ -105,7 +105,6 @@ class OutlierGate:
         is_angular = input in ('attitude', 'angular_velocity')
         self._is_rotation = input == 'attitude'
         self._is_rate = input in ('velocity', 'angular_velocity')
-        self._is_linear = input in ('position', 'depth')
         # the depth counts instead of z
         self._axes = 1 if input == 'depth' else (
             2 if input == 'position' and settings.depth.topic else 3)
@@ -196,7 +195,7 @@ class OutlierGate:
             return noise + FACTOR * self._velocity * span
         # the rate lags behind by 1.75 periods, see _rate_gain
         change = self._acceleration * (0.5 * span + 1.75 * period)
-        if self._is_linear:  # over seconds, no further than from full astern to full ahead
+        if not self._is_rotation:  # over seconds, no further than from full astern to full ahead
             change = min(change, 2.0 * FACTOR * self._velocity)
         return noise + change * span
 

@@ -86,13 +86,6 @@ class OutlierGate:
     When ``FOLLOW_AFTER`` outliers in a row follow from each other, the measurement has jumped,
     and is followed from there.
 
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    input : str
-        Name of the input.
-
     Attributes
     ----------
     change : Vector or None

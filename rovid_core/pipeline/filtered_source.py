@@ -19,12 +19,8 @@ class FilteredSource(VelocitySource):
 
     Parameters
     ----------
-    settings : Settings
-        The run.
-    input : str
-        The source.
-    shared : SharedMotion
-        What the sources know of each other.
+    settings, input, shared
+        As of a ``VelocitySource``.
     warn : callable
         Called with one line if the samples come too slowly.
     planar : PlanarSteps or None

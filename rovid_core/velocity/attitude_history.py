@@ -130,11 +130,6 @@ class SharedMotion:
     """
     What the velocity sources know of each other.
 
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-
     Attributes
     ----------
     attitude : AttitudeHistory

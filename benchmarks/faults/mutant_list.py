@@ -518,7 +518,7 @@ MUTANTS = [
           'return (x / dt, y / dt, z / dt)', 'return (x, y, z)'),
          ('a mean goes on over an interval that is missing',
           'means[-1][1] != start', 'False')),
-    *_of('rovid_core/pipeline/silent_sensor.py', 'test/core/test_staleness.py',
+    *_of('rovid_core/pipeline/identification.py', 'test/core/test_staleness.py',
          ('what was before a jump of time is fresh',
           'not (silent or self._interrupted)', 'not silent'),
          ('what is stale has a velocity',

@@ -49,7 +49,7 @@ def parts(path: Path, settings: Settings) -> dict[str, float]:
         dof.add_step = lambda *_: None  # type: ignore[method-assign]
     timed('gates, velocity and thrust', lambda: _fed(moving, released))
     timed('gates, velocity, thrust and identifiers', lambda: _fed(_pipeline(settings), released))
-    scored = Pipeline(settings, _ignore, _ignore, ScoreLog(settings))
+    scored = Pipeline(settings, _ignore, _ignore, _ignore, ScoreLog(settings))
     timed('the pipeline with the score', lambda: _fed(scored, released))
     whole = PipelinePlayer(settings)
 
@@ -69,7 +69,7 @@ def _ordered(settings: Settings, events: Iterable[Event]) -> list[Event]:
 
 
 def _pipeline(settings: Settings) -> Pipeline:
-    return Pipeline(settings, _ignore, _ignore)
+    return Pipeline(settings, _ignore, _ignore, _ignore)
 
 
 def _fed(pipeline: Pipeline, events: Iterable[Event]) -> None:

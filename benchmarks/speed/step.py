@@ -15,7 +15,6 @@ from statistics import median
 from time import process_time
 
 import numpy as np
-from rovid_core.inputs.units_and_signs import UnsignedCommandCheck
 from rovid_core.pipeline.identification import Identification
 from rovid_core.settings.run import IdentifierSettings, Scales, Settings
 
@@ -84,8 +83,7 @@ def piped(settings: Settings) -> Work:
 
 
 def _dof(settings: Settings) -> Identification:
-    return Identification(
-        settings, 0, UnsignedCommandCheck(settings, _ignore), _ignore)
+    return Identification(settings, settings.dofs[0], _ignore)
 
 
 def works() -> dict[tuple[str, str], Work]:

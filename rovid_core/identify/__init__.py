@@ -45,7 +45,7 @@ def make_identifier(settings: IdentifierSettings, dof: DofSettings,
 
 
 def retuned_identifier(identifier: Identifier, settings: IdentifierSettings, dof: DofSettings,
-                       raw_gains: tuple[float, ...] | None = None) -> Identifier:
+                       raw_gains: tuple[float, ...] | None) -> Identifier:
     """
     Return an identifier with other gains that continues with the state of a given one.
 

@@ -15,9 +15,6 @@ from rovid_core.identify.intervals import (
 from rovid_core.identify.status import Judgement, WAITING
 from rovid_core.model.dofs import Four
 
-CURRENT_STATUSES = ('off', 'unobservable', 'converging', 'known', 'inconsistent')
-"""What is known of the current; ``unobservable`` until the vehicle has turned."""
-
 TURN = 'turn by 45 degrees or more'
 """What to do first, that a current can be told from drag and bias."""
 
@@ -116,7 +113,8 @@ class Current(NamedTuple):
     y: float
     covariance: tuple[float, float, float]  # xx, xy, yy [m^2/s^2]
     chi2: float = math.nan
-    status: str = 'converging'  # one of CURRENT_STATUSES
+    # off, unobservable (until the vehicle has turned), converging, known or inconsistent
+    status: str = 'converging'
     advice: str = ''  # what is missing, or what fits better than a current
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 import math
 
-from rovid_core.model.dofs import Four, PARAMETERS
+from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
@@ -35,18 +35,6 @@ class Gram:
     # what the regressors were multiplied by (``Scales.regressor``)
     scale: Four = (1.0, 1.0, 1.0, 1.0)
 
-    @cached_property
-    def matrix(self) -> tuple[Four, Four, Four, Four]:
-        """Return the Gram matrix of all four terms; zero before any data."""
-        time = self.sums[9] or 1.0
-        a, ab, ac, ad, b, bc, bd, c, cd, d = [x / time for x in self.sums]
-        return ((a, ab, ac, ad), (ab, b, bc, bd), (ac, bc, c, cd), (ad, bd, cd, d))
-
-    @property
-    def information(self) -> dict[str, float]:
-        """Return the part of each mean square that the others cannot explain, 1 / (G^-1)_ii."""
-        return {PARAMETERS[i]: self._unexplained(i, self.active) for i in self.active}
-
     def acceleration(self, parameters: Sequence[float]) -> float:
         """Return the root mean square of theta . phi over the data [m/s^2 or rad/s^2]."""
         (p, q, r, s), (t, u, v, w) = parameters, self.scale
@@ -69,16 +57,18 @@ class Gram:
     @cached_property
     def reasons(self) -> tuple[str, ...]:
         """Return in words what the data do not show and what would help; empty if nothing."""
-        if self.sums[9] <= 0.0:
+        time = self.sums[9]
+        if time <= 0.0:
             return ('no step yet',)
-        if self.matrix[ALPHA][ALPHA] < MIN_EXCITATION:
+        thrust = self.sums[0] / time
+        if thrust < MIN_EXCITATION:
             return ('no thrust',)
-        weak = {i for i in self.active if self._unexplained(i, self.active) < MIN_INFORMATION}
+        weak = {i for i in self.active if self.unexplained(i, self.active) < MIN_INFORMATION}
         found = []
         if ALPHA in weak:
             found.append(
                 'thrust only balances drag and bias: the mass cannot be told; change the '
-                'thrust faster' if self.matrix[ALPHA][ALPHA] >= MIN_INFORMATION
+                'thrust faster' if thrust >= MIN_INFORMATION
                 else 'thrust is too small to tell the mass')
         if DELTA in weak:
             found.append('the speed hardly changes: the bias cannot be told from drag; drive '
@@ -88,9 +78,9 @@ class Gram:
         return tuple(found)
 
     def _why_no_drag(self) -> str:
-        if self.matrix[GAMMA][GAMMA] < MIN_MOTION:
+        if self.sums[7] / self.sums[9] < MIN_MOTION:
             return 'the speed is always near zero: drag cannot be seen'
-        alone = [self._unexplained(drag, [i for i in self.active if i != other])
+        alone = [self.unexplained(drag, [i for i in self.active if i != other])
                  for drag, other in ((BETA, GAMMA), (GAMMA, BETA))
                  if {drag, other} <= set(self.active)]
         if max(alone, default=0.0) < MIN_INFORMATION:
@@ -98,8 +88,8 @@ class Gram:
         return ('linear and quadratic drag cannot be told apart yet: run at several speeds, with '
                 'larger thrust and slowly (0.02 to 0.05 Hz)')
 
-    def _unexplained(self, i: int, terms: Sequence[int]) -> float:
-        """Return the part of mean square ``i`` that the other terms leave, by elimination."""
+    def unexplained(self, i: int, terms: Sequence[int]) -> float:
+        """Return the part of mean square ``i`` that the other terms leave, 1 / (G^-1)_ii."""
         a, ab, ac, ad, b, bc, bd, c, cd, d = self.sums
         rows = [[a, ab, ac, ad], [ab, b, bc, bd], [ac, bc, c, cd], [ad, bd, cd, d]]
         squares = (a, b, c, d)

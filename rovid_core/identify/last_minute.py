@@ -17,12 +17,10 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from rovid_core.model.dofs import OWN, own_coefficients
 from rovid_core.model.samples import Step
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
-
-Array = NDArray[np.float64]
 
 BLOCK, BLOCKS = 10.0, 6  # length of a block [s], and how many count
 # The share of the motion that has to be predicted, to become converged and while it is.

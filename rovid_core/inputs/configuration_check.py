@@ -20,16 +20,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 import math
+from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS
-from rovid_core.model.samples import Motion
+from rovid_core.model.samples import Motion, NS
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
-
-Array = NDArray[np.float64]
-
-NS = 1e-9
 
 BLOCK = 500_000_000
 """[ns] Means over so long are kept; where fixes are rare, several are taken together."""
@@ -305,7 +302,8 @@ class ConfigurationCheck:
         mistakes = list(self._mistakes(rows))
         right = self._evidence(rows, Mistake('', self._allocation))
         found = []
-        limit = _normal_quantile(ERROR_RATE / (len(LOOKS) * max(len(mistakes), 1)))
+        # what a standard normal number exceeds with this chance
+        limit = -NormalDist().inv_cdf(ERROR_RATE / (len(LOOKS) * max(len(mistakes), 1)))
         for mistake in mistakes:
             evidence = self._evidence(rows, mistake)
             if _t(_batches(evidence - right, rows.batch)) > _t_quantile(
@@ -489,16 +487,6 @@ def _t(values: Array) -> float:
     """Return Student's t of the mean of values."""
     deviation = float(np.std(values, ddof=1))
     return float(np.mean(values)) * math.sqrt(len(values)) / deviation if deviation else 0.0
-
-
-def _normal_quantile(chance: float) -> float:
-    """Return what a standard normal number exceeds with a chance below 0.5."""
-    low, high = 0.0, 40.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if 0.5 * math.erfc(
-            middle / math.sqrt(2.0)) > chance else (low, middle)
-    return high
 
 
 def _t_quantile(normal: float, freedom: int) -> float:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 from rovid_core.model.dofs import ANGULAR_DOFS, Vector
+from rovid_core.model.samples import NS
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.velocity.attitude_history import rotation_between
-
-NS = 1e-9
 
 LEARNED_AFTER = 20
 """Innovations after which the scale is known."""
@@ -87,13 +86,6 @@ class OutlierGate:
     When ``FOLLOW_AFTER`` outliers in a row follow from each other, the measurement has jumped,
     and is followed from there.
 
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    input : str
-        Name of the input.
-
     Attributes
     ----------
     change : Vector or None
@@ -106,7 +98,6 @@ class OutlierGate:
         is_angular = input in ('attitude', 'angular_velocity')
         self._is_rotation = input == 'attitude'
         self._is_rate = input in ('velocity', 'angular_velocity')
-        self._is_linear = input in ('position', 'depth')
         # the depth counts instead of z
         self._axes = 1 if input == 'depth' else (
             2 if input == 'position' and settings.depth.topic else 3)
@@ -197,7 +188,7 @@ class OutlierGate:
             return noise + FACTOR * self._velocity * span
         # the rate lags behind by 1.75 periods, see _rate_gain
         change = self._acceleration * (0.5 * span + 1.75 * period)
-        if self._is_linear:  # over seconds, no further than from full astern to full ahead
+        if not self._is_rotation:  # over seconds, no further than from full astern to full ahead
             change = min(change, 2.0 * FACTOR * self._velocity)
         return noise + change * span
 

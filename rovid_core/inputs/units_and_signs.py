@@ -1,4 +1,8 @@
-"""Warn of wrong units, signs and frames that show in the data, each once, and name the key."""
+"""
+Warn of wrong units, signs and frames that show in the data, and name the key.
+
+Each check calls ``warn`` with one line, once.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +11,8 @@ import math
 from operator import lt, mul, sub
 
 from rovid_core.model.dofs import Vector
-from rovid_core.model.samples import Step
+from rovid_core.model.samples import NS, Step
 from rovid_core.settings.run import DofSettings, Scales, Settings, ThrusterSettings
-
-NS = 1e-9
 
 WINDOW = 1_000_000_000
 """[ns] Speeds are taken over at least so long, which leaves the noise behind."""
@@ -40,19 +42,7 @@ UNITS = {
 
 
 class UnitCheck:
-    """
-    Warn when an input keeps moving faster than the vehicle can.
-
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    input : str
-        Name of the input.
-    warn : callable
-        Called with one line, once.
-
-    """
+    """Warn when an input keeps moving faster than the vehicle can."""
 
     def __init__(self, settings: Settings, input: str, warn: Callable[[str], None]) -> None:
         self._input = input
@@ -147,17 +137,7 @@ def look_like_pulse_widths(thrusters: ThrusterSettings, low: float, high: float)
 
 
 class PulseWidthCheck:
-    """
-    Warn when thruster commands are pulse widths, and their middle is taken for thrust.
-
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    warn : callable
-        Called with one line, once.
-
-    """
+    """Warn when thruster commands are pulse widths, and their middle is taken for thrust."""
 
     def __init__(self, settings: Settings, warn: Callable[[str], None]) -> None:
         self._thrusters = settings.thrusters
@@ -200,17 +180,7 @@ BACK = 0.8
 
 
 class UnsignedCommandCheck:
-    """
-    Warn when thruster commands have no sign although the vehicle moves both ways.
-
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-    warn : callable
-        Called with one line, once.
-
-    """
+    """Warn when thruster commands have no sign although the vehicle moves both ways."""
 
     def __init__(self, settings: Settings, warn: Callable[[str], None]) -> None:
         self._offset = settings.thrusters.offset
@@ -240,15 +210,7 @@ class UnsignedCommandCheck:
 
 
 class TwoSendersCheck:
-    """
-    Warn when thruster commands jump to and fro, as those of two programs on one topic do.
-
-    Parameters
-    ----------
-    warn : callable
-        Called with one line, once.
-
-    """
+    """Warn when thruster commands jump to and fro, as those of two programs on one topic do."""
 
     def __init__(self, warn: Callable[[str], None]) -> None:
         self._warn = warn
@@ -278,17 +240,8 @@ class NeutralCheck:
     Warn when all thrusters rest at a command that the settings take for thrust.
 
     Three thrusters or more that push different ways have exactly one command at the same time
-    where nothing is asked of them.
-
-    Parameters
-    ----------
-    thrusters : ThrusterSettings
-        The chain.
-    curve : callable
-        The force of a thruster before its gain, of a raw command.
-    warn : callable
-        Called with one line, once.
-
+    where nothing is asked of them. ``curve`` returns the force of a thruster before its gain, of
+    a raw command.
     """
 
     def __init__(self, thrusters: ThrusterSettings, curve: Callable[[float], float],

@@ -7,9 +7,12 @@ There are many of them, and a tuple is made several times faster than a frozen d
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from rovid_core.model.dofs import Three, Vector
+
+NS: Final = 1e-9
+"""[s] of a nanosecond, in which times are counted."""
 
 
 class Sample(NamedTuple):

@@ -80,12 +80,12 @@ class EventOrder:
         self._inputs = frozenset(inputs)
         self._grows = grows
         self._max_wait = round(max_wait * 1e9)
-        self._far = max(FAR, self._max_wait)  # a stamp may lag by max_wait
         self._time_jump = round(time_jump * 1e9)
         self._reject = reject
         self._warn = warn
+        # a stamp may lag by max_wait
         self._jumps = ClockJumps(
-            self._inputs, self._far, self._time_jump, self._drop, warn)
+            self._inputs, max(FAR, self._max_wait), self._time_jump, self._drop, warn)
         self.restart()
 
     def restart(self) -> None:
@@ -107,7 +107,7 @@ class EventOrder:
         self._grows = grows
         self._past = max(self._past, self._newest - self._max_wait)
         self._max_wait = round(max_wait * 1e9)
-        self._jumps.far = self._far = max(FAR, self._max_wait)
+        self._jumps.far = max(FAR, self._max_wait)
 
     def lag(self, name: str) -> float:
         """Return by how much [s] late events of an input are behind the newest one, at most."""
@@ -135,9 +135,9 @@ class EventOrder:
         if key not in self._inputs:  # decides nothing
             self._drop(event, 'backward')
             return [], False
-        if not self._jumps.has_jumped_back(key, event, self._last.keys() & self._inputs):
+        confirmed = self._jumps.confirmed_behind(key, event, self._last.keys() & self._inputs)
+        if not confirmed:
             return [], False
-        confirmed = self._jumps.release_behind()
         for discarded in [*(item[3] for item in self._held), *self._jumps.release_ahead()]:
             self._drop(discarded, 'discarded')
         self.restart()
@@ -221,7 +221,7 @@ class EventOrder:
                            f'other inputs: they wait up to {wait / 1e9:.2f} s for it from now on')
             return
         count = self._late[key] = self._late.get(key, 0) + 1
-        if count == WARN_AFTER and lag > self._far:
+        if count == WARN_AFTER and lag > self._jumps.far:
             self._warn(f'the stamps of {key[0]} are {lag / 1e9:.1f} s behind those of the other '
                        'inputs; they are refused as late: correct its clock or '
                        f'{key[0]}.latency, or, if they come so late, set max_wait to '
@@ -394,9 +394,9 @@ class ClockJumps:
         self.ahead.clear()
         return sorted(events, key=lambda e: e.time)
 
-    def has_jumped_back(self, key: Key, event: Event, known: Collection[Key]) -> bool:
+    def confirmed_behind(self, key: Key, event: Event, known: Collection[Key]) -> list[Event]:
         """
-        Keep an event far behind, and tell whether time itself has jumped back.
+        Keep an event far behind; return all of these, by time, if time itself has jumped back.
 
         Parameters
         ----------
@@ -418,17 +418,12 @@ class ClockJumps:
             own.append(event)
             if len(own) > MAX_DOUBTED:
                 self._drop(own.pop(0), 'backward')
-        if own[-1].time - own[0].time > self.far:
-            return True
         doubted = [event for events in self._behind.values() for event in events]
         back = {(s.input, s.part) for event in doubted for s in event.samples}
-        return len(doubted) > 1 and back.issuperset(known)
-
-    def release_behind(self) -> list[Event]:
-        """Return all events far behind, by time, and forget them."""
-        doubted = [event for events in self._behind.values() for event in events]
-        self._behind, self._behind_count = {}, {}
-        return sorted(doubted, key=lambda event: event.time)
+        if own[-1].time - own[0].time > self.far or (
+                len(doubted) > 1 and back.issuperset(known)):
+            return sorted(doubted, key=lambda event: event.time)
+        return []
 
     def _deny_jump_back(self, key: Key, time: int, at_old_time: bool) -> None:
         """Drop what is far behind: its input, or all others, still stamp with the old time."""

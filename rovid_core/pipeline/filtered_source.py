@@ -7,11 +7,10 @@ from collections.abc import Callable, Sequence
 from rovid_core.model.dofs import OWN
 from rovid_core.model.lowpass import LowPass
 from rovid_core.model.samples import Motion
+from rovid_core.pipeline.planar_steps import PlanarSteps
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import SharedMotion
 from rovid_core.velocity.velocity_source import VelocitySource
-
-NS = 1e-9
 
 
 class FilteredSource(VelocitySource):
@@ -20,14 +19,12 @@ class FilteredSource(VelocitySource):
 
     Parameters
     ----------
-    settings : Settings
-        The run.
-    input : str
-        The source.
-    shared : SharedMotion
-        What the sources know of each other.
+    settings, input, shared
+        As of a ``VelocitySource``.
     warn : callable
         Called with one line if the samples come too slowly.
+    planar : PlanarSteps or None
+        What takes the steps of surge and sway together.
 
     Attributes
     ----------
@@ -51,13 +48,13 @@ class FilteredSource(VelocitySource):
         Of the couplings.
     last_regressors : tuple of float
         Those of the couplings over the interval of ``last``.
-    timeout : int
-        Longest time between two steps [ns].
+    planar : PlanarSteps or None
+        As given where this is the source of surge and sway.
 
     """
 
     def __init__(self, settings: Settings, input: str, shared: SharedMotion,
-                 warn: Callable[[str], None]) -> None:
+                 warn: Callable[[str], None], planar: PlanarSteps | None) -> None:
         self.velocity = LowPass(settings.cutoff)
         self.force = LowPass(settings.cutoff)
         self.regressors = LowPass(settings.cutoff)
@@ -74,13 +71,13 @@ class FilteredSource(VelocitySource):
         self.last_regressors: tuple[float, ...] = ()
         self.held: Motion | None = None
         self.last: Motion | None = None
+        self.planar = planar if planar is not None and planar.input == input else None
         self._warn: Callable[[str], None] | None = warn
         self._gaps = 0
 
     def change(self, settings: Settings) -> None:
         """Use other limits and another cutoff; the filters go on from where they are."""
         super().change(settings)
-        self.timeout = round(settings.timeout_of(self.input) / NS)
         self._is_chosen = settings.cutoff != Settings.cutoff  # else it follows the rate
         self.velocity.retune(settings.cutoff)
         self.force.retune(settings.cutoff)

@@ -10,26 +10,27 @@ from rovid_core.identify import make_identifier, retuned_identifier
 from rovid_core.identify.estimate import DofEstimate
 from rovid_core.identify.method import Identifier
 from rovid_core.identify.status import DofStatus, Judgement
-from rovid_core.inputs.units_and_signs import TypicalSizeCheck, UnsignedCommandCheck
+from rovid_core.inputs.units_and_signs import TypicalSizeCheck
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import lumped
-from rovid_core.model.samples import Step
-from rovid_core.pipeline.silent_sensor import SilentSensor
+from rovid_core.model.samples import NS, Step
 from rovid_core.settings.run import Scales, Settings
 
 
 class Identification:
     """
-    Identify one DOF from its steps.
+    Identify one DOF from its steps, and tell what is known of it while none comes.
+
+    An input that is silent for its timeout (``Settings.timeout_of``) makes no step, and steps do
+    not go on across it. Once the last step is older than the longest timeout of what a DOF
+    needs, its velocity, force and error are unknown; its parameters stay as they are.
 
     Parameters
     ----------
     settings : Settings
         The run.
-    i : int
-        Number of the DOF in ``settings.dofs``.
-    unsigned : UnsignedCommandCheck
-        Gets the velocity of every step.
+    name : str
+        Of the DOF.
     reject : callable
         Called with the DOF and the reason for every step that is refused.
     identifier : Identifier, optional
@@ -48,12 +49,10 @@ class Identification:
 
     """
 
-    def __init__(self, settings: Settings, i: int, unsigned: UnsignedCommandCheck,
-                 reject: Callable[[str, str], None],
+    def __init__(self, settings: Settings, name: str, reject: Callable[[str, str], None],
                  identifier: Identifier | None = None, weaker: set[str] | None = None) -> None:
-        self._name = name = settings.dofs[i]
+        self._name = name
         dof, method = settings.dof[name], settings.identifier
-        self._i = i
         self.identifier = identifier or make_identifier(
             method, dof, settings.raw_gains(name), settings.watched(name))
         # a method may leave couplings out, and raw gains have their own adaptation time
@@ -62,17 +61,16 @@ class Identification:
             self.identifier, 'adaptation_time', method.adaptation_time), name, weaker,
             settings.thrusters.hides_reverse(DOFS.index(name)))
         self.sizes = TypicalSizeCheck(name, dof)
-        self._unsigned = unsigned
         self._reject = reject
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
         self._truth = None if true is None else lumped(
             true.mass, true.quadratic_drag, true.linear_drag, true.bias)
-        self._silence = SilentSensor(settings, name)
+        self._largest_age = round(settings.largest_age(name) / NS)
         self.refresh()
 
     def change(self, settings: Settings, gains_change: bool) -> None:
         """Use other timeouts, and from the next step on other gains; the parameters stay."""
-        self._silence.change(settings)
+        self._largest_age = round(settings.largest_age(self._name) / NS)
         if not gains_change:
             return
         method = settings.identifier
@@ -81,23 +79,35 @@ class Identification:
         self._status.retune(getattr(self.identifier, 'adaptation_time', method.adaptation_time))
 
     def at(self, now: int, silent: bool = False) -> DofEstimate:
-        """Return the estimate at an event time [ns]; see ``SilentSensor.seen``."""
-        return self._silence.seen(self.estimate, now, silent)
+        """
+        Return the estimate as it is at an event time [ns], stale if its step is too long ago.
+
+        It is stale at once if it is ``silent``: an input without which there is no step has been
+        so for its timeout, or the histories were started anew.
+        """
+        estimate = self.estimate
+        age = now - estimate.time
+        if -self._largest_age <= age <= self._largest_age and not (silent or self._interrupted):
+            return estimate
+        if estimate.judgement.status == 'waiting':  # for its first step
+            return estimate
+        nan = math.nan
+        return estimate._replace(stale_for=max(age, 1) * NS if age >= 0 else math.inf,
+                                 velocity=nan, v_hat=nan, force=nan, W=nan)
 
     def interrupt(self) -> None:
         """Have no present velocity until the next step; the parameters stay."""
-        self._silence.interrupt()
+        self._interrupted = True
 
     def refresh(self) -> None:
         """Let the estimate say what the identifier holds by now, without a step."""
         self._status.reset()
         self._steps = 0
-        self._silence.end()
-        identifier = self.identifier
+        self._interrupted = False
         self.estimate = DofEstimate(
-            dof=self._name, parameters=identifier.parameters, uncertainty=identifier.uncertainty,
-            judgement=Judgement('waiting', ('no step yet',)), delay=identifier.delay,
-            couplings=identifier.couplings)
+            dof=self._name, parameters=self.identifier.parameters,
+            judgement=Judgement('waiting', ('no step yet',)))
+        self.take_up()
 
     def begin_anew(self) -> None:
         """Forget all that was learned; the steps go on being counted."""
@@ -135,11 +145,10 @@ class Identification:
             self._reject(self._name, refused)
         else:
             self._steps += 1
-        self._silence.end()
+        self._interrupted = False
         judgement = self._status.update(identifier, step, refused, adapt)
         velocity, v_hat = step.velocity[2], identifier.v_hat
         self.sizes.add_step(step)
-        self._unsigned.add_velocity(self._i, velocity)
         status = self._status
         # in the order of the fields: by their names it would take three times as long
         self.estimate = DofEstimate(

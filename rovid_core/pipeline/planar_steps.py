@@ -9,11 +9,9 @@ import math
 from rovid_core.identify.ekf.planar.layout import DOFS
 from rovid_core.identify.ekf.planar_kalman import PlanarKalman
 from rovid_core.model.dofs import HEADING
-from rovid_core.model.samples import Motion, PlanarPiece, PlanarStart, PlanarStep, Step
+from rovid_core.model.samples import Motion, NS, PlanarPiece, PlanarStart, PlanarStep, Step
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.velocity.attitude_history import AttitudeHistory, rotate, rotation_between
-
-NS = 1e-9
 
 LONGEST_PIECE = 300_000_000
 """[ns] over which the axes are taken as turning evenly."""

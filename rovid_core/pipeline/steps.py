@@ -11,7 +11,7 @@ from rovid_core.inputs.configuration_check import ConfigurationCheck
 from rovid_core.inputs.stuck_sensor import InputCheck, RESTARTS
 from rovid_core.inputs.units_and_signs import LONG, SHORT
 from rovid_core.model.dofs import Quaternion, Vector
-from rovid_core.model.samples import Motion, Sample, Step
+from rovid_core.model.samples import Motion, NS, Sample, Step
 from rovid_core.ordering.cadence import Cadence
 from rovid_core.pipeline.filtered_source import FilteredSource
 from rovid_core.pipeline.identification import Identification
@@ -21,8 +21,6 @@ from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.velocity.attitude_history import normalised, rotate, rotate_back, SharedMotion
 from rovid_core.velocity.couplings import CouplingRegressors, own_regressors
-
-NS = 1e-9
 
 SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
 """Inputs that velocities are made of."""
@@ -71,10 +69,10 @@ class Pipeline:
         Called with input (or DOF) and reason for everything that is refused.
     warn : callable
         Called with one line about what looks wrong in the data.
+    hint : callable
+        Called with one line about what could be better, but is no mistake.
     scorer : Scorer, optional
         Gets every step.
-    hint : callable, optional
-        Called with one line about what could be better, but is no mistake; default ``warn``.
     water : callable, optional
         Returns the current in the world [m/s] at a time [ns], where it is known beforehand;
         couplings are then those with velocities through the water.
@@ -89,16 +87,16 @@ class Pipeline:
     """
 
     def __init__(self, settings: Settings, reject: Callable[[str, str], None],
-                 warn: Callable[[str], None], scorer: Scorer | None = None,
-                 hint: Callable[[str], None] | None = None,
-                 water: Water | None = None) -> None:
+                 warn: Callable[[str], None], hint: Callable[[str], None],
+                 scorer: Scorer | None = None, water: Water | None = None) -> None:
         self._water = water
-        self._hint = hint = hint or warn
+        self._hint = hint
         self._sizes_told = False
         self._settings = settings
         self._reject = reject
         self._scorer = scorer
-        self._cadences = {name: Cadence() for name in settings.used_inputs() if name in SOURCES}
+        used = settings.used_inputs()
+        self._cadences = {name: Cadence() for name in used if name in SOURCES}
         self._patience = round(settings.longest_timeout / NS)
         self._sees_current = settings.sees_current
         self._shared = SharedMotion(settings)
@@ -106,24 +104,21 @@ class Pipeline:
         self._commands = CommandIntake(settings, self._forces, warn)
         self._configuration = ConfigurationCheck(
             settings, thruster_model(settings.thrusters), warn)
-        used = settings.used_inputs()
-        self._couplings = CouplingRegressors(settings, self._shared.attitude) if any(
-            settings.couplings(d) or settings.watched(d) for d in settings.dofs) else None
-        needed = ('position', 'depth', *(self._couplings.inputs if self._couplings else ()))
-        sources = [FilteredSource(settings, name, self._shared, hint) for name in SOURCES]
+        self._couplings = CouplingRegressors(settings, self._shared.attitude)
+        needed = ('position', 'depth', *self._couplings.inputs)
+        self._planar = PlanarSteps(settings, self._shared.attitude) if (
+            settings.estimates_current) else None
+        sources = [FilteredSource(settings, name, self._shared, hint, self._planar)
+                   for name in SOURCES]
         # position and depth need each other, and couplings their inputs, also without a DOF
         self._sources = [one for one in sources if one.dofs or one.input in used
                          and one.input in needed]
         self._by_input = {one.input: one for one in self._sources}
-        self._checks = {name: InputCheck(settings, name, warn) for name in SOURCES
-                        if name in used}
-        self._planar = PlanarSteps(settings, self._shared.attitude) if (
-            settings.estimates_current) else None
+        self._checks = {name: InputCheck(settings, name, warn) for name in self._cadences}
         rows = self._planar.filter.rows if self._planar is not None else {}
         weaker: set[str] = set()
-        self.dofs = [Identification(settings, i, self._commands.unsigned, reject,
-                                    rows.get(settings.dofs[i]), weaker)
-                     for i in range(len(settings.dofs))]
+        self.dofs = [Identification(settings, dof, reject, rows.get(dof), weaker)
+                     for dof in settings.dofs]
         self.adapt = settings.enable
 
     def change(self, settings: Settings) -> None:
@@ -145,8 +140,7 @@ class Pipeline:
         """Hand other settings to all that depends on them."""
         self._patience = round(settings.longest_timeout / NS)
         self._shared.change(settings)
-        if self._couplings is not None:
-            self._couplings.change(settings)
+        self._couplings.change(settings)
         self._forces.change(settings.thrusters.timeout)
         self._commands.change(settings)
         for check in self._checks.values():
@@ -159,8 +153,7 @@ class Pipeline:
     def restart(self) -> None:
         """Forget filters and histories, and keep the parameters."""
         self._shared.restart()
-        if self._couplings is not None:
-            self._couplings.restart()
+        self._couplings.restart()
         self._forces.restart()
         self._commands.restart()
         self._configuration.restart()
@@ -178,8 +171,7 @@ class Pipeline:
         """Go back to the initial parameters; filters and histories stay."""
         for dof in self.dofs:
             dof.identifier.reset()
-        if self._couplings is not None:
-            self._couplings.forget_filtered()
+        self._couplings.forget_filtered()
         self.refresh()
         for source in self._sources:
             source.last = None
@@ -259,9 +251,9 @@ class Pipeline:
         value, name = sample.value, sample.input
         total = sum(value)
         # most sums say at once that all is finite, whatever they round to
-        if total - total != 0.0 and not all(map(
-                # a NaN in a reference stands for a DOF that it does not measure
-                math.isfinite if name != 'reference' else _is_no_infinity, value)):
+        if total - total != 0.0 and (any(map(math.isinf, value)) or (
+                # in a reference a NaN stands for a DOF that it does not measure
+                name != 'reference' and any(map(math.isnan, value)))):
             return 'non_finite'
         if name in self._checks:
             return self._add_measurement(time, name, value)
@@ -329,7 +321,7 @@ class Pipeline:
 
     def _note_motion(self, input: str, motion: Motion) -> None:
         """Hand a motion to what looks at all of them, whatever steps they make."""
-        if self._couplings is not None:
+        if self._couplings.are_there:
             self._couplings.add_velocity(input, self._through_water(motion))
         if self._configuration.active:
             self._configuration.add_motion(input, motion, self._shared.heading(
@@ -344,11 +336,6 @@ class Pipeline:
         a, b, c = rotate_back(attitude, (x, y, 0.0))
         return motion._replace(body=(u - a, v - b, w - c))
 
-    def _planar_of(self, source: FilteredSource) -> PlanarSteps | None:
-        """Return what takes the steps of surge and sway of a source together, if they are."""
-        planar = self._planar
-        return planar if planar is not None and planar.input == source.input else None
-
     def _lacking(self, source: FilteredSource, motion: Motion) -> tuple[str, str] | None:
         """
         Return what is missing of the other inputs over a motion, None if nothing is.
@@ -356,26 +343,24 @@ class Pipeline:
         ``later`` or why it will not come, and the reason of refusal if it does not.
         """
         span = source.coupling_span(motion)
-        if source.couplings and self._couplings is not None and span is not None:
+        if source.couplings and span is not None:
             # what the filter of surge and sway waits for cannot wait for it
             missing = self._couplings.missing(
-                source.couplings, *span, self._planar_of(source) is not None)
+                source.couplings, *span, source.planar is not None)
             if missing:
                 return missing, 'no_coupling'
-        planar = self._planar_of(source)
-        missing = planar.missing(motion) if planar is not None else ''
+        missing = source.planar.missing(motion) if source.planar is not None else ''
         return (missing, 'no_attitude') if missing else None
 
     def _coupling_regressors(self, source: FilteredSource, motion: Motion) -> tuple[float, ...]:
         """Return the regressors of all DOFs of a source over a motion; () at a first point."""
         span = source.coupling_span(motion)
-        if self._couplings is None or span is None:
+        if span is None:
             return ()
         return self._couplings.mean(
-            source.couplings, *span, self._planar_of(source) is not None)
+            source.couplings, *span, source.planar is not None)
 
-    def _coupling_means(self, source: FilteredSource, last: Motion,
-                        motion: Motion) -> list[tuple[float, float]]:
+    def _coupling_means(self, source: FilteredSource, motion: Motion) -> list[tuple[float, float]]:
         """Return the regressors over both parts of the step that a motion ends."""
         new = self._coupling_regressors(source, motion)
         old, source.last_regressors = source.last_regressors, new
@@ -390,7 +375,7 @@ class Pipeline:
             source.note_gap()
         if reason not in ('too_fast', 'burst'):  # it costs one step; the state is still good
             source.interrupt()
-            if self._couplings is not None and self._planar_of(source) is not None:
+            if source.planar is not None:
                 self._couplings.forget_filtered()
 
     def _make_step(self, source: FilteredSource, motion: Motion, now: int,
@@ -405,18 +390,19 @@ class Pipeline:
         if missing:
             self._interrupt(source, missing)
             return
-        if last is None or source.velocity.value is None:
+        if last is None:
             self._begin(source, motion)
             return
         middle = min(max(motion.start, last.time), time)
         span = last.time, middle, time
-        planar, steps = self._planar_of(source), self._steps_of(source, last, motion, span)
-        if planar is not None:
-            planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
-            self._tell_others(planar, time, motion.body[2])
+        steps = self._steps_of(source, last, motion, span)
+        if source.planar is not None:
+            source.planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
+            self._tell_others(source.planar, time, motion.body[2])
         delay = source.velocity.delay
         for i, step in zip(source.indices, steps):
             self.dofs[i].add_step(time, step, self.adapt, delay)
+            self._commands.unsigned.add_velocity(i, step.velocity[2])
             if self._scorer is not None:
                 dof = self._settings.dofs[i]
                 self._scorer.add_step(dof, span, step, (
@@ -443,14 +429,14 @@ class Pipeline:
         filtered: tuple[float, ...] = ()
         if source.has_couplings:
             couplings = [
-                *self._coupling_means(source, last, motion), *own_regressors(
+                *self._coupling_means(source, motion), *own_regressors(
                     source.own, (last, motion), (first, second, third), (lead, rest))]
             filtered = source.regressors.step(
                 dt, tuple([(lead * x + rest * y) / dt for x, y in couplings]))
         pieces = self._forces.pieces(
             begin, time, source.indices) if self._settings.watches else ()
         watched: tuple[float, ...] = ()
-        if source.watched and self._couplings is not None:
+        if source.watched:
             watched = self._couplings.as_known(
                 source.watched, *((last.start, last.end) if interval else (begin, time)))
         path_noise, turn, none = motion.path_noise, motion.turn, not source.has_couplings
@@ -480,9 +466,8 @@ class Pipeline:
             own = own_regressors(source.own, (motion, motion), (still, still, still), (0.0, 0.0))
             source.regressors.step(0.0, (*source.last_regressors, *[x for x, _ in own]))
         source.last = motion
-        planar = self._planar_of(source)
-        if planar is not None:
-            planar.begin(motion)
+        if source.planar is not None:
+            source.planar.begin(motion)
         for i, v in zip(source.indices, velocity):
             self.dofs[i].identifier.restart(v)
             if self._scorer is not None:
@@ -494,21 +479,19 @@ class Pipeline:
         current, velocity = planar.filter.current, planar.filter.water_velocity
         if self._scorer is not None and current.is_seen:
             self._scorer.add_current(time, current.x, current.y)
-        if self._couplings is None:
-            return
         if velocity is None:
             self._couplings.forget_filtered()
         else:
             self._couplings.add_filtered(time, (velocity[0], velocity[1], heave))
         if planar.filter.current_is_new:
-            self._begin_coupled_anew(self._couplings)
+            self._begin_coupled_anew()
 
-    def _begin_coupled_anew(self, couplings: CouplingRegressors) -> None:
+    def _begin_coupled_anew(self) -> None:
         """Forget what DOFs have learned that were coupled with a velocity that was not known."""
         for source in self._sources:
-            for i in source.indices if self._planar_of(source) is None else ():
+            for i in source.indices if source.planar is None else ():
                 dof = self._settings.dofs[i]
-                if couplings.has_velocity(self._settings.couplings(dof)):
+                if self._couplings.has_velocity(self._settings.couplings(dof)):
                     self.dofs[i].begin_anew()
                     source.last = None
                     if self._scorer is not None:
@@ -520,7 +503,3 @@ class Pipeline:
             return ()
         attitude = self._shared.attitude.known_at(time)
         return rotate(attitude, AXES[dof])[:2] if attitude is not None else ()
-
-
-def _is_no_infinity(x: float) -> bool:
-    return not math.isinf(x)

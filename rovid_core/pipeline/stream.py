@@ -12,6 +12,7 @@ from rovid_core.identify.method import Identifier
 from rovid_core.identify.status import Judgement
 from rovid_core.model.samples import Event
 from rovid_core.ordering.event_order import EventOrder
+from rovid_core.pipeline.identification import Identification
 from rovid_core.pipeline.steps import Pipeline, Scorer, Water
 from rovid_core.settings.run import Settings
 
@@ -100,7 +101,7 @@ class Stream:
             MAX_WARNINGS)
         self._hints: deque[str] = deque((), MAX_WARNINGS)
         self._pipeline = Pipeline(
-            settings, self.reject, self._warnings.append, scorer, self._hints.append, water)
+            settings, self.reject, self._warnings.append, self._hints.append, scorer, water)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
         self._order = EventOrder(keys, settings.wait, settings.time_jump, self.reject,
@@ -186,15 +187,18 @@ class Stream:
 
     def identifier(self, dof: str) -> Identifier:
         """Return the identifier of a DOF."""
-        return self._pipeline.dofs[self.settings.dofs.index(dof)].identifier
+        return self._dof(dof).identifier
 
     def judgement(self, dof: str) -> Judgement:
         """Return the judgement of a DOF over all of the data: that while there was thrust last."""
-        return self._pipeline.dofs[self.settings.dofs.index(dof)].judgement()
+        return self._dof(dof).judgement()
 
     def verdict(self, dof: str) -> str:
         """Return what the data since the start or a reset leave open of a DOF, '' if nothing."""
-        return self._pipeline.dofs[self.settings.dofs.index(dof)].verdict()
+        return self._dof(dof).verdict()
+
+    def _dof(self, name: str) -> Identification:
+        return self._pipeline.dofs[self.settings.dofs.index(name)]
 
     def control(self, name: str, value: str) -> list[Estimate]:
         """

@@ -337,7 +337,7 @@ class Settings:
 
     @property
     def watches(self) -> bool:
-        """Tell whether steps carry the pieces of the force, and what is watched."""
+        """Tell whether steps carry pieces of the force, noise of the path, what is watched."""
         return self.all_methods or self.identifier.method in WATCHING
 
     def possible_couplings(self, dof: str) -> tuple[str, ...]:

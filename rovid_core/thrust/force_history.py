@@ -13,10 +13,10 @@ from rovid_core.inputs.units_and_signs import (
     TwoSendersCheck,
     UnsignedCommandCheck,
 )
+from rovid_core.model.samples import NS
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench_model
 
-NS = 1e-9
 MAX_FORCE = 1e12
 """[N or N m] Beyond any vehicle in any unit, and far from overflow."""
 

@@ -58,7 +58,7 @@ def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
     return ys[i] + (ys[i + 1] - ys[i]) * (x - xs[i]) / (xs[i + 1] - xs[i])
 
 
-def wrench_model(settings: ThrusterSettings, dofs: Sequence[str] = DOFS
+def wrench_model(settings: ThrusterSettings, dofs: Sequence[str]
                  ) -> Callable[[Sequence[float]], tuple[float, ...]]:
     """
     Return the body force of raw commands, without delay and lag, as a function.

@@ -11,15 +11,11 @@ from collections import deque
 import math
 
 from rovid_core.model.dofs import Quaternion, Vector
+from rovid_core.model.samples import NS
 from rovid_core.settings.run import Settings
-
-NS = 1e-9
 
 MAX_KEPT = 65536
 """Attitudes and depths that are kept, however close their stamps are."""
-
-NEED_NOISE = ('ekf',)
-"""Methods that use how the noise of the attitude bends the path."""
 
 SHARE = 0.01
 """Of a new sample in the mean that tells the noise of the attitude."""
@@ -134,11 +130,6 @@ class SharedMotion:
     """
     What the velocity sources know of each other.
 
-    Parameters
-    ----------
-    settings : Settings
-        The run.
-
     Attributes
     ----------
     attitude : AttitudeHistory
@@ -149,8 +140,7 @@ class SharedMotion:
     """
 
     def __init__(self, settings: Settings) -> None:
-        needs_noise = settings.all_methods or settings.identifier.method in NEED_NOISE
-        self.attitude = AttitudeHistory(0, 0, needs_noise)
+        self.attitude = AttitudeHistory(0, 0, settings.watches)
         self.change(settings)
         self.restart()
 
@@ -273,11 +263,6 @@ def rotation_between(p: Quaternion, q: Quaternion) -> Vector:
     # the limit of angle / sin(angle / 2) for small angles is 2
     scale = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
     return (x * scale, y * scale, z * scale)
-
-
-def between(p: Quaternion, q: Quaternion, fraction: float) -> Quaternion:
-    """Return the attitude ``fraction`` of the way from ``p`` to ``q`` (slerp)."""
-    return turned(p, rotation_between(p, q), fraction)
 
 
 def turned(p: Quaternion, rotation: Vector, fraction: float) -> Quaternion:

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from rovid_core.model.dofs import HEADING, OWN, RESTORING, Vector
-from rovid_core.model.samples import Motion
+from rovid_core.model.samples import Motion, NS
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import (
     AttitudeHistory,
@@ -29,8 +29,6 @@ from rovid_core.velocity.attitude_history import (
     rotate_back,
     rotation_between,
 )
-
-NS = 1e-9
 
 LINEAR, ANGULAR = 'uvw', 'pqr'
 OF_ATTITUDE = (*RESTORING, *HEADING)
@@ -114,8 +112,8 @@ class Needed(NamedTuple):
     ----------
     linear, rates : bool
         Whether linear velocities, and angular ones that are measured.
-    attitude, turns : bool
-        Whether attitudes, and angular velocities made of them.
+    turns : bool
+        Whether angular velocities that are made of attitudes.
     points : bool
         Whether the attitude itself.
     early : tuple of str
@@ -125,7 +123,6 @@ class Needed(NamedTuple):
 
     linear: bool
     rates: bool
-    attitude: bool
     turns: bool
     points: bool
     early: tuple[str, ...]
@@ -135,9 +132,6 @@ class CouplingRegressors:
     """
     The regressors of all DOFs that have couplings.
 
-    ``inputs`` are those whose velocities couplings are made of; what is only watched asks for
-    none.
-
     Parameters
     ----------
     settings : Settings
@@ -145,10 +139,19 @@ class CouplingRegressors:
     attitude : AttitudeHistory
         The attitudes that were accepted.
 
+    Attributes
+    ----------
+    are_there : bool
+        Whether a DOF has couplings, or some are watched.
+    inputs : tuple of str
+        Those whose velocities couplings are made of; what is only watched asks for none.
+
     """
 
     def __init__(self, settings: Settings, attitude: AttitudeHistory) -> None:
         self._attitude = attitude
+        self.are_there = any(
+            settings.couplings(dof) or settings.watched(dof) for dof in settings.dofs)
         self._linear_input = 'velocity' if settings.velocity.topic else 'position'
         self._rates_input = 'attitude' if settings.attitude.topic else 'angular_velocity'
         letters = {x for dof in settings.dofs for name in settings.couplings(dof)
@@ -210,8 +213,8 @@ class CouplingRegressors:
         found = self._linear_from(start, measured).missing(start, end) if needed.linear else ''
         if not found and needed.rates:
             found = self._rates.missing(start, end)
-        if not found and needed.attitude:
-            found = self._missing_attitude(start, end)
+        if not found and (needed.turns or needed.points):
+            found = self._attitude.missing(start) or self._attitude.missing(end)
         return 'no_coupling' if found == 'no_attitude' else found
 
     def has_velocity(self, names: tuple[str, ...]) -> bool:
@@ -226,14 +229,10 @@ class CouplingRegressors:
             by_attitude = turns and self._rates_input == 'attitude'
             points = any(name in OF_ATTITUDE for name in names)
             known = self._known_needs[names] = Needed(
-                bool(letters & set(LINEAR)), turns and not by_attitude, by_attitude or points,
-                by_attitude, points, tuple([
-                    name for name in names if name in OF_ATTITUDE
-                    or not set(name) & set(LINEAR)]))
+                bool(letters & set(LINEAR)), turns and not by_attitude, by_attitude, points,
+                tuple([name for name in names if name in OF_ATTITUDE
+                       or not set(name) & set(LINEAR)]))
         return known
-
-    def _missing_attitude(self, start: int, end: int) -> str:
-        return self._attitude.missing(start) or self._attitude.missing(end)
 
     def mean(self, names: tuple[str, ...], start: int, end: int,
              measured: bool = True) -> tuple[float, ...]:

@@ -6,7 +6,7 @@ from collections import deque
 import math
 
 from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS, Quaternion, Vector
-from rovid_core.model.samples import Motion
+from rovid_core.model.samples import Motion, NS
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import (
     MAX_KEPT,
@@ -15,8 +15,6 @@ from rovid_core.velocity.attitude_history import (
     rotation_between,
     SharedMotion,
 )
-
-NS = 1e-9
 
 SPEED_SPAN = 0.1
 """[s] Least span of a speed that is too fast: at 1 kHz fixes of 5 mm seem to move at 7 m/s."""
@@ -62,6 +60,8 @@ class VelocitySource:
         The DOFs that this input measures.
     waiting : deque
         Measurements that no velocity was made of yet.
+    timeout : int
+        Longest time between two measurements of a difference [ns].
 
     """
 
@@ -81,7 +81,7 @@ class VelocitySource:
 
     def change(self, settings: Settings) -> None:
         """Use other limits: timeouts and ``velocity.max``."""
-        self._timeout = round(settings.timeout_of(self.input) / NS)
+        self.timeout = round(settings.timeout_of(self.input) / NS)
         self._patience = round(settings.timeout_of('attitude') / NS)
         self._max_speed = settings.max_speed
 
@@ -140,7 +140,7 @@ class VelocitySource:
             return Motion(time, time, time, velocity, 0.0, (), (value[0], value[1], value[2]))
         last = self._last
         missing = jumped or ('gap' if last else 'first')
-        if last is not None and not jumped and time - last[0] <= self._timeout:
+        if last is not None and not jumped and time - last[0] <= self.timeout:
             missing = self._missing_attitude(last[0], time) if self._needs_attitude else ''
             if missing == 'later' and now - time <= self._patience:
                 return None

@@ -24,12 +24,12 @@ from rovid_core.settings.run import (
 from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.score import ScoreLog
 from rovid_core.velocity.attitude_history import (
-    between,
     from_yaw,
     normalised,
     product,
     rotate,
     rotation_between,
+    turned,
 )
 
 from test.support.memory import lengths
@@ -594,7 +594,7 @@ def test_rotations_agree_with_matrices():
         v = tuple(rng.normal(size=3))
         assert rotate(p, v) == pytest.approx(matrix(p) @ v)
         assert matrix(product(p, q)) == pytest.approx(matrix(p) @ matrix(q))
-        assert matrix(between(p, q, 1.0)) == pytest.approx(matrix(q))
+        assert matrix(turned(p, rotation_between(p, q), 1.0)) == pytest.approx(matrix(q))
         minus = tuple(-x for x in q)
         assert rotation_between(p, minus) == pytest.approx(rotation_between(p, q))
     assert rotate(from_yaw(math.pi / 2), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
-from rovid_core.identify.ekf.planar.layout import Noise, Row
+from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.planar.member import PlanarClock
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
@@ -20,7 +20,7 @@ STEP = 0.1
 
 def _moved(theta, velocity=(0.3, -0.1), count=12):
     """Return a filter that went along a turn under a force that changes evenly."""
-    filter = PlanarFilter(ROWS, theta, [0.0] * 15, Noise(0.0, 0.0))
+    filter = PlanarFilter(ROWS, theta, [0.0] * 15)
     filter.set_motion(velocity, (1.0, 0.0, 0.0, 1.0), 0.01, 0.0)
     filter.set_position((2.0, 3.0), 0.0)
     recent = DelayedForce(), DelayedForce()
@@ -87,7 +87,7 @@ def test_a_body_at_rest_in_the_water_drifts_with_it():
     theta = [0.0] * 15
     theta[0] = theta[6] = 0.5
     theta[13:] = 0.2, -0.1
-    filter = PlanarFilter(ROWS, theta, [0.0] * 15, Noise(0.0, 0.0))
+    filter = PlanarFilter(ROWS, theta, [0.0] * 15)
     filter.set_motion((0.0, 0.0), (0.0, 1.0, -1.0, 0.0), 0.0, 0.0)
     filter.motion[2:4] = 0.0
     filter.set_position((1.0, 1.0), 0.0)
@@ -98,7 +98,7 @@ def test_a_body_at_rest_in_the_water_drifts_with_it():
 
 def test_one_that_takes_up_over_ground_has_the_velocity_through_the_water():
     """And what it does not know of the current is in the velocity, too."""
-    filter = PlanarFilter(ROWS, THETA, [*[0.0] * 13, 0.09, 0.09], Noise(0.0, 0.0))
+    filter = PlanarFilter(ROWS, THETA, [*[0.0] * 13, 0.09, 0.09])
     filter.set_motion((0.3, 0.2), (0.0, 1.0, -1.0, 0.0), 0.01, 0.0)
     assert filter.motion[2:4] == pytest.approx([0.3 - THETA[14], 0.2 + THETA[13]])
     along = filter.sensitivities[2:4, :15]
@@ -108,9 +108,9 @@ def test_one_that_takes_up_over_ground_has_the_velocity_through_the_water():
 
 def test_a_current_that_nobody_saw_may_have_changed():
     """Its variance grows by the gap."""
-    filter = PlanarFilter(ROWS, THETA, [0.0] * 15, Noise(0.0, 1e-5))
+    filter = PlanarFilter(ROWS, THETA, [0.0] * 15, current_change=1e-5)
     filter.set_motion((0.0, 0.0), (1.0, 0.0, 0.0, 1.0), 0.01, 100.0)
-    assert filter.current()[1] == pytest.approx(1e-3 * np.eye(2))
+    assert filter.current(filter.theta_covariance)[1] == pytest.approx(1e-3 * np.eye(2))
 
 
 COMMANDS = np.array([0.9, -0.7, 0.1, -0.1, 0.6, -1.0, 0.15, 0.8, -0.3, -0.9, 0.5, 0.05])
@@ -124,7 +124,7 @@ BEND = DEAD_BAND * (abs(COMMANDS)**3).sum() / (COMMANDS**2).sum()
 def test_what_bends_with_the_thrust_is_taken_of_each_command(k, column, bent):
     """Weaker reverse thrust and a dead band, where commands jump within a measurement."""
     def moved(size):
-        filter = PlanarFilter(ROWS, THETA, [0.0] * 15, Noise(0.0, 0.0))
+        filter = PlanarFilter(ROWS, THETA, [0.0] * 15)
         filter.set_motion((0.3, -0.1), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
         filter.set_position((2.0, 3.0), 0.0)
         recent = DelayedForce(), DelayedForce()

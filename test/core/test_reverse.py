@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
-from rovid_core.identify.ekf.planar.layout import Noise, Row
+from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter
 from rovid_core.identify.estimate import Estimate
@@ -185,7 +185,7 @@ def test_sensitivities_of_the_filter_of_surge_and_sway_are_derivatives(i: int) -
     ends, small = [], 1e-5
     for sign in (-1.0, 0.0, 1.0):
         theta = [x + sign * small * (k == i) for k, x in enumerate(BOTH)]
-        filter = PlanarFilter(ROWS, theta, [0.0] * 16, Noise(0.0, 0.0))
+        filter = PlanarFilter(ROWS, theta, [0.0] * 16)
         for force, start, end in held(40):
             filter.move((force, force), start, end, [
                 PlanarPiece(1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.2)], ((0.0, 0.0), (0.0, 0.0)), 0.0)
@@ -204,7 +204,7 @@ def test_a_weaker_force_moves_as_weaker_thrusters_do() -> None:
         single = LinearisedFilter(
             theta if known else (*theta[:4], 0.0, *theta[5:]), [1.0] * 7, 0.0, own=(4, 5))
         both = [*(theta if known else (*theta[:4], 0.0, *theta[5:])), *BOTH[7:]]
-        planar, force = PlanarFilter(ROWS, both, [0.0] * 16, Noise(0.0, 0.0)), DelayedForce()
+        planar, force = PlanarFilter(ROWS, both, [0.0] * 16), DelayedForce()
         for push in np.random.default_rng(3).normal(-0.3, 1.0, 80).tolist():
             force.add([(0.04, push if known else push + weaker * min(push, 0.0))], held=True)
             start, end = force.end - 0.06, force.end - 0.02  # two commands in a step

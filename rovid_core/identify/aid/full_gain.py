@@ -20,13 +20,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains, NewState
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import finite, Step
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
 
-Array = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]  # of a matrix
 
 

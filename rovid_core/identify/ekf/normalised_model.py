@@ -6,11 +6,10 @@ from collections.abc import Sequence
 import math
 from typing import cast
 
-import numpy as np
-from numpy.typing import NDArray
 from rovid_core.identify.ekf.evidence.clocks import DELAYS
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA
 from rovid_core.model.dofs import Four, OWN, RESTORING
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
 
 CHANGE = 0.5
@@ -133,7 +132,7 @@ class FilterUncertainty:
 
     """
 
-    def __init__(self, of_theta: Sequence[Sequence[float]] | NDArray[np.float64],
+    def __init__(self, of_theta: Sequence[Sequence[float]] | Array,
                  inflation: float, model: NormalisedModel,
                  added: Sequence[Sequence[float]] = ()) -> None:
         self._of_theta = of_theta

@@ -50,7 +50,6 @@ from rovid_core.identify.ekf.extended_kalman import (
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, SAID
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty
-from rovid_core.identify.ekf.planar.filter_with_current import Array
 from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS
 from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement, PlanarMember
 from rovid_core.identify.ekf.planar.prediction import PlanarPrediction
@@ -63,8 +62,8 @@ from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
-from rovid_core.model.dofs import Four
 from rovid_core.model.samples import PlanarStart, PlanarStep
+from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import CurrentSettings, Scales
 
 WINDOW = 180.0
@@ -94,6 +93,8 @@ class PlanarKalman:
     water_velocity : tuple of 2 floats or None
         Of surge and sway through the water at that time [m/s], over ground while nothing is known
         of a current; None before the parameters have been found from the first data.
+    current : Current
+        What is known of it.
     current_is_new : bool
         Whether the last step made the current known, for the first time and at the start.
 
@@ -103,7 +104,8 @@ class PlanarKalman:
         self._settings = settings
         self._model = PlanarModel(scales, settings.prior)
         self.newest: int | None = None
-        self.rows = {dof: PlanarRow(self, DOFS.index(dof)) for dof in self._model.identified}
+        self.rows = {dof: PlanarRow(self, k, self._model.of[k].bounds)
+                     for k, dof in enumerate(DOFS) if dof in scales}
         self._begin(self._model.initial)
 
     def reset(self) -> None:
@@ -143,7 +145,7 @@ class PlanarKalman:
             self._model.box,
             unmodelled, self._settings.change if free else 0.0,
             FIRST_NOISE * max(row.velocity for row in self._model.rows), self._model.watched,
-            self._model.identified)
+            tuple(self.rows))
         if member.filter.theta.tolist() != list(theta):
             member.filter.theta = np.array(theta, dtype=float)
             member.filter.motion[CURRENT] = member.filter.theta[-2:]
@@ -163,8 +165,8 @@ class PlanarKalman:
             member.restart(start)
         self._prediction.interrupt()
         self._moving = True
-        for dof, row in self.rows.items():
-            row.v_hat = start.velocity[DOFS.index(dof)]
+        for row in self.rows.values():
+            row.v_hat = start.velocity[row.k]
         if self._start is not None:
             self._start.add(start)
 
@@ -194,10 +196,10 @@ class PlanarKalman:
         try:
             self._add_step(step, adapt)
         except (ArithmeticError, np.linalg.LinAlgError):
-            theta = self._bank.best.filter.theta
-            whole = [*self._model.of[0].of(self.rows_parameters(0)),
-                     *self._model.of[1].of(self.rows_parameters(1)), 0.0, 0.0]
-            self._begin(whole if np.isfinite(theta).all() else self._model.initial)
+            kept = [p for k, model in enumerate(self._model.of)
+                    for p in model.of(model.parameters(self._theta_of(k)))]
+            self._begin([*kept, 0.0, 0.0] if np.isfinite(
+                self._bank.best.filter.theta).all() else self._model.initial)
             self.refused = 'diverged'
 
     def _add_step(self, step: PlanarStep, adapt: bool) -> None:
@@ -226,13 +228,13 @@ class PlanarKalman:
             self._note_change(step)
         elif BLOCK in found:
             self._end_blocks(found, step)
-        for dof, row in self.rows.items():
-            row.v_hat = self._velocity(DOFS.index(dof), step)
+        for row in self.rows.values():
+            row.v_hat = self._velocity(row.k, step)
         self.water_velocity = (self._water_velocity(0, step), self._water_velocity(1, step)) if (
             self._is_found) else None
         if span is not None:
             self._publish()
-        if self._current.status == 'known' and not self._knew_current:
+        if self.current.status == 'known' and not self._knew_current:
             self._knew_current, self.current_is_new = True, self._start is not None
 
     def _take(self, span: PlanarMeasurement, adapt: bool, beginning: bool) -> list[int]:
@@ -285,7 +287,7 @@ class PlanarKalman:
             self._free = self._bank.go_through_again(start, self._theta, True)
             self._is_found |= self._free
             if not self._free:
-                turning.wait(start.duration)
+                turning.turned_at = start.duration  # what there is has led nowhere
             # once more when there is more of it
             start.wait(False)
             return
@@ -304,8 +306,8 @@ class PlanarKalman:
             self._begin_again(step, bank.changed_at)
             return
         filter = self._bank.best.filter
-        known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in (
-            self._model.rows[DOFS.index(dof)].first for dof in self._model.identified))
+        known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in [
+            self._model.rows[row.k].first for row in self.rows.values()])
         start.wait(known)
         if self._free and start.duration > LONGEST:
             self._start = None
@@ -332,9 +334,9 @@ class PlanarKalman:
     def _judge(self) -> None:
         """Find whether the model may be used."""
         best = self._bank.best
-        self._current = self._find_current(self._covariance())
+        self.current = self._find_current(self._covariance())
         self._usable = [
-            best.verdict is not None and self._current.status == 'known'
+            best.verdict is not None and self.current.status == 'known'
             and not self._clocks(k) and not is_coupling(self._missing(k))
             and best.innovations.correlation < CORRELATION[usable] and fit > HELD_FIT[usable]
             for k, (usable, fit) in enumerate(zip(self._usable, self._prediction.fits))]
@@ -393,18 +395,17 @@ class PlanarKalman:
 
     def _publish(self) -> None:
         best, covariance = self._bank.best, self._covariance()
-        self._current = self._find_current(covariance)
+        self.current = self._find_current(covariance)
         verdict = best.verdict
         told = verdict is not None and verdict is self._published
         self._published = verdict
-        for dof, published in self.rows.items():
-            k = DOFS.index(dof)
-            row, model = self._model.rows[k], self._model.of[k]
-            theta = best.filter.theta[row.first:row.end].tolist()
+        for published in self.rows.values():
+            row, model = self._model.rows[published.k], self._model.of[published.k]
+            theta = self._theta_of(published.k)
             published.parameters = model.parameters(theta)
             published.delay = theta[-1]
             published.couplings = model.kappas(theta)
-            published.excitation = self.excitations[k]
+            published.excitation = self.excitations[published.k]
             if not told:
                 published.uncertainty = FilterUncertainty(
                     covariance[row.first:row.end, row.first:row.end], 1.0, model)
@@ -416,20 +417,11 @@ class PlanarKalman:
                 0.0 if self._start is None else self._start.duration))
         return current_with_status(best.filter.current(of_theta), prior, best.alternative)
 
-    @property
-    def current(self) -> Current:
-        """Return what is known of the current."""
-        return self._current
-
-    def rows_parameters(self, k: int) -> Four:
-        """Return the lumped parameters of surge (0) or sway (1)."""
+    def _theta_of(self, k: int) -> list[float]:
+        """Return the parameters of surge (0) or sway (1), the delay at the end."""
         row = self._model.rows[k]
-        return self._model.of[k].parameters(
-            self._bank.best.filter.theta[row.first:row.end].tolist())
-
-    def bounds(self, k: int) -> tuple[Four, Four]:
-        """Return the lowest and the highest lumped parameters of surge (0) or sway (1)."""
-        return self._model.of[k].bounds
+        theta: list[float] = self._bank.best.filter.theta[row.first:row.end].tolist()
+        return theta
 
     def note(self, k: int) -> str:
         """Return what the filter has to say of surge (0) or sway (1), '' if nothing."""
@@ -437,15 +429,13 @@ class PlanarKalman:
         since = self._time - self._bank.changed_at
         if since < SAID:
             said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
-        if self._current.advice:
-            said.append(why_not_known(self._current))
+        if self.current.advice:
+            said.append(why_not_known(self.current))
         if self._clocks(k):
             said.append(self._clocks(k))
         verdict, missing = self._bank.best.verdict, self._missing(k)
         if missing is not None:
-            row = self._model.rows[k]
-            theta = self._bank.best.filter.theta[row.first:row.end].tolist()
-            said.append(described(missing, theta, self._model.scales[k]))
+            said.append(described(missing, self._theta_of(k), self._model.scales[k]))
         elif verdict is not None and verdict.scatter > UNEXPLAINED and (
                 verdict.count >= MANY_BLOCKS):
             said.append('the model does not explain all of the motion: the intervals are wider')
@@ -468,8 +458,8 @@ class PlanarKalman:
         """Return why the model of surge (0) or sway (1) may not be used yet, '' if it may."""
         if self._usable[k]:
             return ''
-        if self._current.status != 'known':
-            return why_not_known(self._current)
+        if self.current.status != 'known':
+            return why_not_known(self.current)
         if self._bank.best.verdict is None:
             return 'it takes a minute of thrust before its intervals can be judged'
         if self._clocks(k):
@@ -497,14 +487,6 @@ class PlanarKalman:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        old = self.state()
-        try:
-            self._restore(state)
-        except Exception:
-            self._restore(old)
-            raise
-
-    def _restore(self, state: Mapping[str, Any]) -> None:
         theta = floats(state['theta'], self._model.size)
         self._begin(theta)
         self._theta = theta

@@ -59,7 +59,7 @@ def read_planar_step(values: Any, regressors: Sequence[int]) -> PlanarStep | Pla
         return PlanarStart((finite_number(u), finite_number(v)), (
             finite_number(a), finite_number(b), finite_number(c), finite_number(d)),
             finite_number(gap))
-    dt, interval, noise, *rest = [finite_number(values[i]) for i in (0, 2, 8)]
+    dt, interval, noise = [finite_number(values[i]) for i in (0, 2, 8)]
     velocity, parts, value = [
         (finite_number(a), finite_number(b)) for a, b in (values[1], values[3], values[5])]
     (p, q), (r, s) = values[4]

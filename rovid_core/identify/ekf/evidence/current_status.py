@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 from rovid_core.identify.ekf.evidence.alternatives import Alternative
-from rovid_core.identify.ekf.planar.layout import Array
 from rovid_core.identify.estimate import Current
+from rovid_core.model.trajectory import Array
 
 KNOWN, SEEN = 0.02, 1.0 / 3.0
 """Standard deviation [m/s] of a known current, and share of the prior of one that is seen."""

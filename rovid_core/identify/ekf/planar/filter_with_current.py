@@ -25,7 +25,6 @@ from rovid_core.identify.ekf.planar.layout import (
     ALTERNATIVES,
     CURRENT,
     Looks,
-    Noise,
     PlanarInnovation,
     Row,
     SIZE,
@@ -43,9 +42,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     LONGEST,
 )
 from rovid_core.model.samples import PlanarPiece
-
-Array = NDArray[np.float64]
-
+from rovid_core.model.trajectory import Array
 
 Law = tuple[float, float, float, float, float]
 """What moves a row: v' = push +- rise + (drag |v| + linear) v + turning w, in this order."""
@@ -65,8 +62,10 @@ class PlanarFilter:
         Parameters of surge, of sway, and the current in the beginning [m/s].
     variances : sequence of p floats
         Of the parameters; 0 for those that stay as they are.
-    noise : Noise
-        What moves without being modelled.
+    force_std : float
+        Stationary standard deviation of the unknown accelerations, in typical ones.
+    current_change : float
+        Spectral density of the current's change, per axis [m^2/s^3].
 
     Attributes
     ----------
@@ -81,14 +80,14 @@ class PlanarFilter:
     """
 
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
-                 variances: Sequence[float], noise: Noise) -> None:
+                 variances: Sequence[float], force_std: float = 0.0,
+                 current_change: float = 0.0) -> None:
         self._rows = rows
         self._pushes = [Push(), Push()]
         p = self._p = len(theta)
         self.theta = np.array(theta, dtype=float)
         self.theta_covariance: Array = np.diag(np.array(variances, dtype=float))
-        self._noise = noise
-        self.force_std = noise.force_std
+        self._force_std, self._current_change = force_std, current_change
         q = p + sum(len(CANDIDATES) + row.watched for row in rows) + len(ALTERNATIVES)
         # below: what each regressor pushes surge and sway by in a step, and by how much more they
         # go along with it
@@ -152,7 +151,7 @@ class PlanarFilter:
         """
         back = np.array(axes).reshape(2, 2)  # from the world into the body
         c = self.motion[CURRENT].copy()
-        spread = self.covariance[CURRENT, CURRENT] + self._noise.current * gap * np.eye(2)
+        spread = self.covariance[CURRENT, CURRENT] + self._current_change * gap * np.eye(2)
         kept = self.sensitivities[CURRENT].copy()
         self.motion[:] = 0.0
         self.motion[2:4] = np.array(velocity) - back @ c
@@ -164,7 +163,7 @@ class PlanarFilter:
         self.covariance[CURRENT, 2:4] = self.covariance[2:4, CURRENT].T
         self.covariance[CURRENT, CURRENT] = spread
         for k, row in enumerate(self._rows):
-            self.covariance[6 + k, 6 + k] = (self.force_std * row.velocity)**2
+            self.covariance[6 + k, 6 + k] = (self._force_std * row.velocity)**2
         self.sensitivities[:] = 0.0
         self.sensitivities[2:4] = -back @ kept
         self.sensitivities[CURRENT] = kept
@@ -285,14 +284,14 @@ class PlanarFilter:
             covariance[1, 1] += noise * dx * dx
             covariance[0, 1] -= noise * dx * dy
             covariance[1, 0] = covariance[0, 1]
-        if self._noise.current:
-            covariance[4, 4] += self._noise.current * h
-            covariance[5, 5] += self._noise.current * h
-        if self.force_std:
+        if self._current_change:
+            covariance[4, 4] += self._current_change * h
+            covariance[5, 5] += self._current_change * h
+        if self._force_std:
             e = math.exp(-h / FORCE_TIME)
             for k, row in enumerate(self._rows):
                 covariance[6 + k, 6 + k] += (
-                    1.0 - e * e) * (self.force_std * row.velocity)**2
+                    1.0 - e * e) * (self._force_std * row.velocity)**2
 
     def _spread(self, h: float, piece: PlanarPiece, law: Law, other: Law, u: float, v: float,
                 couplings: Sequence[Sequence[float]]) -> None:
@@ -323,7 +322,7 @@ class PlanarFilter:
         self._stack[:4] = top @ self._stack
         transition = self._transition
         transition[:4] = top[:, :SIZE]
-        if self.force_std:
+        if self._force_std:
             e = math.exp(-h / FORCE_TIME)
             self._stack[6:SIZE] *= e
             transition[6, 6] = transition[7, 7] = e
@@ -486,12 +485,11 @@ class PlanarFilter:
         for i, variance in enumerate((path, path, velocity, velocity)):
             self.covariance[i, i] += variance
 
-    def current(self, of_theta: Array | None = None) -> tuple[Array, Array]:
+    def current(self, of_theta: Array) -> tuple[Array, Array]:
         """Return the current [m/s] and its covariance, for one of the parameters."""
-        spread = self.theta_covariance if of_theta is None else of_theta
         along = self.sensitivities[CURRENT, :self._p]
         return self.motion[CURRENT].copy(), (
-            self.covariance[CURRENT, CURRENT] + along @ spread @ along.T)
+            self.covariance[CURRENT, CURRENT] + along @ of_theta @ along.T)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

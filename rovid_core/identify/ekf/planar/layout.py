@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
 from rovid_core.identify.ekf.single.linearised_filter import NONE_OWN
-
-Array = NDArray[np.float64]
+from rovid_core.model.trajectory import Array
 
 Looks = Array | None
 """What two values measure of the motion, an array of shape (2, 8); None for the position."""
@@ -70,23 +67,6 @@ class Row(NamedTuple):
     def couplings(self) -> int:
         """Return how many couplings it has."""
         return self.end - self.first - 5
-
-
-class Noise(NamedTuple):
-    """
-    What moves without being modelled.
-
-    Attributes
-    ----------
-    force_std : float
-        Stationary standard deviation of the unknown accelerations, in typical ones.
-    current : float
-        Spectral density of the current's change, per axis [m^2/s^3].
-
-    """
-
-    force_std: float
-    current: float
 
 
 class PlanarInnovation(NamedTuple):

@@ -24,7 +24,6 @@ from rovid_core.identify.ekf.planar.layout import (
     AXES,
     DOFS,
     Looks,
-    Noise,
     PlanarInnovation,
     Row,
 )
@@ -228,7 +227,7 @@ class PlanarMember:
                  watched: Sequence[str], identified: Sequence[str]) -> None:
         self.unmodelled = unmodelled
         self.filter = PlanarFilter(
-            rows, theta, variances, Noise(unmodelled.force_std, current_change))
+            rows, theta, variances, unmodelled.force_std, current_change)
         self.innovations = Innovations(noise, AXES)
         self.blocks = ScoreBlocks(
             theta, variances, watched, considered, len(ALTERNATIVES),

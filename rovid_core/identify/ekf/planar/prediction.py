@@ -8,9 +8,9 @@ from typing import Any
 
 from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
-from rovid_core.identify.ekf.planar.layout import Noise, Row
+from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.planar.member import PlanarMeasurement, Recent
-from rovid_core.identify.ekf.single.free_prediction import KEPT, SPAN
+from rovid_core.identify.ekf.single.free_prediction import fit_of, KEPT, SPAN
 from rovid_core.identify.ekf.single.linearised_filter import floats
 
 
@@ -34,8 +34,7 @@ class PlanarPrediction:
     """
 
     def __init__(self, rows: tuple[Row, Row], size: int) -> None:
-        self._model = PlanarFilter(rows, [0.0] * size, [0.0] * size, Noise(0.0, 0.0))
-        self._size = size
+        self._model = PlanarFilter(rows, [0.0] * size, [0.0] * size)
         self._noise = 0.0
         self._blocks: list[list[float]] = []
         self._sums = [0.0] * 8
@@ -94,11 +93,7 @@ class PlanarPrediction:
 
     def _compare(self) -> None:
         sums = [math.fsum(column) for column in zip(*self._blocks)]
-        for k in range(2):
-            n, error, total, square = sums[4 * k:4 * k + 4]
-            variance = square - total * total / n if n else 0.0
-            self.fits[k] = 1.0 - math.sqrt(max(error, 0.0) / variance) if (
-                variance > 0.0) else -math.inf
+        self.fits = [fit_of(*sums[:4]), fit_of(*sums[4:])]
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

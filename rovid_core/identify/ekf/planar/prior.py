@@ -32,8 +32,6 @@ class PlanarModel:
 
     Attributes
     ----------
-    identified : tuple of str
-        Those of ``DOFS`` that are asked for.
     scales : list of 2 Scales
     of : list of 2 NormalisedModel
         The models of surge and sway by themselves.
@@ -54,7 +52,6 @@ class PlanarModel:
 
     def __init__(self, scales: Mapping[str, Scales], prior: float) -> None:
         self._prior = prior
-        self.identified = tuple([dof for dof in DOFS if dof in scales])
         self.scales = [scales[dof] if dof in scales else _drifting(
             dof, next(iter(scales.values()))) for dof in DOFS]
         self.of = [NormalisedModel(one) for one in self.scales]

@@ -25,14 +25,22 @@ class PlanarRow(Identifier):
         It takes the steps before this is asked.
     k : int
         0 for surge, 1 for sway.
+    bounds : tuple
+        The lowest and the highest lumped parameters.
+
+    Attributes
+    ----------
+    k, bounds
+        As given.
 
     """
 
     converged_share = 0.1
     judges_errors = True
 
-    def __init__(self, filter: PlanarKalman, k: int) -> None:
-        self._filter, self._k = filter, k
+    def __init__(self, filter: PlanarKalman, k: int, bounds: tuple[Four, Four]) -> None:
+        self._filter = filter
+        self.k, self.bounds = k, bounds
         self.parameters = (0.0, 0.0, 0.0, 0.0)
         self.v_hat = math.nan
         self.excitation = 0.0
@@ -40,12 +48,12 @@ class PlanarRow(Identifier):
     @property
     def note(self) -> str:
         """Return what the filter has to say."""
-        return self._filter.note(self._k)
+        return self._filter.note(self.k)
 
     @property
     def doubt(self) -> str:
         """Return why the model may not be used yet, '' if it may."""
-        return self._filter.doubt(self._k)
+        return self._filter.doubt(self.k)
 
     def step(self, step: Step, adapt: bool = True) -> str:
         """Return what the filter made of the step that it took for both."""
@@ -86,8 +94,3 @@ class PlanarRow(Identifier):
         if shared is not None:
             self._filter.restore(shared)
         self.v_hat = v_hat
-
-    @property
-    def bounds(self) -> tuple[Four, Four]:
-        """Return the lowest and the highest lumped parameters."""
-        return self._filter.bounds(self._k)

@@ -50,10 +50,6 @@ class Turning:
         """Tell whether headings so far apart have been seen."""
         return self.turned_at < math.inf
 
-    def wait(self, duration: float) -> None:
-        """Wait as after a turn: what there is until ``duration`` [s] has led nowhere."""
-        self.turned_at = duration
-
     def lacks(self, duration: float) -> float:
         """Return how much thrust [s] is still needed after the turn, infinite before."""
         return max(self.turned_at + PERIOD - duration, 0.0)

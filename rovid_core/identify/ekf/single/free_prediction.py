@@ -27,6 +27,17 @@ def predicted(fit: float) -> str:
     return f'without corrections it predicts {100.0 * max(fit, 0.0):.0f} % of the motion'
 
 
+def fit_of(count: float, error: float, total: float, square: float) -> float:
+    """
+    Return 1 - rms(error) / std(measured) of velocities, -inf where they do not vary.
+
+    ``error`` is the sum of the squared errors, ``total`` and ``square`` are those of what was
+    measured and of its squares.
+    """
+    variance = square - total * total / count if count else 0.0
+    return 1.0 - math.sqrt(max(error, 0.0) / variance) if variance > 0.0 else -math.inf
+
+
 class FreePrediction:
     """
     A model that runs beside the filter and is set to its state at the end of each block.
@@ -43,7 +54,7 @@ class FreePrediction:
 
     """
 
-    def __init__(self, own: tuple[int, int] = NONE_OWN) -> None:
+    def __init__(self, own: tuple[int, int]) -> None:
         self._thrust, self._drag = own
         self._has_own = own != NONE_OWN
         self.fit = -math.inf
@@ -126,9 +137,7 @@ class FreePrediction:
         self._mark, self._time = [], -1.0
 
     def _compare(self) -> None:
-        n, error, total, square = (math.fsum(column) for column in zip(*self._blocks))
-        variance = square - total * total / n if n else 0.0
-        self.fit = 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf
+        self.fit = fit_of(*[math.fsum(column) for column in zip(*self._blocks)])
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

@@ -7,12 +7,7 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
-from rovid_core.identify.ekf.single.linearised_filter import (
-    floats,
-    NONE_OWN,
-    POSITION,
-    VELOCITY,
-)
+from rovid_core.identify.ekf.single.linearised_filter import floats, POSITION, VELOCITY
 from rovid_core.model.samples import Step
 
 LEAST_INTERVAL: Final = 0.039
@@ -48,7 +43,7 @@ class Measurement:
 
     def __init__(self, start: float, end: float, i: int, value: float | None, turn: float,
                  slip: float, dt: float, couplings: Sequence[float],
-                 watched: Sequence[float] = ()) -> None:
+                 watched: Sequence[float]) -> None:
         self.start, self.end, self.i, self.value = start, end, i, value
         self.turn, self.slip, self.dt = turn, slip, dt
         self.couplings, self.watched = couplings, watched
@@ -84,8 +79,8 @@ class MeasurementClock:
 
     """
 
-    def __init__(self, force: float, velocity: float, couplings: int, watched: int = 0,
-                 own: tuple[int, int] = NONE_OWN, forgets: bool = True) -> None:
+    def __init__(self, force: float, velocity: float, couplings: int, watched: int,
+                 own: tuple[int, int], forgets: bool) -> None:
         self._force, self._velocity = force, velocity
         self.couplings = couplings
         self.watched = watched

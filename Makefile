@@ -19,6 +19,8 @@ SOURCES := $(shell find rovid_core rovid_ros -name '*.py')
 # The environments stand alone, whatever ROS installation this shell has sourced.
 unexport PYTHONPATH AMENT_PREFIX_PATH LD_LIBRARY_PATH _ROS_WHEELS_BOOTSTRAP_COMPLETE
 unexport RMW_IMPLEMENTATION ROVID_COMPILE
+# Without it every worker and every process that a test starts compiles all modules again.
+unexport PYTHONDONTWRITEBYTECODE
 # Each worker of the tests has a core; threads of the linear algebra would only wait for one.
 export OPENBLAS_NUM_THREADS = 1
 

@@ -81,7 +81,8 @@ def rov() -> Settings:
     """Return a BlueROV2 that turns while it goes ahead and sideways."""
     found = settings_from(load(Path(__file__).parents[2] / 'config' / 'bluerov2_ardusub.yaml'))
     return replace(found, dofs=('surge', 'sway', 'yaw'),
-                   thrusters=replace(found.thrusters, delay=0.0))
+                   thrusters=replace(found.thrusters, delay=0.0), simulation=replace(
+                       found.simulation, thruster_rate=10.0, attitude_rate=10.0))
 
 
 def test_a_pause_belongs_to_no_fold() -> None:
@@ -150,8 +151,11 @@ def test_a_coupling_that_is_missing_is_added() -> None:
     config = Path(__file__).parents[2] / 'config'
     truth = settings_from({**load(config / 'odometry_wrench.yaml'),
                            **load(config / 'examples' / 'auv.yaml')})
-    settings = replace(truth, dofs=('surge', 'sway', 'yaw'), dof={
-        dof: replace(its, couplings=()) for dof, its in truth.dof.items()})
+    settings = replace(
+        truth, dofs=('surge', 'sway', 'yaw'),
+        dof={dof: replace(its, couplings=()) for dof, its in truth.dof.items()},
+        simulation=replace(truth.simulation, thruster_rate=10.0, attitude_rate=10.0,
+                           position_rate=10.0))
     tuned = tune(log_of(settings, 90.0), settings)
     changes = tuned.changes()
     assert 'vr' in changes['surge.couplings']  # type: ignore[operator]
@@ -186,7 +190,7 @@ def test_a_latency_that_only_turns_want_is_not_taken(rov: Settings) -> None:
     noisy = replace(rov, simulation=replace(
         rov.simulation, position_rate=1.0, position_noise=0.1))
     assert 'position.latency' not in tune(
-        log_of(noisy, 300.0, late={'position': 0.3}), noisy).changes()
+        log_of(noisy, 180.0, late={'position': 0.3}), noisy).changes()
 
 
 def test_an_attitude_that_is_stamped_late_is_told_from_fixes_that_are_not(rov: Settings) -> None:

@@ -23,15 +23,21 @@ def started(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
         yield made
 
 
-@pytest.fixture
-def shown(started: Browser, tmp_path: Path) -> Browser:
-    """Return the browser with a report of three DOFs and two logs, 1280 px wide."""
-    path = tmp_path / 'report.html'
+@pytest.fixture(scope='module')
+def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a report of three DOFs and two logs; the browser compiles a file only once."""
+    path = tmp_path_factory.mktemp('report') / 'report.html'
     write_report(path, report_data((HOSTILE, 'b.mcap'), points=3000))
+    return path
+
+
+@pytest.fixture
+def shown(started: Browser, report: Path) -> Browser:
+    """Return the browser with the report, loaded anew and 1280 px wide."""
     started.resize(1280)
     started.requests.clear()
     started.complaints.clear()
-    started.open(path)
+    started.open(report)
     wait(started, 'document.documentElement.dataset.ready')
     return started
 
@@ -103,15 +109,13 @@ def touch(shown: Browser, fingers: list[list[tuple[float, float]]]) -> None:
 
 
 @pytest.fixture
-def phone(started: Browser, tmp_path: Path) -> Iterator[Browser]:
-    """Return the browser as a phone, at the first figure of a report."""
-    path = tmp_path / 'report.html'
-    write_report(path, report_data((HOSTILE, 'b.mcap'), points=3000))
+def phone(started: Browser, report: Path) -> Iterator[Browser]:
+    """Return the browser as a phone, at the first figure of the report, loaded anew."""
     started.complaints.clear()
     started.resize(390, 844, phone=True)
     started.call('Emulation.setTouchEmulationEnabled', enabled=True, maxTouchPoints=2)
     try:
-        started.open(path)
+        started.open(report)
         wait(started, 'document.documentElement.dataset.ready')
         draw(started, 0)
         yield started

@@ -99,16 +99,16 @@ class Vehicle:
         linear, rates = through[:3], through[3:]
         momentum = self.mass @ through
         coriolis = np.concatenate([
-            np.cross(rates, momentum[:3]),
-            np.cross(linear, momentum[:3]) + np.cross(rates, momentum[3:])])
+            _cross(rates, momentum[:3]),
+            _cross(linear, momentum[:3]) + _cross(rates, momentum[3:])])
         speed = np.abs(through)
         speed[:3] += self._share * (np.linalg.norm(linear) - speed[:3])
         drag = (self._linear + self._quadratic * speed) * through
         up = turn[2]
         outside = np.concatenate([
-            self._buoyancy * up + turn.T @ pull, np.cross(self._centre, -self._weight * up)])
+            self._buoyancy * up + turn.T @ pull, _cross(self._centre, -self._weight * up)])
         change = self._inverse @ (ALLOCATION @ thrust - coriolis - drag + outside)
-        change[:3] -= np.cross(rates, drift)  # the current turns in body axes
+        change[:3] -= _cross(rates, drift)  # the current turns in body axes
         return np.asarray(change)
 
 
@@ -206,6 +206,12 @@ def _named(names: str, values: Array) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, values)}
 
 
+def _cross(one: Array, other: Array) -> Array:
+    """Return the cross product, to the bit that of numpy, which takes many times as long."""
+    (a, b, c), (x, y, z) = one.tolist(), other.tolist()
+    return np.array([b * z - c * y, c * x - a * z, a * y - b * x])
+
+
 def _skew(a: Array) -> Array:
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
@@ -219,6 +225,6 @@ def _turn(q: Array) -> Array:
 def _product(one: Array, other: Array) -> Array:
     """Return the product of two quaternions, as long as 1."""
     product = np.concatenate([
-        one[3] * other[:3] + other[3] * one[:3] + np.cross(one[:3], other[:3]),
+        one[3] * other[:3] + other[3] * one[:3] + _cross(one[:3], other[:3]),
         [one[3] * other[3] - one[:3] @ other[:3]]])
     return np.asarray(product / np.linalg.norm(product))

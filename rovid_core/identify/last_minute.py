@@ -31,7 +31,7 @@ CANDIDATES = {
     'reverse_drag': 'reverse drag', 'lag': 'a lag of the thrusters'}
 # Where it can be told to the model.
 KEYS = {'dead_band': 'see thrusters.deadband', 'reverse_thrust': 'see thrusters.reverse',
-        'lag': 'see thrusters.time_constant'}
+        'lag': 'see thrusters.time_constant', 'current': 'see current.prior'}
 DEAD_BAND: Final = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
 LAG = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share

@@ -168,6 +168,14 @@ def test_still_water_is_a_current_that_nobody_asks_for():
     assert found[-1].current is None
 
 
+def test_where_no_current_is_looked_for_it_is_missed_by_its_own_key():
+    still = Stream(replace(settings(FIXES), current=CurrentSettings(prior=0.0)))
+    said = {reason for one in followed(still, FIXES) for dof in one.dofs for reason in dof.reasons}
+    missed = [reason for reason in said if 'as with a current' in reason]
+    assert missed
+    assert all(reason.endswith(': see current.prior') for reason in missed)
+
+
 def test_a_dvl_over_ground_tells_the_current_too():
     of = Run(input='velocity', noise=0.01, duration=70.0)
     last = followed(Stream(settings(of)), of)[-1]

@@ -37,7 +37,8 @@ def clocks_in_doubt(verdict: Verdict | None, k: int) -> str:
         return (f'clocks disagree: thrust acts about {-wanted:.2g} s sooner than its stamps and '
                 'thrusters.delay say: lower that, or raise thrusters.latency')
     if late > BEYOND * std:
-        return f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust'
+        return (f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust: raise '
+                'the latency of what measures it, or thrusters.delay')
     for beyond, bound, key in zip((early, late), DELAYS, (
             'thrusters.delay and thrusters.latency', 'thrusters.delay')):
         if beyond > AT_BOUND * std:

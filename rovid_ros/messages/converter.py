@@ -308,15 +308,16 @@ def _reading(source: Source, message: Any, settings: Settings, blank: bool = Fal
     key = f'{source.section}.field'
     if ',' in source.field:
         ways = resolve_all(source.input, source.field, message, key)
-        make = _of_array(source, tuple(range(len(ways))), settings)
+        make = _of_array(source, len(ways), settings)
         return Reading(tuple(map(tuple, ways)), lambda *values: make(values))
     steps, value, shape = resolve(source.input, source.field, message, key)
     commands = source.input in ('thrusters', 'sign')
+    length = len(value) if blank and shape == 'array' else 0
     if shape == 'array' and not (commands and settings.thrusters.names):
-        make = _of_array(source, value if blank else (), settings)
+        make = _of_array(source, length, settings)
         return _unless_not_estimated(message, steps, Reading((tuple(steps),), make))
     if commands:
-        count = _command_count(source, shape, value if blank else (), settings)
+        count = _command_count(source, shape, length, settings)
         return _commands(source, shape, steps, _names_path(source, steps, message, settings),
                          count, settings)
     if source.input == 'depth':
@@ -338,10 +339,10 @@ def _reading(source: Source, message: Any, settings: Settings, blank: bool = Fal
     return _unless_not_estimated(message, steps, Reading(vector, turn))
 
 
-def _of_array(source: Source, value: Any, settings: Settings) -> Callable[[Any], Floats]:
-    """Return how to make a value of an array; ``value`` is one, or () if its length is open."""
+def _of_array(source: Source, length: int, settings: Settings) -> Callable[[Any], Floats]:
+    """Return how to make a value of an array of this length, 0 if it is open."""
     if source.input in ('thrusters', 'sign'):
-        count = _command_count(source, 'array', value, settings)
+        count = _command_count(source, 'array', length, settings)
         return lambda value: _numbers(value, count)
     if source.input == 'attitude':
         return _attitude_of_numbers(settings)
@@ -515,7 +516,7 @@ def _numbers(value: Any, count: int) -> Floats:
         raise RefusedError('not_numeric') from None
 
 
-def _command_count(source: Source, shape: str, value: Any, settings: Settings) -> int:
+def _command_count(source: Source, shape: str, length: int, settings: Settings) -> int:
     """Return how many commands one message must hold; refuse a field that cannot."""
     thrusters = settings.thrusters
     count = 1 if len(thrusters.topics) > 1 and source.input == 'thrusters' else thrusters.count
@@ -523,7 +524,7 @@ def _command_count(source: Source, shape: str, value: Any, settings: Settings) -
         return count  # one direction for all
     gives = {'number': 1, 'wrench': 6}.get(shape, count)
     if shape == 'array' and not thrusters.names:
-        gives = len(value) or count
+        gives = length or count
     if gives != count:
         hint = f'; pick with [0:{count}]' if gives > count and shape == 'array' else ''
         raise FieldError(

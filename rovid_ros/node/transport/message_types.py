@@ -48,17 +48,16 @@ def import_type(name: str) -> type[Any]:
 @cache
 def definition(name: str) -> str:
     """Return the definition of a type and all that it contains, as a log carries it."""
-    sections = [_fields_text(import_type(name))]
-    seen: list[str] = []
-    queue = _nested(import_type(name))
+    texts: dict[str, str] = {}  # by type
+    queue = [name]
     while queue:
         inner = queue.pop(0)
-        if inner in seen:
-            continue
-        seen.append(inner)
-        sections.append(f'MSG: {inner}\n{_fields_text(import_type(inner))}')
-        queue += _nested(import_type(inner))
-    return RULE.join(sections)
+        if inner not in texts:
+            cls = import_type(inner)
+            texts[inner] = _fields_text(cls)
+            queue += _nested(cls)
+    own = texts.pop(name)
+    return RULE.join([own, *(f'MSG: {inner}\n{text}' for inner, text in texts.items())])
 
 
 def _fields_text(cls: type[Any]) -> str:

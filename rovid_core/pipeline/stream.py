@@ -283,7 +283,7 @@ class Stream:
         try:
             for dof in self.settings.dofs:
                 self.identifier(dof).restore(dofs[dof])
-        except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             for name in self.settings.dofs:
                 self.identifier(name).restore(mine['dofs'][name])
             raise ValueError(f'{dof}: {error}') from error

@@ -157,6 +157,10 @@ class ParameterNode(ManagedNode):
                 check(values)
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
+        for name, value in values.items():
+            if value is None:  # which leaves a list out of a file
+                return SetParametersResult(
+                    successful=False, reason=f'{name}: cannot be deleted, only set')
         others = [parameter for parameter in parameter_list if parameter.name not in OWN]
         before = own_values(map(self.get_parameter, values))
         result = super().set_parameters_atomically(others + typed_parameters(values))

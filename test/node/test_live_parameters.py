@@ -116,6 +116,13 @@ def test_refused_as_the_file_would_be(
     assert shown(node) == before
 
 
+def test_a_list_cannot_be_deleted(node: IdentifierNode) -> None:
+    key = 'identifier.adaptation_gains'
+    result, = node.set_parameters([Parameter(key, Parameter.Type.NOT_SET)])
+    assert not result.successful
+    assert result.reason == f'{key}: cannot be deleted, only set'
+
+
 def test_all_or_nothing_with_what_is_not_live(node: IdentifierNode) -> None:
     before, settings = shown(node), node.settings
     result = node.set_parameters_atomically(parameters({'max_gap': 2.0, 'frames': 'ned'}))

@@ -518,7 +518,7 @@ MUTANTS = [
           'return (x / dt, y / dt, z / dt)', 'return (x, y, z)'),
          ('a mean goes on over an interval that is missing',
           'means[-1][1] != start', 'False')),
-    *_of('rovid_core/pipeline/identification.py', 'test/core/test_staleness.py',
+    *_of('rovid_core/pipeline/silent_sensor.py', 'test/core/test_staleness.py',
          ('what was before a jump of time is fresh',
           'not (silent or self._interrupted)', 'not silent'),
          ('what is stale has a velocity',
@@ -591,7 +591,12 @@ MUTANTS = [
          ('nothing that is set is told',
           '                self.get_logger().info(line)', '                pass'),
          ('a number without a point is text',
-          '_number(p) if isinstance(p.value, str)', 'p.value if isinstance(p.value, str)')),
+          'return _number(parameter)', 'return value')),
+    *_of('rovid_ros/node/parameters.py', 'test/node/test_live_parameters.py '
+         'back_from_raw_gains_without_a_restart',
+         ('a list cannot be deleted',
+          'Parameter.Type.STRING_ARRAY):\n        return []',
+          'Parameter.Type.STRING_ARRAY):\n        return None')),
     *_of('rovid_ros/node/process.py', 'test/node/test_node.py '
          'parameter_files_on_the_command_line '
          'the_command_line_wins_over_what_a_file_has_for_rclpy',

@@ -13,17 +13,14 @@ from rovid_core.identify.status import DofStatus, Judgement
 from rovid_core.inputs.units_and_signs import TypicalSizeCheck
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import lumped
-from rovid_core.model.samples import NS, Step
+from rovid_core.model.samples import Step
+from rovid_core.pipeline.silent_sensor import SilentSensor
 from rovid_core.settings.run import Scales, Settings
 
 
 class Identification:
     """
-    Identify one DOF from its steps, and tell what is known of it while none comes.
-
-    An input that is silent for its timeout (``Settings.timeout_of``) makes no step, and steps do
-    not go on across it. Once the last step is older than the longest timeout of what a DOF
-    needs, its velocity, force and error are unknown; its parameters stay as they are.
+    Identify one DOF from its steps.
 
     Parameters
     ----------
@@ -65,12 +62,12 @@ class Identification:
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
         self._truth = None if true is None else lumped(
             true.mass, true.quadratic_drag, true.linear_drag, true.bias)
-        self._largest_age = round(settings.largest_age(name) / NS)
+        self._silence = SilentSensor(settings, name)
         self.refresh()
 
     def change(self, settings: Settings, gains_change: bool) -> None:
         """Use other timeouts, and from the next step on other gains; the parameters stay."""
-        self._largest_age = round(settings.largest_age(self._name) / NS)
+        self._silence.change(settings)
         if not gains_change:
             return
         method = settings.identifier
@@ -79,31 +76,18 @@ class Identification:
         self._status.retune(getattr(self.identifier, 'adaptation_time', method.adaptation_time))
 
     def at(self, now: int, silent: bool = False) -> DofEstimate:
-        """
-        Return the estimate as it is at an event time [ns], stale if its step is too long ago.
-
-        It is stale at once if it is ``silent``: an input without which there is no step has been
-        so for its timeout, or the histories were started anew.
-        """
-        estimate = self.estimate
-        age = now - estimate.time
-        if -self._largest_age <= age <= self._largest_age and not (silent or self._interrupted):
-            return estimate
-        if estimate.judgement.status == 'waiting':  # for its first step
-            return estimate
-        nan = math.nan
-        return estimate._replace(stale_for=max(age, 1) * NS if age >= 0 else math.inf,
-                                 velocity=nan, v_hat=nan, force=nan, W=nan)
+        """Return the estimate at an event time [ns]; see ``SilentSensor.seen``."""
+        return self._silence.seen(self.estimate, now, silent)
 
     def interrupt(self) -> None:
         """Have no present velocity until the next step; the parameters stay."""
-        self._interrupted = True
+        self._silence.interrupt()
 
     def refresh(self) -> None:
         """Let the estimate say what the identifier holds by now, without a step."""
         self._status.reset()
         self._steps = 0
-        self._interrupted = False
+        self._silence.end()
         self.estimate = DofEstimate(
             dof=self._name, parameters=self.identifier.parameters,
             judgement=Judgement('waiting', ('no step yet',)))
@@ -145,7 +129,7 @@ class Identification:
             self._reject(self._name, refused)
         else:
             self._steps += 1
-        self._interrupted = False
+        self._silence.end()
         judgement = self._status.update(identifier, step, refused, adapt)
         velocity, v_hat = step.velocity[2], identifier.v_hat
         self.sizes.add_step(step)

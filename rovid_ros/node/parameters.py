@@ -157,10 +157,6 @@ class ParameterNode(ManagedNode):
                 check(values)
         except SettingsError as error:
             return SetParametersResult(successful=False, reason=str(error))
-        for name, value in values.items():
-            if value is None:  # which leaves a list out of a file
-                return SetParametersResult(
-                    successful=False, reason=f'{name}: cannot be deleted, only set')
         others = [parameter for parameter in parameter_list if parameter.name not in OWN]
         before = own_values(map(self.get_parameter, values))
         result = super().set_parameters_atomically(others + typed_parameters(values))
@@ -187,15 +183,24 @@ class ParameterNode(ManagedNode):
 
 
 def own_values(parameters: Iterable[Parameter[Any]]) -> dict[str, Any]:
+    """Return the plain values of those parameters that are in the table of the keys."""
+    return {p.name: _plain(p) for p in parameters if p.name in OWN}
+
+
+def _plain(parameter: Parameter[Any]) -> Any:
     """
-    Return the plain values of those parameters that are in the table of the keys.
+    Return the value of a parameter as a parameter file has it.
 
     ``ros2 param`` takes ``1e-5``, and a list with such a number, for a text: these are read as in
-    a parameter file.
+    a file. A list that is deleted is an empty one, for that is what rcl takes that for.
     """
-    return {p.name: _number(p) if isinstance(p.value, str) else
-            list(p.value) if isinstance(p.value, (list, tuple, array)) else p.value
-            for p in parameters if p.name in OWN}
+    value = parameter.value
+    if isinstance(value, str):
+        return _number(parameter)
+    if value is None and OWN[parameter.name] in (
+            Parameter.Type.DOUBLE_ARRAY, Parameter.Type.STRING_ARRAY):
+        return []
+    return list(value) if isinstance(value, (list, tuple, array)) else value
 
 
 def _number(parameter: Parameter[Any]) -> Any:

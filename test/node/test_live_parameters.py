@@ -116,13 +116,6 @@ def test_refused_as_the_file_would_be(
     assert shown(node) == before
 
 
-def test_a_list_cannot_be_deleted(node: IdentifierNode) -> None:
-    key = 'identifier.adaptation_gains'
-    result, = node.set_parameters([Parameter(key, Parameter.Type.NOT_SET)])
-    assert not result.successful
-    assert result.reason == f'{key}: cannot be deleted, only set'
-
-
 def test_all_or_nothing_with_what_is_not_live(node: IdentifierNode) -> None:
     before, settings = shown(node), node.settings
     result = node.set_parameters_atomically(parameters({'max_gap': 2.0, 'frames': 'ned'}))
@@ -139,11 +132,15 @@ def test_all_or_nothing_with_what_is_not_live(node: IdentifierNode) -> None:
     assert node.settings.max_gap == 2.0
 
 
-def test_back_from_raw_gains_without_a_restart(node: IdentifierNode) -> None:
+@pytest.mark.parametrize('no_gains', [
+    Parameter('identifier.adaptation_gains', value=[]),
+    Parameter('identifier.adaptation_gains', Parameter.Type.NOT_SET)], ids=['empty', 'deleted'])
+def test_back_from_raw_gains_without_a_restart(
+        no_gains: Parameter[Any], node: IdentifierNode) -> None:
     settings = node.settings
     assert node.set_parameters_atomically(parameters(RAW)).successful
-    nothing = {'identifier.feedback_gain': 0.0, 'identifier.adaptation_gains': []}
-    result = node.set_parameters_atomically(parameters(nothing))
+    result = node.set_parameters_atomically(
+        [Parameter('identifier.feedback_gain', value=0.0), no_gains])
     assert result.successful, result.reason
     assert node.settings == settings
     assert shown(node)['identifier.adaptation_gains'] == []

@@ -390,14 +390,6 @@ class ExtendedKalman(Identifier):
         for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
             if not bottom <= p <= top:
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
-        old = self.state()
-        try:
-            self._restore(state)
-        except Exception:
-            self._restore(old)
-            raise
-
-    def _restore(self, state: Mapping[str, Any]) -> None:
         self._begin(floats(state['theta'], len(self._theta)))
         self._prior = floats(state['prior'], len(self._prior))
         self._bank.restore(state['bank'])

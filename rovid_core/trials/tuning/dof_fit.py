@@ -304,7 +304,8 @@ def dof_or_reason(log: TuningLog, seen: Settings, name: str, settings: DofSettin
     segments = log.segments(name)
     time = sum(int(s.ends[-1]) - s.start for s in segments) * 1e-9
     if time < MIN_TIME:
-        return f'{time:.0f} s of steps, takes {MIN_TIME:.0f} s'
+        # rounded down: of a minute the first fixes make no step
+        return f'{math.floor(10.0 * time) / 10.0:g} s of steps, takes {MIN_TIME:.0f} s'
     parts = blocks(segments, fold_bounds(segments))
     if parts is None:
         return f'an eighth of the log without steps, takes steps in each of {FOLDS} parts'

@@ -268,6 +268,21 @@ MUTANTS = [
          ('the long way round is taken',
           'if w < 0.0:', 'if w > 0.0:')),
     *_of('rovid_core/velocity/velocity_source.py', 'test/core/test_pipeline.py '
+         'what_turning_adds_at_a_dvl_is_taken_off '
+         'a_dvl_with_a_lever_arm_does_not_wait_for_a_gyro_that_is_dead',
+         ('a DVL never gives up the gyro',
+          "if missing == 'later' and now - time <= self._patience:\n            return None\n"
+          "        self.waiting.popleft()",
+          "if missing == 'later':\n            return None\n        self.waiting.popleft()"),
+         ('what the turning adds is added again', 'body = body[0] - x,', 'body = body[0] + x,')),
+    *_of('rovid_core/velocity/rate_history.py', 'test/core/test_pipeline.py '
+         'what_turning_adds_at_a_dvl_is_taken_off '
+         'a_dvl_with_a_lever_arm_does_not_wait_for_a_gyro_that_is_dead',
+         ('the angular velocity is that of the sample before',
+          'share = (time - start) / (end - start) if end > start else 0.0', 'share = 0.0'),
+         ('a gap of the gyro is a straight line',
+          'if rates and time - rates[-1][0] > self.timeout:', 'if False:')),
+    *_of('rovid_core/velocity/velocity_source.py', 'test/core/test_pipeline.py '
          'lever_arm_is_taken_off six_dofs_from_fixes_depth_and_attitude_at_their_own_rates '
          'depth_without_heave_still_turns_the_surge '
          'what_one_source_refuses_does_not_reach_the_others',

@@ -38,6 +38,7 @@ REASONS = {
     'shifted': 'the measurement has jumped, and is followed from there',
     'gap': 'the first after a pause or a stuck sensor: it starts anew',
     'no_attitude': 'the attitude at its time is not known',
+    'no_rate': 'the angular velocity at its time is not known, which its lever arm needs',
     'no_coupling': 'the velocities that its couplings need are not known',
     'no_thrust': 'there was no command before it',
     'stale_thrust': 'the last command is older than thrusters.timeout',

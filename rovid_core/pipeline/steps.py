@@ -287,6 +287,10 @@ class Pipeline:
                 self._shared.attitude.restart_from(time, rotation)
             else:
                 self._shared.attitude.add_sample(time, rotation, check.gate.change)
+        elif name == 'angular_velocity' and self._shared.needs_rates:
+            if jumped:
+                self._shared.rates.restart()
+            self._shared.rates.add_sample(time, (value[0], value[1], value[2]))
         source = self._by_input.get(name)
         if source is None:
             return jumped

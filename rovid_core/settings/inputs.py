@@ -37,6 +37,7 @@ class InputSettings:
     frames: str = ''  # 'enu' or 'ned', of its messages; '': as those of all
     # [rad] roll, pitch and yaw that turn the axes of the body into those of the sensor
     mounting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)  # [m] where it is in the body
     sensor_frame: str = ''  # frame of tf2 to take lever arm or mounting from; '': as given
 
 

@@ -261,7 +261,6 @@ class Settings:
     time_jump: float = 1.0
     enable: bool = True  # False: the parameters are frozen at the start
     reset_on_time_jump: bool = True
-    lever_arm: tuple[float, float, float] = (0.0, 0.0, 0.0)
     depth_scale: float = 1.0
     depth_offset: float = 0.0
     yaw_offset: float = 0.0
@@ -439,6 +438,10 @@ class Settings:
             raise SettingsError(
                 'attitude.topic', f'is required: {horizontal[0]} is measured in the world frame '
                                   'and has to be turned into the body frame')
+        if any(self.velocity.lever_arm) and self.velocity.topic and (
+                not self.angular_velocity.topic):
+            raise SettingsError('velocity.lever_arm', 'needs angular_velocity.topic: what the '
+                                                      'turning adds there is taken off')
 
     def _check_gains(self) -> None:
         count = len(self.identifier.adaptation_gains)

@@ -11,7 +11,7 @@ from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.profiles import Profile
 from rovid_core.simulation.vehicle import Vehicle
-from rovid_core.velocity.attitude_history import product, rotate
+from rovid_core.velocity.attitude_history import cross, product, rotate
 
 Measurement = tuple[int, str, tuple[float, ...]]
 
@@ -98,7 +98,7 @@ class _Sensors:
         if name == 'thrusters':
             return self._noisy(v.command(time), s.thruster_noise)
         if name == 'position':
-            arm = rotate(v.attitude, self._settings.lever_arm)
+            arm = rotate(v.attitude, self._settings.position.lever_arm)
             x, y, z = v.position
             return self._noisy((x + arm[0], y + arm[1], z + arm[2]), s.position_noise)
         if name == 'depth':
@@ -110,7 +110,11 @@ class _Sensors:
         if name == 'velocity':
             velocity = (v.through_water if self._settings.relative_to == 'water'
                         else v.velocity)
-            return self._noisy(velocity[:len(LINEAR_DOFS)], s.velocity_noise)
+            linear, arm = velocity[:len(LINEAR_DOFS)], self._settings.velocity.lever_arm
+            if any(arm):
+                p, q, r = v.velocity[-len(ANGULAR_DOFS):]
+                linear = [a + b for a, b in zip(linear, cross((p, q, r), arm))]
+            return self._noisy(linear, s.velocity_noise)
         if name == 'angular_velocity':
             return self._noisy(v.velocity[-len(ANGULAR_DOFS):], s.angular_velocity_noise)
         return tuple(v.velocity)

@@ -13,6 +13,7 @@ import math
 from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.model.samples import NS
 from rovid_core.settings.run import Settings
+from rovid_core.velocity.rate_history import RateHistory
 
 MAX_KEPT = 65536
 """Attitudes and depths that are kept, however close their stamps are."""
@@ -134,6 +135,10 @@ class SharedMotion:
     ----------
     attitude : AttitudeHistory
         The attitudes that were accepted.
+    rates : RateHistory
+        The angular velocities of a gyro, where ``needs_rates``.
+    needs_rates : bool
+        Whether a velocity sensor has a lever arm.
     horizontal : tuple of (int, float, float) or None
         Time [ns] and horizontal velocity in the world [m/s] of the newest position.
 
@@ -141,6 +146,8 @@ class SharedMotion:
 
     def __init__(self, settings: Settings) -> None:
         self.attitude = AttitudeHistory(0, 0, settings.watches)
+        self.rates, self.needs_rates = RateHistory(), bool(
+            settings.velocity.topic and any(settings.velocity.lever_arm))
         self.change(settings)
         self.restart()
 
@@ -150,10 +157,13 @@ class SharedMotion:
         self._position_timeout, self._depth_timeout, attitude = (
             round(settings.timeout_of(name) / NS) for name in ('position', 'depth', 'attitude'))
         self.attitude.change(attitude, self._memory)
+        self.rates.timeout, self.rates.memory = (
+            round(settings.timeout_of('angular_velocity') / NS), self._memory)
 
     def restart(self) -> None:
         """Forget everything."""
         self.attitude.restart()
+        self.rates.restart()
         self._depths: deque[tuple[int, float]] = deque(maxlen=MAX_KEPT)
         self.horizontal: tuple[int, float, float] | None = None
 
@@ -242,6 +252,11 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
         v[1] + 2.0 * (z * cx - x * cz),
         v[2] + 2.0 * (x * cy - y * cx),
     )
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Return the vector product."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def rotate_back(q: Quaternion, v: Vector) -> Vector:

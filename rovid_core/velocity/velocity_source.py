@@ -9,6 +9,7 @@ from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS, Quaternion, Vector
 from rovid_core.model.samples import Motion, NS
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import (
+    cross,
     MAX_KEPT,
     rotate,
     rotate_back,
@@ -38,7 +39,7 @@ class VelocitySource:
 
     Differences of position, depth or attitude are means over their interval, turned into
     the body with the attitude of its middle; a velocity or angular-velocity sensor gives
-    point values. A difference waits until the attitude that it needs is known.
+    point values. What needs an attitude, or an angular velocity, waits until that is known.
 
     A measurement that would be too fast, or comes in a burst, is refused, and the next is
     compared with the one before it.
@@ -73,16 +74,17 @@ class VelocitySource:
         self._is_point = input in ('velocity', 'angular_velocity')
         self._needs_attitude = bool(settings.attitude.topic) and input in ('position', 'depth')
         self.change(settings)
-        # without an attitude nobody knows where the lever arm points
-        self._lever = settings.lever_arm if (
-            self._needs_attitude and input == 'position' and any(settings.lever_arm)) else None
+        arm = settings.input(input).lever_arm
+        # without an attitude nobody knows where that of a position points
+        self._lever = arm if any(arm) and (self._needs_attitude or input == 'velocity') else None
         self._shared = shared
         self.restart()
 
     def change(self, settings: Settings) -> None:
         """Use other limits: timeouts and ``velocity.max``."""
         self.timeout = round(settings.timeout_of(self.input) / NS)
-        self._patience = round(settings.timeout_of('attitude') / NS)
+        waits_for = 'angular_velocity' if self._is_point else 'attitude'
+        self._patience = round(settings.timeout_of(waits_for) / NS)
         self._max_speed = settings.max_speed
 
     def restart(self) -> None:
@@ -125,19 +127,15 @@ class VelocitySource:
         Parameters
         ----------
         now : int
-            Time of the newest event [ns]; a measurement does not wait longer than
-            ``attitude.timeout`` for its attitude.
+            Time of the newest event [ns]; a measurement does not wait longer for its attitude,
+            or for the angular velocity at its lever arm, than the timeout of that input.
 
         """
         if not self.waiting:
             return None
         time, value, jumped = self.waiting[0]
         if self._is_point and not jumped:
-            self.waiting.popleft()
-            velocity = tuple([value[i] for i in self._axes])
-            if not self._is_slow(velocity, 0.0):
-                return 'too_fast'
-            return Motion(time, time, time, velocity, 0.0, (), (value[0], value[1], value[2]))
+            return self._point_velocity(time, value, now)
         last = self._last
         missing = jumped or ('gap' if last else 'first')
         if last is not None and not jumped and time - last[0] <= self.timeout:
@@ -159,6 +157,24 @@ class VelocitySource:
             return 'too_fast'
         self._last, self._interval = (time, value), interval
         return motion
+
+    def _point_velocity(self, time: int, value: tuple[float, ...],
+                        now: int) -> Motion | str | None:
+        """Return what a sensor of the velocity itself says, as ``next_velocity``."""
+        body = value[0], value[1], value[2]
+        missing = self._shared.rates.missing(time) if self._lever else ''
+        if missing == 'later' and now - time <= self._patience:
+            return None
+        self.waiting.popleft()
+        if missing:
+            return 'no_rate'
+        if self._lever:
+            x, y, z = cross(self._shared.rates.at(time), self._lever)
+            body = body[0] - x, body[1] - y, body[2] - z
+        velocity = tuple([body[i] for i in self._axes])
+        if not self._is_slow(velocity, 0.0):
+            return 'too_fast'
+        return Motion(time, time, time, velocity, 0.0, (), body)
 
     def _missing_attitude(self, start: int, end: int) -> str:
         """Return '' if the attitudes of an interval are known, or why they are not."""

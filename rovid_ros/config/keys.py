@@ -121,8 +121,14 @@ def _mounted(name: str) -> list[Key]:
         key('mounting', 'how the sensor is turned in the body: roll, pitch, yaw from the axes of '
             'the body (forward, left, up) to those of the sensor, as rpy in a URDF', 'rad', -6.3,
             6.3),
-        _sensor_frame(name, 'mounting'),
+        _sensor_frame(name, 'mounting and lever_arm' if name == 'velocity' else 'mounting'),
     ]
+
+
+def _lever_arm(name: str, of: str) -> Key:
+    """Return the key that says where a sensor is in the body."""
+    return key_of(f'{name}.', f'{name}.', InputSettings, 'lever_arm', 'position in the body frame '
+                  f'(forward, left, up) of the {of}', 'm', -100.0, 100.0)
 
 
 def _sensor_frame(name: str, key: str) -> Key:
@@ -169,8 +175,7 @@ def _inputs() -> list[Key]:
     key = partial(key_of, '', '', Settings)
     return [
         *_source('position', 'position', 'topic of the position fix in the world'),
-        key('position.lever_arm', 'position of the transponder in the body frame (forward, left, '
-            'up)', 'm', -100.0, 100.0, setting='lever_arm'),
+        _lever_arm('position', 'transponder'),
         _sensor_frame('position', 'lever_arm'),
         *_source('depth', 'depth', 'topic of the depth sensor; replaces position z for heave'),
         key('depth.scale', 'z [m, up] = scale * value + offset', setting='depth_scale'),
@@ -199,6 +204,7 @@ def _inputs() -> list[Key]:
         key('velocity.relative_to', 'what the velocity is relative to: ground (bottom lock) or '
             'water (water lock)', choices=('ground', 'water'), setting='relative_to'),
         *_mounted('velocity'),
+        _lever_arm('velocity', 'DVL; takes an angular_velocity.topic'),
         *_source('reference', 'reference',
                  'topic of a body velocity to score against, never used to identify'),
     ]

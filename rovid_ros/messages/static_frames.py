@@ -12,9 +12,9 @@ from rovid_core.velocity.attitude_history import normalised, product, rotate, ro
 
 TOPIC = '/tf_static'
 TYPE = 'tf2_msgs/msg/TFMessage'
-# by input, the key that its ``sensor_frame`` stands for
-KEYS = {'position': 'position.lever_arm', 'attitude': 'attitude.mounting',
-        'angular_velocity': 'angular_velocity.mounting', 'velocity': 'velocity.mounting'}
+# the keys that the ``sensor_frame`` of their input stands for
+KEYS = ('position.lever_arm', 'attitude.mounting', 'angular_velocity.mounting',
+        'velocity.mounting', 'velocity.lever_arm')
 
 _IDENTITY: tuple[Vector, Quaternion] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
 
@@ -25,11 +25,17 @@ def wanted_frames(settings: Settings) -> dict[str, str]:
 
     A value that was given wins, so that what was looked up once can be written down.
     """
-    given = {'position.lever_arm': settings.lever_arm, **{
-        f'{name}.mounting': settings.input(name).mounting for name in KEYS if name != 'position'}}
-    return {key: settings.input(name).sensor_frame for name, key in KEYS.items()
-            if name in settings.used_inputs() and settings.input(name).sensor_frame
-            and not any(given[key])}
+    found = {}
+    for key in KEYS:
+        name, _, value = key.partition('.')
+        one = settings.input(name)
+        # that of a DVL is of no use without a gyro
+        if key == 'velocity.lever_arm' and not settings.angular_velocity.topic:
+            continue
+        if one.topic and one.sensor_frame and not any(
+                one.lever_arm if value == 'lever_arm' else one.mounting):
+            found[key] = one.sensor_frame
+    return found
 
 
 class StaticFrames:
@@ -71,7 +77,7 @@ class StaticFrames:
                     f'{base} (base_frame) to {frame}; {TOPIC} has '
                     f'{", ".join(names) or "nothing"}; publish it, or give {key}')
             offset, turn = found
-            values[key] = list(offset if key == KEYS['position'] else _angles(turn))
+            values[key] = list(offset if key.endswith('.lever_arm') else _angles(turn))
         return values
 
     def _between(self, base: str, frame: str) -> tuple[Vector, Quaternion] | None:

@@ -95,13 +95,15 @@ def test_heading_that_turns_all_the_way_round_does_not_mix_the_axes():
 
 
 def test_lever_arm_is_taken_off():
-    settings = vehicle(('surge', 'sway', 'yaw'), lever_arm=(0.5, 0.4, 0.0))
+    at = InputSettings('/fix', lever_arm=(0.5, 0.4, 0.0))
+    settings = vehicle(('surge', 'sway', 'yaw'), position=at)
     measured = list(simulate(settings, 120.0, 3))
     truth = {t: v for t, n, v in simulate(
         replace(settings, reference=InputSettings('/truth')), 120.0, 3) if n == 'reference'}
     for arm, worse in (((0.5, 0.4, 0.0), False), ((0.0, 0.0, 0.0), True)):
         _, estimates = identified(
-            replace(settings, lever_arm=arm, cutoff=0.0), measurements=measured)
+            replace(settings, position=replace(at, lever_arm=arm), cutoff=0.0),
+            measurements=measured)
         times = np.array(sorted(truth))
         surge = np.array([truth[t][0] for t in times])
         got = [(e.time, e.dofs[0].velocity) for e in estimates if 0 in e.stepped]
@@ -112,7 +114,7 @@ def test_lever_arm_is_taken_off():
 
 def test_a_lever_arm_without_an_attitude_is_left_out():
     settings = vehicle(('heave',), depth=InputSettings('/depth'), attitude=InputSettings(),
-                       lever_arm=(0.3, 0.0, 0.2))
+                       position=InputSettings('/fix', lever_arm=(0.3, 0.0, 0.2)))
     _, estimates = identified(settings, 60.0)
     assert mass_ratios(estimates[-1])['heave'] == pytest.approx(1.0, abs=0.1)
 
@@ -124,6 +126,44 @@ def test_velocity_and_gyro_sensors_are_used_where_there_are_some():
     _, estimates = identified(settings)
     for dof, ratio in mass_ratios(estimates[-1]).items():
         assert ratio == pytest.approx(1.0, abs=0.1), dof
+
+
+@pytest.mark.parametrize('gyro_rate', [50.0, 4.0])
+def test_what_turning_adds_at_a_dvl_is_taken_off(gyro_rate):
+    at = InputSettings('/dvl', lever_arm=(0.5, 0.4, -0.3))
+    settings = vehicle(
+        ('surge', 'sway', 'yaw'), position=InputSettings(), velocity=at,
+        angular_velocity=InputSettings('/gyro'))
+    settings = replace(settings, cutoff=0.0, simulation=replace(
+        settings.simulation, angular_velocity_rate=gyro_rate, angular_velocity_noise=0.0,
+        velocity_noise=0.0))
+    measured = list(simulate(settings, 60.0, 3))
+    here = {t: v for t, n, v in simulate(
+        replace(settings, velocity=InputSettings('/dvl')), 60.0, 3) if n == 'velocity'}
+    errors = []
+    for arm in ((0.5, 0.4, -0.3), (0.0, 0.0, 0.0)):
+        _, estimates = identified(
+            replace(settings, velocity=replace(at, lever_arm=arm)), measurements=measured)
+        steps = [e for e in estimates if 0 in e.stepped]
+        assert len(steps) > 500
+        errors.append([max(abs(e.dofs[i].velocity - here[e.time][i]) for e in steps)
+                       for i in (0, 1)])
+    assert max(errors[0]) < 0.002 and min(errors[1]) > 0.04
+
+
+@pytest.mark.parametrize(('again', 'refused'), [(21.5, 14), (99.0, 180)])
+def test_a_dvl_with_a_lever_arm_does_not_wait_for_a_gyro_that_is_dead(again, refused):
+    settings = vehicle(
+        ('surge',), position=InputSettings(), angular_velocity=InputSettings('/gyro'),
+        velocity=InputSettings('/dvl', lever_arm=(0.5, 0.4, 0.0)))
+    measured = [(t, n, v) for t, n, v in simulate(settings, 40.0, 3)
+                if n != 'angular_velocity' or not 20.0 < t * 1e-9 < again]
+    stream, estimates = identified(settings, measurements=measured)
+    times = [e.time * 1e-9 for e in estimates if 0 in e.stepped]
+    assert not [t for t in times if 20.1 < t < again]
+    assert [t for t in times if 19.8 < t < 20.0]
+    assert (max(times) > 39.8) == (again < 40.0)
+    assert stream.rejected['velocity', 'no_rate'] >= refused
 
 
 def test_each_velocity_is_from_the_most_direct_input():
@@ -606,6 +646,7 @@ def test_rotations_agree_with_matrices():
     ({'dofs': ('surge', 'yow')}, 'dofs'),
     ({'attitude': InputSettings()}, 'attitude.topic'),
     ({'position': InputSettings()}, 'dofs'),
+    ({'velocity': InputSettings('/dvl', lever_arm=(0.5, 0.0, 0.0))}, 'velocity.lever_arm'),
     ({'identifier': IdentifierSettings(feedback_gain=-1.0)}, 'identifier.feedback_gain'),
     ({'identifier': IdentifierSettings(feedback_gain=-1.0, adaptation_gains=(1.0,))},
      'identifier.adaptation_gains'),

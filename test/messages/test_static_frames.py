@@ -10,10 +10,12 @@ from hypothesis import given, strategies as st
 import pytest
 from rovid_core.velocity.attitude_history import from_angles, rotate, rotation_between
 from rovid_ros.commands.main import main
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import RECORD
 from rovid_ros.logs.static_transforms import FOUND
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.messages.static_frames import StaticFrames, TOPIC, TYPE
+from rovid_ros.messages.static_frames import StaticFrames, TOPIC, TYPE, wanted_frames
 from rovid_ros.messages.types import build, standard_types
 
 Transform = tuple[str, str, Sequence[float], Sequence[float]]  # parent, child, xyz, rpy
@@ -156,6 +158,19 @@ def test_frames_hang_together_over_a_parent() -> None:
     x, y, z = rotate(from_angles(0, 0, -0.75), (0.0, 0.0, 0.5))
     assert twin.values({'position.lever_arm': 'usbl'}, 'twin', '')['position.lever_arm'] == (
         pytest.approx((LEVER_ARM[0] + x, LEVER_ARM[1] + y, LEVER_ARM[2] + z)))
+
+
+@pytest.mark.parametrize('gyro', ['', '/gyro'])
+def test_a_dvl_with_a_gyro_takes_both_from_its_frame(gyro: str, config: Path) -> None:
+    settings = settings_from({
+        **load(config), 'velocity.topic': '/dvl', 'velocity.sensor_frame': 'usbl',
+        'angular_velocity.topic': gyro})
+    wanted = wanted_frames(settings)
+    assert sorted(wanted) == [*(['velocity.lever_arm'] if gyro else []), 'velocity.mounting']
+    values = frames_of(FIX, BRACKET).values(wanted, 'base_link', '')
+    assert values['velocity.mounting'] == pytest.approx((0.0, 0.0, 0.5 * math.pi))
+    if gyro:
+        assert values['velocity.lever_arm'] == pytest.approx(LEVER_ARM)
 
 
 def test_frames_in_a_circle_are_none() -> None:

@@ -365,7 +365,7 @@ MUTANTS = [
          ('a minute need not be predicted',
           'if not (reason or identifier.judges_errors):', 'if False:'),
          ('the acceleration need not be known',
-          'if not share < limit:', 'if False:')),
+          "('mass', alpha), ('acceleration', share)", "('mass', alpha),")),
     *_of('rovid_core/identify/ekf/normalised_model.py', 'test/core/test_ekf_uncertainty.py',
          ('the covariance is doubled',
           'u * v * self._entry(i, j)', '2.0 * u * v * self._entry(i, j)'),

@@ -186,10 +186,10 @@ def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit:
     share = gram.uncertainty(covariance) / typical if typical > 0.0 else math.inf
     alpha = math.sqrt(max(covariance[0], 0.0)) / parameters[0]
     # not (x < limit) is also true for NaN
-    if not alpha < limit:
-        return f'the mass is known to {_percent(alpha)}'
-    if not share < limit:
-        return f'the acceleration is known to {_percent(share)}'
+    for what, known in (('mass', alpha), ('acceleration', share)):
+        if not known < limit:
+            return (f'the {what} is known to {_percent(known)}, not yet to {_percent(limit)}: '
+                    'drive this axis longer, or with more thrust')
     return ''
 
 

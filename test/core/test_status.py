@@ -58,7 +58,8 @@ def status():
 def test_a_covariance_decides_and_says_what_is_open(status):
     name, reasons = judge(status, Known(0.2))
     assert name == 'converging'
-    assert reasons[0] == 'the mass is known to 20 %'
+    assert reasons[0] == (
+        'the mass is known to 20 %, not yet to 5 %: drive this axis longer, or with more thrust')
     name, reasons = judge(status, Known(0.02))
     assert name == 'converged'
     assert not [r for r in reasons if 'known' in r]

@@ -488,7 +488,7 @@ MUTANTS = [
          ('all is valid',
           'float(dof.valid)', '1.0'),
          ('a deviation stands before its number',
-          'values += [number, std]', 'values += [std, number]'),
+          'alpha, alpha_std, beta,', 'alpha_std, alpha, beta,'),
          ('what is stale has no age',
           'return dof.stale_for or (now - dof.time) * 1e-9',
           'return (now - dof.time) * 1e-9 if not dof.stale_for else 0.0')),

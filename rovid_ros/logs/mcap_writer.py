@@ -7,7 +7,7 @@ the time. All records but messages are those of the package.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import struct
 from typing import BinaryIO
 import zlib
@@ -75,24 +75,23 @@ class McapWriter:
         self._add_to_chunk(_bytes(channel))
         return channel.id
 
-    def add_message(self, channel: int, log_time: int, data: bytes, publish_time: int) -> None:
-        """Add a message; times in ns, from 0."""
-        entries = self._indices.get(channel)
-        if entries is None:
-            entries = self._indices[channel] = []
-        entries.append(log_time)
-        entries.append(self._size)
-        if log_time < self._first or self._first < 0:
-            self._first = log_time
-        if log_time > self._last:
-            self._last = log_time
-        length = len(data)
-        self._parts.append(_MESSAGE.pack(
-            _OPCODE, _BEHIND_LENGTH + length, channel, 0, log_time, publish_time))
-        self._parts.append(data)
-        self._size += _MESSAGE_SIZE + length
-        if self._size > self._chunk_size:
-            self._end_chunk()
+    def add_messages(self, channels: Sequence[int], messages: Sequence[bytes], log_time: int,
+                     publish_time: int) -> None:
+        """Add a message to each of some channels, all at the same times [ns], from 0."""
+        for channel, data in zip(channels, messages):
+            entries = self._indices.get(channel)
+            if entries is None:
+                entries = self._indices[channel] = []
+            entries.append(log_time)
+            entries.append(self._size)
+            if log_time < self._first or self._first < 0:
+                self._first = log_time
+            if log_time > self._last:
+                self._last = log_time
+            self._parts.append(_MESSAGE.pack(
+                _OPCODE, _BEHIND_LENGTH + len(data), channel, 0, log_time, publish_time))
+            self._size += _MESSAGE_SIZE
+            self._add_to_chunk(data)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add metadata."""

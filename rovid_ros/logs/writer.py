@@ -116,16 +116,13 @@ class LogWriter:
             channel = self._writer.add_channel(
                 topic, schema, {'offered_qos_profiles': _OFFERED[latched]})
             self._channels[topic, schema] = channel
-        self._writer.add_message(channel, max(time, 0), cdr, max(
-            time if publish_time is None else publish_time, 0))
+        self.write_together([channel], [cdr], time, time if publish_time is None else publish_time)
         return channel
 
     def write_together(self, channels: Sequence[int], messages: Sequence[bytes], time: int,
                        publish_time: int) -> None:
         """Write a message for each of some channels, all with the same times, as ``write_raw``."""
-        add, time, publish_time = self._writer.add_message, max(time, 0), max(publish_time, 0)
-        for channel, cdr in zip(channels, messages):
-            add(channel, time, cdr, publish_time)
+        self._writer.add_messages(channels, messages, max(time, 0), max(publish_time, 0))
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record."""

@@ -15,13 +15,14 @@ from rovid_ros.results.model_rows import AGE, age, model_row, UPDATED
 from rovid_ros.results.wire_encoding import known_status, number_pairs, pair, string
 
 _FOUR, _ONE = struct.Struct('<4d'), struct.Struct('<d')
+_AGE_AT, _UPDATED_AT = _ONE.size * AGE, _ONE.size * UPDATED
 _PARAMETERS = [string(name) for name in PARAMETERS]
 _STDS = [string(f'{name}_std') for name in PARAMETERS]
 _PHYSICAL = [string(name) for name in PHYSICAL]
 _ENDS = {name: (string(f'{name}_low'), string(f'{name}_high'))
          for name in (*PARAMETERS, *PHYSICAL)}
 _MOTION = [string(name) for name in ('velocity', 'v_hat', 'dv', 'force', 'excitation', 'steps')]
-_TIME, _AGE = [string('time')], string('age')
+_TIME, _STALE_FOR = [string('time')], string('age')
 _OPTIONAL = [string(name) for name in ('delay', 'delay_std', 'W')]
 _UPDATED = pair('updated', 'false'), pair('updated', 'true')
 _FIXED = 4 + 4 + 4 + 6 + 4  # pairs that are always there: these, and status, reasons and time
@@ -89,8 +90,8 @@ class DofEncoder:
             values = model_row(self._estimate, self._own, self._couplings)
             self._model = bytearray(struct.pack(f'<{len(values)}d', *values))
         # these change without a step of this DOF
-        _ONE.pack_into(self._model, _ONE.size * AGE, age(self._estimate, now))
-        _ONE.pack_into(self._model, _ONE.size * UPDATED, stepped)
+        _ONE.pack_into(self._model, _AGE_AT, age(self._estimate, now))
+        _ONE.pack_into(self._model, _UPDATED_AT, stepped)
         return self._model
 
     def status(self, stepped: bool) -> bytes:
@@ -129,7 +130,7 @@ class DofEncoder:
             keys += both
             numbers += kappa
         if dof.stale_for:
-            keys.append(_AGE)
+            keys.append(_STALE_FOR)
             numbers.append(dof.stale_for)
         right = number_pairs(keys, numbers)
         count = _FIXED + 2 * len(intervals) + len(keys)

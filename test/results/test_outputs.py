@@ -285,8 +285,8 @@ def test_what_is_kept_is_told_only_of_what_it_was_made_of() -> None:
     for changes in (
             {}, {'uncertainty': known}, {'parameters': (1.0, -2.0, -3.0, 4.0)},
             {'uncertainty': known, 'delay': 0.25}, {'judgement': Judgement('invalid', ('why',))},
-            {'stale_for': 5.0}, {'stale_for': 6.0, 'uncertainty': known}, {'couplings': (8.0, 9.0)},
-            {'judgement': Judgement('frozen')}, {'stale_for': math.inf}, {}):
+            {'stale_for': 5.0}, {'stale_for': 6.0, 'uncertainty': known}, {'stale_for': math.inf},
+            {'couplings': (8.0, 9.0)}, {'judgement': Judgement('frozen')}, {}):
         step = first._replace(dofs=(surge._replace(**changes), yaw))
         told = [out for out in outputs.messages(step) if step.dofs[0].status in (
             'converging', 'frozen') or out.topic in ('rov/model', 'rov/estimate')]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import struct
-from typing import BinaryIO
+from typing import BinaryIO, Final
 import zlib
 
 from mcap import records
@@ -18,9 +18,10 @@ from mcap.opcode import Opcode
 from rovid_ros.logs.mcap import MAGIC
 import zstandard
 
-_MESSAGE = struct.Struct('<BQHIQQ')  # a record; channel, sequence, log and publish time
-_MESSAGE_SIZE, _BEHIND_LENGTH = _MESSAGE.size, _MESSAGE.size - 9
-_OPCODE = int(Opcode.MESSAGE)
+_MESSAGE: Final = struct.Struct('<BQHIQQ')  # a record; channel, sequence, log and publish time
+_MESSAGE_SIZE: Final = _MESSAGE.size
+_BEHIND_LENGTH: Final = _MESSAGE.size - 9
+_OPCODE: Final = int(Opcode.MESSAGE)
 _INDEX = struct.Struct('<BQHI')  # a record; channel, bytes of the entries
 _SUMMARY_CRC = struct.Struct('<BQQQ')
 

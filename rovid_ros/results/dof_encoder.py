@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 import math
 import struct
+from typing import Final
 
 from rovid_core.identify.estimate import DofEstimate
 from rovid_core.identify.intervals import Uncertainty
@@ -14,17 +15,21 @@ from rovid_core.model.plant import physical
 from rovid_ros.results.model_rows import AGE, age, model_row, UPDATED
 from rovid_ros.results.wire_encoding import known_status, number_pairs, pair, string
 
-_FOUR, _ONE = struct.Struct('<4d'), struct.Struct('<d')
-_AGE_AT, _UPDATED_AT = _ONE.size * AGE, _ONE.size * UPDATED
-_PARAMETERS = [string(name) for name in PARAMETERS]
-_STDS = [string(f'{name}_std') for name in PARAMETERS]
-_PHYSICAL = [string(name) for name in PHYSICAL]
-_ENDS = {name: (string(f'{name}_low'), string(f'{name}_high'))
-         for name in (*PARAMETERS, *PHYSICAL)}
-_MOTION = [string(name) for name in ('velocity', 'v_hat', 'dv', 'force', 'excitation', 'steps')]
-_TIME, _STALE_FOR = [string('time')], string('age')
-_OPTIONAL = [string(name) for name in ('delay', 'delay_std', 'W')]
-_UPDATED = pair('updated', 'false'), pair('updated', 'true')
+_FOUR: Final = struct.Struct('<4d')
+_ONE: Final = struct.Struct('<d')
+_AGE_AT: Final = _ONE.size * AGE
+_UPDATED_AT: Final = _ONE.size * UPDATED
+_PARAMETERS: Final = [string(name) for name in PARAMETERS]
+_STDS: Final = [string(f'{name}_std') for name in PARAMETERS]
+_PHYSICAL: Final = [string(name) for name in PHYSICAL]
+_ENDS: Final = {
+    name: (string(f'{name}_low'), string(f'{name}_high')) for name in (*PARAMETERS, *PHYSICAL)}
+_MOTION: Final = [
+    string(name) for name in ('velocity', 'v_hat', 'dv', 'force', 'excitation', 'steps')]
+_TIME: Final = [string('time')]
+_STALE_FOR: Final = string('age')
+_OPTIONAL: Final = [string(name) for name in ('delay', 'delay_std', 'W')]
+_UPDATED: Final = pair('updated', 'false'), pair('updated', 'true')
 _FIXED = 4 + 4 + 4 + 6 + 4  # pairs that are always there: these, and status, reasons and time
 
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 import struct
-from typing import Any
+from typing import Any, Final
 
-_ENCAPSULATION = b'\0\1\0\0'  # plain CDR, little endian; alignment counts from behind it
-_COUNT = struct.Struct('<I')
-_BEGIN = struct.Struct('<4siI')
-_BEFORE_FRAME = _BEGIN.size - len(_ENCAPSULATION)
-_SECOND = 1_000_000_000  # [ns]
+_ENCAPSULATION: Final = b'\0\1\0\0'  # plain CDR, little endian; alignment counts from behind it
+_COUNT: Final = struct.Struct('<I')
+_BEGIN: Final = struct.Struct('<4siI')
+_BEFORE_FRAME: Final = _BEGIN.size - len(_ENCAPSULATION)
+_SECOND: Final = 1_000_000_000  # [ns]
 
 
 def begin_stamped(time: int) -> bytes:
@@ -191,5 +191,5 @@ def _aligned(before: int, text: str) -> bytes:
 
 _LONGEST = 64  # of a number's text; one of an integer [ns] has 20 characters, of a float 24
 # By the length of a number's text: what is before and behind it.
-_BEFORE = [_number(size + 1) for size in range(_LONGEST)]
-_BEHIND = ['\0' * (1 + _padding(size)) for size in range(_LONGEST)]
+_BEFORE: Final = [_number(size + 1) for size in range(_LONGEST)]
+_BEHIND: Final = ['\0' * (1 + _padding(size)) for size in range(_LONGEST)]

@@ -30,6 +30,9 @@ COMPILE = os.environ.get('ROVID_COMPILE', '') not in ('', '0')
 INTERPRETED = (
     'identify/ekf/divergence.py', 'identify/method.py', 'pipeline/stream.py', 'settings/',
     'simulation/', 'trials/')
+# Of rovid_ros, what encodes and writes an estimate.
+WRITING = ('logs/mcap_writer', 'results/dof_encoder', 'results/model_rows', 'results/outputs',
+           'results/wire_encoding')
 
 
 def ros_wheels(distro: str) -> list[str]:
@@ -44,8 +47,9 @@ def manifest(tag: str) -> str:
 
 def compiled_modules() -> list[str]:
     """Return the files that are compiled."""
-    return [path for path in sorted(glob('rovid_core/**/*.py', recursive=True))
+    core = [path for path in sorted(glob('rovid_core/**/*.py', recursive=True))
             if not path.startswith(tuple(f'rovid_core/{name}' for name in INTERPRETED))]
+    return core + [f'rovid_ros/{name}.py' for name in WRITING]
 
 
 def extensions() -> list[Extension]:

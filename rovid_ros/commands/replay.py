@@ -48,7 +48,7 @@ from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.types import Decoder, WireType
 from rovid_ros.results.current import current_text, still_water
 from rovid_ros.results.documents import current_document, dofs_document, Result
-from rovid_ros.results.outputs import LATCHED, Output, Outputs
+from rovid_ros.results.outputs import LATCHED, Outputs
 from rovid_ros.results.text import NONE, number, percent, quantity, table
 
 DESCRIPTION = (
@@ -221,7 +221,8 @@ class _Replay:
         self._player = player
         self._settings = settings
         self._outputs = Outputs(settings)
-        self._written = self._outputs.topics if written is None else written
+        self._written = [*self._outputs.topics] if written is None else written
+        self._channels: list[int] = []  # of these topics in the output
 
     @property
     def duration(self) -> float:
@@ -276,9 +277,9 @@ class _Replay:
             except (ValueError, RecursionError) as error:
                 raise CommandError(f'{CONTROL}: {error}') from None
             if name == 'reset':
-                self._write_topics(  # as the node does
-                    [out for out in self._outputs.reset() if out.topic in self._written],
-                    self.last)
+                for out in self._outputs.reset():  # as the node does
+                    if self.output is not None and out.topic in self._written:
+                        self._write_one(out.topic, out.cdr, self.last)
         else:
             topic = self.topics[message.topic]
             if topic != message.topic:
@@ -288,16 +289,21 @@ class _Replay:
     def _write(self, estimates: Sequence[Estimate]) -> None:
         """Count the estimates and write the output topics."""
         self._steps += len(estimates)
-        if self.output is not None:
-            for estimate in estimates:
-                self._write_topics(
-                    self._outputs.each(estimate, self._written), estimate.time)
+        if self.output is None:
+            return
+        for estimate in estimates:
+            messages = self._outputs.encoded(estimate, self._written)
+            if self._channels:
+                self.output.write_together(self._channels, messages, self.last, estimate.time)
+            else:
+                self._channels = [self._write_one(topic, cdr, estimate.time)
+                                  for topic, cdr in zip(self._written, messages)]
 
-    def _write_topics(self, outputs: Iterable[Output], time: int) -> None:
-        if self.output is not None:
-            for out in outputs:
-                self.output.write_raw(f'/{out.topic}', out.type, out.cdr, self.last,
-                                      publish_time=time, latched=out.topic in LATCHED)
+    def _write_one(self, topic: str, cdr: bytes, time: int) -> int:
+        """Write a message of an output topic; return its channel."""
+        assert self.output is not None
+        return self.output.write_raw(f'/{topic}', self._outputs.topics[topic], cdr, self.last,
+                                     publish_time=time, latched=topic in LATCHED)
 
     def _why_no_step(self) -> str:
         stream = self._player.stream

@@ -7,9 +7,9 @@ the time. All records but messages are those of the package.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 import struct
-from typing import BinaryIO
+from typing import BinaryIO, Final
 import zlib
 
 from mcap import records
@@ -18,8 +18,10 @@ from mcap.opcode import Opcode
 from rovid_ros.logs.mcap import MAGIC
 import zstandard
 
-_MESSAGE = struct.Struct('<BQHIQQ')  # a record; channel, sequence, log and publish time
-_BEHIND_LENGTH = _MESSAGE.size - 9
+_MESSAGE: Final = struct.Struct('<BQHIQQ')  # a record; channel, sequence, log and publish time
+_MESSAGE_SIZE: Final = _MESSAGE.size
+_BEHIND_LENGTH: Final = _MESSAGE.size - 9
+_OPCODE: Final = int(Opcode.MESSAGE)
 _INDEX = struct.Struct('<BQHI')  # a record; channel, bytes of the entries
 _SUMMARY_CRC = struct.Struct('<BQQQ')
 
@@ -40,6 +42,7 @@ class McapWriter:
     def __init__(self, stream: BinaryIO, chunk_size: int) -> None:
         self._stream = stream
         self._chunk_size = chunk_size
+        self._compressor = zstandard.ZstdCompressor()
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
         self._counts: dict[int, int] = {}  # of messages by channel
@@ -51,7 +54,8 @@ class McapWriter:
         self._write(records.Header('ros2', 'rovid'))
 
     def _begin_chunk(self) -> None:
-        self._chunk = bytearray()
+        self._parts: list[bytes] = []
+        self._size = 0  # of the parts
         self._indices: dict[int, list[int]] = {}  # by channel: time, offset, time, offset ...
         self._first, self._last = -1, 0  # log times of the chunk
 
@@ -72,20 +76,23 @@ class McapWriter:
         self._add_to_chunk(_bytes(channel))
         return channel.id
 
-    def add_message(self, channel: int, log_time: int, data: bytes, publish_time: int) -> None:
-        """Add a message; times in ns, from 0."""
-        index = self._indices.get(channel)
-        if index is None:
-            index = self._indices[channel] = []
-        index.append(log_time)
-        index.append(len(self._chunk))
-        if log_time < self._first or self._first < 0:
-            self._first = log_time
-        if log_time > self._last:
-            self._last = log_time
-        self._chunk += _MESSAGE.pack(
-            Opcode.MESSAGE, _BEHIND_LENGTH + len(data), channel, 0, log_time, publish_time)
-        self._add_to_chunk(data)
+    def add_messages(self, channels: Sequence[int], messages: Sequence[bytes], log_time: int,
+                     publish_time: int) -> None:
+        """Add a message to each of some channels, all at the same times [ns], from 0."""
+        for channel, data in zip(channels, messages):
+            entries = self._indices.get(channel)
+            if entries is None:
+                entries = self._indices[channel] = []
+            entries.append(log_time)
+            entries.append(self._size)
+            if log_time < self._first or self._first < 0:
+                self._first = log_time
+            if log_time > self._last:
+                self._last = log_time
+            self._parts.append(_MESSAGE.pack(
+                _OPCODE, _BEHIND_LENGTH + len(data), channel, 0, log_time, publish_time))
+            self._size += _MESSAGE_SIZE
+            self._add_to_chunk(data)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add metadata."""
@@ -130,15 +137,16 @@ class McapWriter:
         self._stream.write(MAGIC)
 
     def _add_to_chunk(self, data: bytes) -> None:
-        self._chunk += data
-        if len(self._chunk) > self._chunk_size:
+        self._parts.append(data)
+        self._size += len(data)
+        if self._size > self._chunk_size:
             self._end_chunk()
 
     def _end_chunk(self) -> None:
         if not self._indices:  # schemas and channels wait for a message
             return
-        data = bytes(self._chunk)
-        compressed = zstandard.compress(data)
+        data = b''.join(self._parts)
+        compressed = self._compressor.compress(data)
         start = self._stream.tell()
         length = self._write(records.Chunk(
             compression='zstd', data=compressed, message_start_time=self._first,

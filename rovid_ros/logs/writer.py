@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from io import BufferedWriter, FileIO
 import os
@@ -101,9 +101,9 @@ class LogWriter:
 
     def write_raw(self, topic: str, type: str, cdr: bytes, time: int,
                   definition: str | None = None, publish_time: int | None = None,
-                  latched: bool = False) -> None:
+                  latched: bool = False) -> int:
         """
-        Write a message that is serialised already.
+        Write a message that is serialised already; return the number of its channel.
 
         The type's definition is needed where it does not come with ROS 2; the rest is as in
         ``write``.
@@ -116,8 +116,13 @@ class LogWriter:
             channel = self._writer.add_channel(
                 topic, schema, {'offered_qos_profiles': _OFFERED[latched]})
             self._channels[topic, schema] = channel
-        self._writer.add_message(channel, max(time, 0), cdr, max(
-            time if publish_time is None else publish_time, 0))
+        self.write_together([channel], [cdr], time, time if publish_time is None else publish_time)
+        return channel
+
+    def write_together(self, channels: Sequence[int], messages: Sequence[bytes], time: int,
+                       publish_time: int) -> None:
+        """Write a message for each of some channels, all with the same times, as ``write_raw``."""
+        self._writer.add_messages(channels, messages, max(time, 0), max(publish_time, 0))
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Write a metadata record."""

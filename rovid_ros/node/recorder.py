@@ -170,11 +170,11 @@ class Recorder:
         self._syncing = Thread(target=work, daemon=True)
         self._syncing.start()
 
-    def _write(self, action: Callable[[LogWriter], None]) -> None:
+    def _write(self, action: Callable[[LogWriter], object]) -> None:
         if self._writer is not None and not self._attempt(self._writer, action):
             self._writer = None
 
-    def _attempt(self, writer: LogWriter, action: Callable[[LogWriter], None]) -> bool:
+    def _attempt(self, writer: LogWriter, action: Callable[[LogWriter], object]) -> bool:
         """Return whether it went well."""
         try:
             action(writer)

@@ -43,15 +43,19 @@ def model_row(dof: DofEstimate, own: Sequence[str], couplings: Sequence[str]) ->
         Names of the DOF's couplings, and of those of all DOFs; NaN where it has none.
 
     """
+    mass, quadratic, linear, bias = physical(dof.parameters)
+    mass_std, quadratic_std, linear_std, bias_std = dof.physical_std
+    alpha, beta, gamma, delta = dof.parameters
+    alpha_std, beta_std, gamma_std, delta_std = dof.std
     values = [
         dof.time * 1e-9 if _made_step(dof) else math.nan, math.nan,
         float(STATUSES.index(dof.status)), float(dof.valid), math.nan, dof.fit,
-        dof.delay, dof.delay_std]
-    for numbers, stds in ((physical(dof.parameters), dof.physical_std),
-                          (dof.parameters, dof.std)):
-        for number, std in zip(numbers, stds):
-            values += [number, std]
-    values += [dof.velocity, dof.v_hat, dof.force, dof.velocity_delay, dof.v_hat_delay]
+        dof.delay, dof.delay_std,
+        mass, mass_std, quadratic, quadratic_std, linear, linear_std, bias, bias_std,
+        alpha, alpha_std, beta, beta_std, gamma, gamma_std, delta, delta_std,
+        dof.velocity, dof.v_hat, dof.force, dof.velocity_delay, dof.v_hat_delay]
+    if not couplings:
+        return values
     kappas = dict(zip(own, zip_longest(dof.couplings, dof.couplings_std, fillvalue=math.nan)))
     for name in couplings:
         values += kappas.get(name, (math.nan, math.nan))

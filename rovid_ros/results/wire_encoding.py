@@ -9,14 +9,19 @@ labels and frames, is packed once.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from functools import lru_cache
 import struct
-from typing import Any
+from typing import Any, Final
 
-_ENCAPSULATION = b'\0\1\0\0'  # plain CDR, little endian; alignment counts from behind it
-_COUNT = struct.Struct('<I')
-_STAMP = struct.Struct('<iI')
-_SECOND = 1_000_000_000  # [ns]
+_ENCAPSULATION: Final = b'\0\1\0\0'  # plain CDR, little endian; alignment counts from behind it
+_COUNT: Final = struct.Struct('<I')
+_BEGIN: Final = struct.Struct('<4siI')
+_BEFORE_FRAME: Final = _BEGIN.size - len(_ENCAPSULATION)
+_SECOND: Final = 1_000_000_000  # [ns]
+
+
+def begin_stamped(time: int) -> bytes:
+    """Return the begin of a message with a header, up to its frame; time in ns."""
+    return _BEGIN.pack(_ENCAPSULATION, *divmod(time, _SECOND))
 
 
 class ArrayEncoder:
@@ -34,14 +39,18 @@ class ArrayEncoder:
         rows, columns = len(names), len(labels)
         self._start = _ENCAPSULATION + _aligned(0, ''.join([
             _number(2),
-            _string(','.join(names)), _number(rows), _number(rows * columns),
-            _string(','.join(labels)), _number(columns), _number(columns),
+            string(','.join(names)), _number(rows), _number(rows * columns),
+            string(','.join(labels)), _number(columns), _number(columns),
             _number(0), _number(rows * columns)]))  # data offset, count of the data
-        self._pack = struct.Struct(f'<{rows * columns}d').pack
+        self._row = struct.Struct(f'<{columns}d')
 
-    def encode(self, rows: Sequence[Sequence[float]]) -> bytes:
-        """Return the message; its data are row-major."""
-        return self._start + self._pack(*[value for row in rows for value in row])
+    def row(self, values: Sequence[float]) -> bytes:
+        """Return a row as ``encode`` takes it: its numbers, 8 bytes each."""
+        return self._row.pack(*values)
+
+    def encode(self, rows: Iterable[bytes | bytearray]) -> bytes:
+        """Return the message."""
+        return b''.join([self._start, *rows])
 
 
 class StampedEncoder:
@@ -54,98 +63,100 @@ class StampedEncoder:
 
     def __init__(self, frame: str, count: int) -> None:
         # the frame is padded for the numbers of eight bytes that follow
-        self._frame = _aligned(_STAMP.size, _string(frame))
-        self._pack = struct.Struct(f'<{count}d').pack
+        self._frame = _aligned(_BEFORE_FRAME, string(frame))
+        self._numbers = struct.Struct(f'<{count}d')
 
-    def encode(self, time: int, values: Sequence[float]) -> bytes:
-        """Return the message; time in ns."""
-        return _ENCAPSULATION + _stamp(time) + self._frame + self._pack(*values)
+    def encode(self, begin: bytes, values: Sequence[float]) -> bytes:
+        """Return the message; it begins with ``begin_stamped``."""
+        return begin + self._frame + self._numbers.pack(*values)
 
 
 class JointStateEncoder:
     """Encodes ``sensor_msgs/JointState`` messages with velocity and effort, without position."""
 
     def __init__(self, frame: str, names: Sequence[str]) -> None:
-        self._start = _aligned(_STAMP.size, ''.join([
-            _string(frame), _number(len(names)), *map(_string, names),
-            _number(0), _number(len(names))]))  # counts of position and velocity
-        self._pack = struct.Struct(f'<{len(names)}d').pack
-        self._count = _COUNT.pack(len(names)) + bytes(4)  # of effort
+        self._count = len(names)
+        self._start = _aligned(_BEFORE_FRAME, ''.join([
+            string(frame), _number(self._count), *map(string, names),
+            _number(0), _number(self._count)]))  # counts of position and velocity
+        # between them the count of effort
+        self._numbers = struct.Struct(f'<{self._count}dI4x{self._count}d')
 
-    def encode(self, time: int, velocity: Sequence[float], effort: Sequence[float]) -> bytes:
-        """Return the message; time in ns."""
-        return (_ENCAPSULATION + _stamp(time) + self._start + self._pack(*velocity)
-                + self._count + self._pack(*effort))
+    def encode(self, begin: bytes, velocity: Sequence[float], effort: Sequence[float]) -> bytes:
+        """Return the message; it begins with ``begin_stamped``."""
+        return begin + self._start + self._numbers.pack(*velocity, self._count, *effort)
 
 
-class StatusBody:
+class DiagnosticEncoder:
+    """Encodes ``diagnostic_msgs/DiagnosticArray`` messages, in a frame."""
+
+    def __init__(self, frame: str) -> None:
+        self._frame = string(frame)
+
+    def encode(self, begin: bytes, statuses: Sequence[tuple[int, bytes]]) -> bytes:
+        """
+        Return the message.
+
+        Parameters
+        ----------
+        begin : bytes
+            As ``begin_stamped`` makes it.
+        statuses : sequence of tuple
+            Level of each, and what is behind it: see ``status_body``.
+
+        """
+        out = bytearray(begin)
+        out += f'{self._frame}{_number(len(statuses))}'.encode('latin-1')
+        for level, body in statuses:
+            out.append(level)
+            out += bytes(-len(out) % 4)
+            out += body
+        return bytes(out)
+
+
+def status_body(name: str, message: str, hardware_id: str, values: Mapping[str, Any]) -> bytes:
+    """Return a ``diagnostic_msgs/DiagnosticStatus`` behind its level; values as ``words``."""
+    texts = {key: words(value) for key, value in values.items()}
+    body = ''.join([
+        string(name), string(message), string(hardware_id), _number(len(texts)),
+        *[pair(key, text) for key, text in texts.items()]])
+    last = [hardware_id, *texts.values()][-1]
+    # behind the count of no pairs nothing is padded
+    padding = _padding(len(last.encode())) if texts else 0
+    return body[:len(body) - padding].encode('latin-1')
+
+
+def known_status(start: str, count: int, pairs: str) -> bytes:
     """
-    A ``diagnostic_msgs/DiagnosticStatus`` behind its level, kept while nothing changes.
+    Return the same of parts that are encoded already, padded.
 
     Parameters
     ----------
-    name, message, hardware_id : str
-        As in the message.
-    values : mapping
-        Key to value. A float's text gives its exact bits back.
-    switch : str, optional
-        A key whose value is true or false, and may be another each time.
+    start : str
+        Name, message and hardware_id, each as ``string``.
+    count : int
+        Of the pairs, at least one.
+    pairs : str
+        Such as ``pair`` and ``number_pairs`` make them; the last value is no empty text.
 
     """
-
-    def __init__(self, name: str, message: str, hardware_id: str, values: Mapping[str, Any],
-                 switch: str | None = None) -> None:
-        parts = [_string(name), _string(message), _string(hardware_id), _number(len(values))]
-        self._left = ''
-        size, is_last = 3, False  # 3: the count of no values needs no padding behind it
-        for key, value in values.items():
-            parts.append(_string(key))
-            is_last = key == switch
-            if is_last:
-                self._left, parts = ''.join(parts), []
-            else:
-                text = repr(value) if type(value) is float else words(value)
-                size = len(text)
-                if size < _SHORT and text.isascii():
-                    parts += _BEFORE[size], text, _BEHIND[size]
-                else:
-                    parts.append(_string(text))
-                    size = len(text.encode())
-        self._right = ''.join(parts)
-        self._has_switch = switch in values
-        self._size = None if is_last else size  # of the last text, behind which is no padding
-
-    def encode(self, switch: bool = False) -> bytes:
-        """Return the bytes; ``switch`` is the value of that key."""
-        text = words(switch)
-        middle = _string(text) if self._has_switch else ''
-        body = f'{self._left}{middle}{self._right}'
-        size = len(text) if self._size is None else self._size
-        return body[:len(body) - _padding(size)].encode('latin-1')
+    return f'{start}{_number(count)}{pairs}'.rstrip('\0').encode('latin-1') + b'\0'
 
 
-def diagnostic_array(time: int, frame: str, statuses: Iterable[tuple[int, bytes]]) -> bytes:
+def pair(key: str, text: str) -> str:
+    """Return a key and its value."""
+    return string(key) + string(text)
+
+
+def number_pairs(keys: Iterable[str], values: Iterable[float]) -> str:
     """
-    Return a ``diagnostic_msgs/DiagnosticArray`` message.
+    Return keys and values that are numbers; a float's text gives its exact bits back.
 
-    Parameters
-    ----------
-    time : int
-        Of the header [ns].
-    frame : str
-        Of the header.
-    statuses : iterable of tuple
-        Level and ``StatusBody.encode`` of each.
-
+    ``keys`` are encoded already, by ``string``.
     """
-    statuses = list(statuses)
-    out = bytearray(_ENCAPSULATION + _stamp(time))
-    out += f'{_string(frame)}{_number(len(statuses))}'.encode('latin-1')
-    for level, body in statuses:
-        out.append(level)
-        out += bytes(-len(out) % 4)
-        out += body
-    return bytes(out)
+    # str: of numpy's floats repr is another text
+    return ''.join([f'{key}{_BEFORE[len(text)]}{text}{_BEHIND[len(text)]}'
+                    for key, text in zip(keys, map(str, values))])
 
 
 def words(value: Any) -> str:
@@ -156,8 +167,7 @@ def words(value: Any) -> str:
     return float.__repr__(value) if isinstance(value, float) else str(value)
 
 
-@lru_cache(maxsize=4096)
-def _string(text: str) -> str:
+def string(text: str) -> str:
     """Return a string as CDR, each byte as a character, padded for another one to follow."""
     raw = text.encode()
     return (_number(len(raw) + 1) + raw.decode('latin-1') + '\0'
@@ -173,17 +183,13 @@ def _number(value: int) -> str:
     return _COUNT.pack(value).decode('latin-1')
 
 
-def _stamp(time: int) -> bytes:
-    return _STAMP.pack(*divmod(time, _SECOND))
-
-
 def _aligned(before: int, text: str) -> bytes:
     """Return a text's bytes, padded for numbers of eight; so many bytes are before it."""
     raw = text.encode('latin-1')
     return raw + bytes(-(before + len(raw)) % 8)
 
 
-_SHORT = 64
-# By the length of a short text of ASCII: what is before and behind it.
-_BEFORE = [_number(size + 1) for size in range(_SHORT)]
-_BEHIND = ['\0' * (1 + _padding(size)) for size in range(_SHORT)]
+_LONGEST = 64  # of a number's text; one of an integer [ns] has 20 characters, of a float 24
+# By the length of a number's text: what is before and behind it.
+_BEFORE: Final = [_number(size + 1) for size in range(_LONGEST)]
+_BEHIND: Final = ['\0' * (1 + _padding(size)) for size in range(_LONGEST)]

@@ -759,6 +759,20 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
             writer.write('/a', 'geometry_msgs/msg/PointStamped', {'point': {'xx': 1.0}}, 1)
 
 
+def test_messages_that_are_written_together_are_in_the_log_as_one_by_one(tmp_path: Path) -> None:
+    for together in (False, True):
+        with LogWriter(tmp_path / f'{together}.mcap') as writer:
+            channels = [writer.write_raw(topic, 'std_msgs/msg/String', data, 5, publish_time=-1)
+                        for topic, data in (('/a', b'1'), ('/b', b'22'))]
+            for time in (6, -3):
+                if together:
+                    writer.write_together(channels, [b'333', b''], time, 7)
+                else:
+                    writer.write_raw('/a', 'std_msgs/msg/String', b'333', time, publish_time=7)
+                    writer.write_raw('/b', 'std_msgs/msg/String', b'', time, publish_time=7)
+    assert (tmp_path / 'True.mcap').read_bytes() == (tmp_path / 'False.mcap').read_bytes()
+
+
 def test_build_fills_every_kind_of_field() -> None:
     store = get_typestore(Stores.ROS2_JAZZY)
     imu = build(store, 'sensor_msgs/msg/Imu', {'orientation_covariance': {2: 5.0}})

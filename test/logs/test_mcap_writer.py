@@ -35,7 +35,7 @@ def test_the_file_is_that_of_the_package(count: int) -> None:
         channel, data = draw.choice(channels), draw.randbytes(draw.randrange(100))
         time, publish_time = draw.randrange(1 << 62), draw.randrange(1 << 62)
         theirs.add_message(channel, time, data, publish_time)
-        ours.add_message(channel, time, data, publish_time)
+        ours.add_messages([channel], [data], time, publish_time)
     theirs.finish()
     ours.finish()
     assert written.getvalue() == expected.getvalue()

@@ -19,7 +19,6 @@ from rovid_core.settings.run import (
     ThrusterSettings,
 )
 from rovid_core.trials.score import Score
-from rovid_ros.results import outputs
 from rovid_ros.results.documents import dofs_document
 from rovid_ros.results.outputs import ERROR, LEVELS, OK, Output, Outputs, TOPICS, WARN
 
@@ -260,15 +259,48 @@ def test_summary_without_a_step_has_the_initial_values() -> None:
     assert (dofs['surge']['status'], dofs['surge']['mae']) == ('waiting', None)
 
 
-def test_the_first_message_is_there_before_the_next_is_made(
-        monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[int] = []
-    monkeypatch.setattr(outputs, 'diagnostic_array', lambda *parts: made.append(1) or b'')
-    messages = Outputs(settings()).each(estimate(), TOPICS)
+def test_the_first_message_is_there_before_the_next_is_made() -> None:
+    read: list[int] = []
+
+    class Noted:
+        std, delay_std, couplings_std = NAN4, math.nan, ()
+
+        @property
+        def covariance(self) -> tuple[float, ...]:
+            read.append(1)
+            return ()
+
+    messages = Outputs(settings()).each(estimate(uncertainty=Noted()), TOPICS)
     assert next(messages).topic == 'rov/params'
-    assert made == []
+    assert read == []
     assert [output.topic for output in messages] == list(TOPICS)[1:]
-    assert made
+    assert read
+
+
+def test_what_is_kept_is_told_only_of_what_it_was_made_of() -> None:
+    outputs = Outputs(coupled_settings())
+    first = coupled_estimate()
+    surge, yaw = first.dofs
+    known = KnownUncertainty((), (0.1, 0.2, 0.3, 0.4), 0.5, (0.6, 0.7))
+    for changes in (
+            {}, {'uncertainty': known}, {'parameters': (1.0, -2.0, -3.0, 4.0)},
+            {'uncertainty': known, 'delay': 0.25}, {'judgement': Judgement('invalid', ('why',))},
+            {'stale_for': 5.0}, {'stale_for': 6.0, 'uncertainty': known}, {'stale_for': math.inf},
+            {'couplings': (8.0, 9.0)}, {'judgement': Judgement('frozen')}, {}):
+        step = first._replace(dofs=(surge._replace(**changes), yaw))
+        told = [out for out in outputs.messages(step) if step.dofs[0].status in (
+            'converging', 'frozen') or out.topic in ('rov/model', 'rov/estimate')]
+        fresh = {out.topic: out for out in Outputs(coupled_settings()).messages(step)}
+        assert told == [fresh[out.topic] for out in told]
+
+
+def test_bytes_alone_are_those_of_the_messages() -> None:
+    step = coupled_estimate()
+    topics = [*Outputs(coupled_settings()).topics]
+    messages = Outputs(coupled_settings()).messages(step)
+    assert Outputs(coupled_settings()).encoded(step, topics) == [out.cdr for out in messages]
+    assert Outputs(coupled_settings()).encoded(step, topics[1:3]) == [
+        out.cdr for out in messages[1:3]]
 
 
 def test_a_status_that_is_kept_is_that_of_its_step() -> None:

@@ -9,10 +9,15 @@ from rovid_ros.messages.types import build, standard_types
 from rovid_ros.results.outputs import ARRAY_TYPE, DIAGNOSTIC_TYPE
 from rovid_ros.results.wire_encoding import (
     ArrayEncoder,
-    diagnostic_array,
+    begin_stamped,
+    DiagnosticEncoder,
     JointStateEncoder,
+    known_status,
+    number_pairs,
+    pair,
     StampedEncoder,
-    StatusBody,
+    status_body,
+    string,
     words,
 )
 
@@ -41,7 +46,8 @@ def test_arrays(names: list[str], labels: list[str], data: st.DataObject) -> Non
     rows, columns = len(names), len(labels)
     table = data.draw(st.lists(
         st.lists(NUMBER, min_size=columns, max_size=columns), min_size=rows, max_size=rows))
-    assert ArrayEncoder(names, labels).encode(table) == serialised(ARRAY_TYPE, {
+    encoder = ArrayEncoder(names, labels)
+    assert encoder.encode([encoder.row(row) for row in table]) == serialised(ARRAY_TYPE, {
         'layout': {'dim': [
             {'label': ','.join(names), 'size': rows, 'stride': rows * columns},
             {'label': ','.join(labels), 'size': columns, 'stride': columns}], 'data_offset': 0},
@@ -51,10 +57,10 @@ def test_arrays(names: list[str], labels: list[str], data: st.DataObject) -> Non
 @given(TIME, TEXT, st.lists(NUMBER, min_size=6, max_size=6))
 def test_twists_and_vectors(time: int, frame: str, values: list[float]) -> None:
     linear, angular = dict(zip('xyz', values[:3])), dict(zip('xyz', values[3:]))
-    assert StampedEncoder(frame, 6).encode(time, values) == serialised(
+    assert StampedEncoder(frame, 6).encode(begin_stamped(time), values) == serialised(
         'geometry_msgs/msg/TwistStamped',
         {'header': header(time, frame), 'twist': {'linear': linear, 'angular': angular}})
-    assert StampedEncoder(frame, 3).encode(time, values[:3]) == serialised(
+    assert StampedEncoder(frame, 3).encode(begin_stamped(time), values[:3]) == serialised(
         'geometry_msgs/msg/Vector3Stamped', {'header': header(time, frame), 'vector': linear})
 
 
@@ -62,7 +68,8 @@ def test_twists_and_vectors(time: int, frame: str, values: list[float]) -> None:
 def test_joint_states(time: int, frame: str, names: list[str]) -> None:
     velocity = [0.1 * number for number in range(len(names))]
     effort = [math.nan, *velocity][:len(names)]
-    assert JointStateEncoder(frame, names).encode(time, velocity, effort) == serialised(
+    mine = JointStateEncoder(frame, names).encode(begin_stamped(time), velocity, effort)
+    assert mine == serialised(
         'sensor_msgs/msg/JointState', {
             'header': header(time, frame), 'name': names, 'position': [],
             'velocity': velocity, 'effort': effort})
@@ -70,21 +77,22 @@ def test_joint_states(time: int, frame: str, names: list[str]) -> None:
 
 @given(TIME, TEXT, st.lists(STATUS, max_size=3))
 def test_diagnostics(time: int, frame: str, statuses: list[Any]) -> None:
-    assert diagnostic_array(time, frame, [
-        (level, StatusBody(*parts).encode()) for level, *parts in statuses
+    assert DiagnosticEncoder(frame).encode(begin_stamped(time), [
+        (level, status_body(*parts)) for level, *parts in statuses
     ]) == diagnostics(time, frame, statuses)
 
 
-@given(STATUS, STATUS, st.booleans(), st.integers(0, 4))
-def test_a_switch_is_another_each_time(first: Any, second: Any, on: bool, place: int) -> None:
-    level, *parts, values = first
-    items = [*values.items()]
-    switched = dict([*items[:place], ('switch', None), *items[place:]])
-    body = StatusBody(*parts, switched, 'switch')
-    for value in (on, not on, on):
-        mine = (level, body.encode(value)), (second[0], StatusBody(*second[1:]).encode())
-        assert diagnostic_array(0, '', mine) == diagnostics(
-            0, '', [(level, *parts, {**switched, 'switch': value}), second])
+@given(TEXT, LONG, st.dictionaries(TEXT, st.one_of(
+    NUMBER, st.integers(0, 1 << 63), NUMBER.map(np.float64)), min_size=1), TEXT)
+def test_a_status_of_parts_that_are_known_is_the_same(
+        name: str, message: str, values: dict[str, float], text: str) -> None:
+    last, *others = values
+    mine = known_status(
+        string(name) + string(message) + string(''), len(values) + 1,
+        number_pairs([string(key) for key in others], [values[key] for key in others])
+        + pair('text', text) + number_pairs([string(last)], [values[last]]))
+    assert mine == status_body(name, message, '', {
+        **{key: values[key] for key in others}, 'text': text, last: values[last]})
 
 
 def diagnostics(time: int, frame: str, statuses: list[Any]) -> bytes:

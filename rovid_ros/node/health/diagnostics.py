@@ -39,7 +39,7 @@ from rovid_ros.results.outputs import (
     WARN,
 )
 from rovid_ros.results.text import unit
-from rovid_ros.results.wire_encoding import diagnostic_array, StatusBody
+from rovid_ros.results.wire_encoding import begin_stamped, DiagnosticEncoder, status_body
 
 ACTIVE = 'active'
 LEVEL_NAMES = ('OK', 'WARN', 'ERROR', 'STALE')
@@ -74,9 +74,10 @@ def diagnostics(data: HealthData, node: NodeState) -> Output:
     verdict, values = _state(data, node, {name: verdict for name, verdict, _ in parts})
     hardware = settings.hardware_id or node.name
     statuses = [
-        (level, StatusBody(f'{node.name}: {name}', message, hardware, values).encode())
+        (level, status_body(f'{node.name}: {name}', message, hardware, values))
         for name, (level, message), values in [('state', verdict, values), *parts]]
-    return Output('/diagnostics', DIAGNOSTIC_TYPE, diagnostic_array(data.now, '', statuses))
+    return Output('/diagnostics', DIAGNOSTIC_TYPE,
+                  DiagnosticEncoder('').encode(begin_stamped(data.now), statuses))
 
 
 def _state(data: HealthData, node: NodeState, others: dict[str, LevelAndMessage]

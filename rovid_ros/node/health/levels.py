@@ -37,7 +37,8 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros.config.input_topics import topics_of
 from rovid_ros.node.health.graph import TopicState
-from rovid_ros.results.outputs import dof_message, ERROR, LEVELS, OK, STALE, WARN
+from rovid_ros.results.dof_encoder import dof_message
+from rovid_ros.results.outputs import ERROR, LEVELS, OK, STALE, WARN
 
 ACCEPTABLE = 0.02  # share of refused samples above which something is wrong with the data
 WINDOW = 10.0  # [s] how far back the recent counts go

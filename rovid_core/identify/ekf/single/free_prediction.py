@@ -101,7 +101,8 @@ class FreePrediction:
     def _moved(self, recent: DelayedForce, start: float, h: float,
                push: float) -> tuple[float, float]:
         """Return path and velocity after ``h`` [s] of the force and of a constant push."""
-        alpha, beta, gamma, *_, delay = self._theta
+        theta = self._theta
+        alpha, beta, gamma, delay = theta[0], theta[1], theta[2], theta[-1]
         x, v = self._motion
         pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
         h /= pieces

@@ -98,8 +98,10 @@ class LinearisedFilter:
         self._alpha, self._beta, self._gamma, self._delta = self._parameters[:4]
         self._couplings, self._delay = self._parameters[4:-1], self._parameters[-1]
         candidates = [Regressor() for _ in range(len(CANDIDATES) + watched)]
-        self._reverse, self._cut = candidates[0], candidates[2]
+        self._reverse, self._reverse_drag, self._cut, self._lag = candidates[:4]
+        self._watched = candidates[4:]
         self._columns: list[Regressor] = [*self._parameters, *candidates]
+        self._delta.push = 1.0
         # those that something has pushed: a watched regressor that no step has stays 0
         self._pushed = self._columns
         self._own_thrust, self._own_drag = own
@@ -170,20 +172,24 @@ class LinearisedFilter:
             Those that are only watched.
 
         """
-        if any(watched):
+        for one, regressor in zip(self._couplings, couplings):
+            one.push = regressor
+        if any(watched) or self._pushed is self._columns:
             self._pushed = self._columns
+            for column, regressor in zip(self._watched, watched):
+                column.push = regressor
         fastest = 2.0 * abs(self._beta.value * self.motion[1]) + abs(self._gamma.value)
         turn = (end - start) * max(fastest, 1.0 / LONGEST)
         if turn < 1.000001:
-            self._predict(recent, start, end, couplings, watched)
+            self._predict(recent, start, end, couplings)
             return
         pieces = min(int(turn), LARGEST_SUBSTEPS - 1) + 1
         for k in range(pieces):
             self._predict(recent, start + (end - start) * k / pieces,
-                          start + (end - start) * (k + 1) / pieces, couplings, watched)
+                          start + (end - start) * (k + 1) / pieces, couplings)
 
     def _predict(self, recent: DelayedForce, start: float, end: float,
-                 couplings: Sequence[float], watched: Sequence[float]) -> None:
+                 couplings: Sequence[float]) -> None:
         h = end - start
         x, v, f = self.motion
         alpha, beta, gamma = self._alpha.value, self._beta.value, self._gamma.value
@@ -193,9 +199,8 @@ class LinearisedFilter:
         # a straight line with the same integral and the same way; this is half its rise
         du = alpha * (3.0 * force - 6.0 * moment / (h * h))
         u = alpha * force + self._delta.value + f
-        if couplings:
-            for one, regressor in zip(self._couplings, couplings):
-                u += one.value * regressor
+        for one, regressor in zip(self._couplings, couplings):
+            u += one.value * regressor
         goes_back = v < 0.0
         if self._has_own:
             astern, _ = recent.bent(start, end, delay)
@@ -229,21 +234,22 @@ class LinearisedFilter:
             of_cut, cut_way = felt(cut[0], cut[1], h, rate, s)
         drag = w * size
         spun = 1.0 - math.exp(-h / LAG)
-        lag = (force - self._lagged) * spun * LAG / h
+        self._lag.push = (force - self._lagged) * spun * LAG / h
         self._lagged += spun * (force - self._lagged)
-        pushes = [of_alpha, drag, w, 1.0, *couplings, -of_delay,
-                  of_reverse, drag if w < 0.0 else 0.0, of_cut, lag, *watched]
+        self._alpha.push, self._beta.push, self._gamma.push = of_alpha, drag, w
+        self._delay.push, self._reverse.push, self._cut.push = -of_delay, of_reverse, of_cut
+        self._reverse_drag.push = drag if w < 0.0 else 0.0
         if self._has_own:
-            self._add_own(pushes, of_reverse, reverse_way - b * of_reverse,
-                          drag if goes_back else 0.0)
+            self._push_by_own(of_reverse, reverse_way - b * of_reverse,
+                              drag if goes_back else 0.0)
         self._alpha.path += alpha_way - b * of_alpha
         self._delay.path -= delay_way - b * of_delay
         # what is told apart by where in a step it acts has to act where alpha's force does
         self._reverse.path += reverse_way - b * of_reverse
         self._cut.path += cut_way - b * of_cut
-        self._carry(h, (x, v, f), (s, b, keep), pushes)
+        self._carry(h, (x, v, f), (s, b, keep))
 
-    def _carry(self, h: float, motion: Three, transition: Three, pushes: list[float]) -> None:
+    def _carry(self, h: float, motion: Three, transition: Three) -> None:
         """
         Go to a motion, and take sensitivities and covariance along over ``h`` [s].
 
@@ -254,9 +260,9 @@ class LinearisedFilter:
         if self.force_std:
             e = math.exp(-h / FORCE_TIME)
             self.motion = (x, v, e * f)
-            for column, push in zip(self._pushed, pushes):
+            for column in self._pushed:
                 speed, slow = column.velocity, column.force
-                push += slow
+                push = column.push + slow
                 column.path += s * speed + b * push
                 column.velocity = keep * speed + s * push
                 column.force = e * slow
@@ -268,8 +274,8 @@ class LinearisedFilter:
                 e * e * p22 + (1.0 - e * e) * self.force_std * self.force_std)
         else:
             self.motion = (x, v, 0.0)
-            for column, push in zip(self._pushed, pushes):
-                speed = column.velocity
+            for column in self._pushed:
+                speed, push = column.velocity, column.push
                 column.path += s * speed + b * push
                 column.velocity = keep * speed + s * push
             t1 = p01 + s * p11
@@ -289,14 +295,14 @@ class LinearisedFilter:
         return (weaker * mean, weaker * (3.0 * mean - 6.0 * moment), drag,
                 weaker if pushes_back else 0.0)
 
-    def _add_own(self, pushes: list[float], thrust: float, way: float, drag: float) -> None:
+    def _push_by_own(self, thrust: float, way: float, drag: float) -> None:
         """Let the parameters of ``OWN`` push; by the thrust they also go a way of their own."""
         i, k = self._own_thrust, self._own_drag
         if i >= 0:
-            pushes[i] = thrust
+            self._parameters[i].push = thrust
             self._parameters[i].path += way
         if k >= 0:
-            pushes[k] = drag
+            self._parameters[k].push = drag
 
     def innovation(self, i: int, value: float, variance: float,
                    known: bool = False) -> Innovation:

@@ -347,20 +347,20 @@ class ExtendedKalman(Identifier):
         """Return the velocity at the end of the step [m/s or rad/s]."""
         filter = self._bank.tracker.filter
         _, v, f = filter.motion
-        ahead = self._clock.ahead
+        theta, ahead = filter.theta, self._clock.ahead
         force = step.forces[1 if step.interval else 0] if ahead else 0.0
-        alpha, beta, gamma, delta = self._model.acting(filter.theta, force, v)
+        alpha, beta, gamma, delta = self._model.acting(theta, force, v)
         coupled = self._model.coupled(
-            filter.theta, [after for _, after in step.couplings]) if ahead else 0.0
+            theta, [after for _, after in step.couplings]) if ahead and step.couplings else 0.0
         rate = (alpha * force / self._scales.force + (beta * abs(v) + gamma) * v + delta + f
                 + coupled)
         return self._scales.velocity * (v + ahead * rate)
 
     def _publish(self) -> None:
         best, model = self._bank.best, self._model
-        self.parameters = model.parameters(best.filter.theta)
-        self.delay = best.filter.theta[-1]
-        self.couplings = model.kappas(best.filter.theta)
+        theta = best.filter.theta
+        self.parameters, self.couplings = model.parameters(theta), model.kappas(theta)
+        self.delay = theta[-1]
         verdict = best.verdict
         if verdict is None:
             self.uncertainty: Uncertainty = FilterUncertainty(

@@ -70,8 +70,8 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
 
     """
     best = Alternative(0.0)
-    for columns, described in ((PULL, _pull), (HEADING, _offset), (LATE, _latency)):
-        found = blocks.regression(columns)
+    regressions = blocks.regressions((PULL, HEADING, LATE))
+    for found, described in zip(regressions, (_pull, _offset, _latency)):
         if found is None:
             continue
         chi2, advice = min(found.power, found.t_squared), ''

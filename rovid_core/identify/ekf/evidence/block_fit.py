@@ -10,8 +10,9 @@ Econometrica 50(1), 1982).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +92,30 @@ class Regression:
     moved: Array
 
 
+class Remainder(NamedTuple):
+    """
+    What is left of a regressor that the parameters cannot take the place of.
+
+    Attributes
+    ----------
+    leaning : list of a floats
+        What a coefficient of 1 that is left out moves the parameters by.
+    left : float
+        As a share.
+    known, coefficient : float
+        Information on its coefficient, and what fits best; 0 where too little is left.
+    spread : float
+        Sum of the squares of what that leaves of the score of each block.
+
+    """
+
+    leaning: list[float]
+    left: float
+    known: float
+    coefficient: float
+    spread: float
+
+
 @dataclass(frozen=True)
 class Verdict:
     """
@@ -145,8 +170,8 @@ class BlockFit:
         The parameters that fit best.
     h, c : ndarray, shape (a, a)
         Their information with the prior, and its inverse.
-    total : ndarray, shape (q, q)
-        Information of all blocks.
+    total, known : ndarray, shapes (q, q) and (a, a)
+        Information of all blocks, and on the active parameters alone.
     u, v : ndarray, shapes (n, a) and (a, a)
         What is left of each score, and the sum of its squares; once ``scatter`` was asked for.
 
@@ -163,7 +188,9 @@ class BlockFit:
         self._start = start
         self.total = information.sum(axis=0)
         self.prior = np.diag(prior)
-        self.h = self.total[a[:, None], a] + self.prior
+        self._rows = a[:, None]
+        self.known = self.total[self._rows, a]
+        self.h = self.known + self.prior
         self.c = np.linalg.inv(self.h)
         self.theta = self.c @ (score[:, a].sum(axis=0) + prior * start)
 
@@ -172,19 +199,18 @@ class BlockFit:
         return max(1.0, self._excess() * self.n / max(self.n - self.free, 0.5))
 
     def _excess(self) -> float:
-        a = np.array(self.active)
-        self.own = self.information[:, a[:, None], a]
-        self.u = self.score[:, a] - self.own @ self.theta
+        self.own = self.information[:, self._rows, self.active]
+        self.u = self.score[:, self.active] - self.own @ self.theta
         self.v = self.u.T @ self.u
         # a parameter that its prior holds adds nothing to the trace, nor to what it is shared by
-        known = float(np.trace(self.c @ self.total[a[:, None], a]))
+        known = float(np.trace(self.c @ self.known))
         return float(np.trace(self.c @ self.v)) / max(known, 1.0)
 
     def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                 considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
                 doubted: Mapping[int, float]) -> Verdict:
         n, a, scatter = self.n, self.active, self.scatter()
-        known, seen = scatter * self.total[np.ix_(a, a)], n / max(n - len(a), 0.5) * self.v
+        known, seen = scatter * self.known, n / max(n - len(a), 0.5) * self.v
         # how far what is seen lies from what the model says, and how far chance alone puts it;
         # what is no more than chance is left out (O. Ledoit and M. Wolf, Journal of Multivariate
         # Analysis 88(2), 2004)
@@ -198,25 +224,24 @@ class BlockFit:
         sizes = {begin + name: std for begin, first in rows
                  for name, (std, _) in expected(self.all_parameters()[first:]).items()}
         whole, left = self, dict(candidates)
-        missing = self._most_missing(candidates, float(counts.sum()), sizes)
+        alone = self._remainders([*_single(candidates), *doubted])
+        missing = self._most_missing(candidates, alone, float(counts.sum()), sizes)
         if missing is not None:  # it hides what else there may be
             whole = self._with(left.pop(missing.name))
+            alone = {k: one._replace(leaning=one.leaning[:len(a)]) for k, one in
+                     whole._remainders([*_single(left), *doubted]).items()}
         moved = self.theta - whole.theta[:len(a)]
         covariance = covariance + np.outer(moved, moved)
         more, untold = np.zeros_like(covariance), []
         for begin, first in rows:
-            terms = whole._unseen(left, 1.0, begin, first)
+            terms = whole._unseen(left, alone, 1.0, begin, first)
             if terms:
-                terms = {name: replace(term, leaning=term.leaning[:len(a)])
-                         for name, term in terms.items()}
                 added, alpha = averaged(list(terms.values()), covariance), a.index(first)
                 if added[alpha, alpha] > covariance[alpha, alpha]:
                     untold.append(foremost(terms, alpha))
                 more = more + added
         for k, std in doubted.items():
-            term = whole._judged([k], 1.0, std, 0)
-            more = more + averaged(
-                [replace(term, leaning=term.leaning[:len(a)])], covariance)
+            more = more + averaged([whole._judged(alone[k], 1.0, std, 0)], covariance)
         covariance = covariance + more
         for k, variance in considered.items():
             # after S. F. Schmidt: what it moves the parameters by
@@ -225,14 +250,39 @@ class BlockFit:
         return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
                        tuple(untold))
 
-    def _most_missing(self, candidates: Mapping[str, list[int]], count: float,
+    def _most_missing(self, candidates: Mapping[str, list[int]],
+                      alone: Mapping[int, Remainder], count: float,
                       sizes: Mapping[str, float]) -> Missing | None:
-        """Return the regressor that explains most of what the model does not."""
-        missing = None
+        """
+        Return the regressor that explains most of what the model does not.
+
+        None of those that are not significant, or known less well than to what they may be at all:
+        chance makes some huge ones of a regressor that hardly acts. Of several columns the
+        coefficient is their size.
+        """
+        missing, most = None, NAMED_GAIN
         for name, columns in candidates.items():
-            found = self._test(columns, count, sizes.get(name, math.inf))
-            if found is not None and found[1] > (missing.share if missing else NAMED_GAIN):
-                missing = Missing(name, found[0], found[1])
+            if len(columns) > 1:
+                found = self.regression(columns)
+                if found is None:
+                    continue
+                size, power = float(np.linalg.norm(found.kappa)), found.power
+                t_squared = found.t_squared
+            else:
+                one = alone[columns[0]]
+                if not one.left > NAMED_LEFT:
+                    continue
+                size, total = one.coefficient, one.coefficient * one.known
+                power = total * size
+                spread = self.n / (self.n - 1) * one.spread
+                t_squared = total * total / spread if spread > 0.0 else 0.0
+                if not size**2 < power * sizes.get(name, math.inf)**2:
+                    continue
+            if min(power, t_squared) > NAMED_T * NAMED_T:
+                # with the regressor the squared innovations are as many as there are of them
+                share = power / (power + count)
+                if share > most:
+                    missing, most = Missing(name, size, share), share
         return missing
 
     def _with(self, columns: Sequence[int]) -> BlockFit:
@@ -258,39 +308,36 @@ class BlockFit:
         excess = self._excess()
         # one block alone tells nothing of the scatter
         scatter = max(1.0, excess * self.n / (self.n - 1)) if self.n > 1 else math.inf
+        alone = self._remainders([*_single(candidates), *doubted])
         terms = [term for begin, first in rows
-                 for term in self._unseen(candidates, scatter, begin, first).values()]
-        terms += [self._judged([k], scatter, std, 0) for k, std in doubted.items()]
+                 for term in self._unseen(candidates, alone, scatter, begin, first).values()]
+        terms += [self._judged(alone[k], scatter, std, 0) for k, std in doubted.items()]
         return self._full(summed(terms, len(self.active)))
 
-    def _unseen(self, candidates: Mapping[str, list[int]], scatter: float, begin: str,
-                first: int) -> dict[str, UnseenTerm]:
+    def _unseen(self, candidates: Mapping[str, list[int]], alone: Mapping[int, Remainder],
+                scatter: float, begin: str, first: int) -> dict[str, UnseenTerm]:
         """Return what the blocks say of terms that a DOF may have, by name."""
         terms: dict[str, UnseenTerm] = {}
         for term, (std, sign) in expected(self.all_parameters()[first:]).items():
             name = begin + term
-            if name not in candidates:
-                continue
-            terms[name] = self._judged(candidates[name], scatter, std, sign)
+            if name in candidates:
+                terms[name] = self._judged(alone[candidates[name][0]], scatter, std, sign)
         return terms
 
-    def _judged(self, column: list[int], scatter: float, std: float, sign: int) -> UnseenTerm:
+    def _judged(self, one: Remainder, scatter: float, std: float, sign: int) -> UnseenTerm:
         """Return what the blocks say of a term whose coefficient is about as large as ``std``."""
-        w, rest, s, i, left = self._remainder(column)
         coefficient = information = 0.0
-        if left > TOLD and self.n > 1:
-            known = float(rest[0, 0])
-            coefficient = float(s.sum()) / known
-            off = s[:, 0] - coefficient * i[:, 0, 0]
-            spread = self.n / (self.n - 1) * float(np.einsum('n,n', off, off))
+        if one.left > TOLD and self.n > 1:
+            spread = self.n / (self.n - 1) * one.spread
             # no better known than the scatter of the blocks says
-            information = known / max(1.0, spread / known) / scatter
-        return judged(w[:, 0].tolist(), coefficient, information, std, sign)
+            coefficient, information = one.coefficient, one.known / max(
+                1.0, spread / one.known) / scatter
+        return judged(one.leaning, coefficient, information, std, sign)
 
     def _full(self, covariance: Array) -> list[list[float]]:
         """Return a covariance with zeros for the parameters that are left out."""
         full = np.zeros((self._p, self._p))
-        full[np.ix_(self.active, self.active)] = 0.5 * (covariance + covariance.T)
+        full[self._rows, self.active] = 0.5 * (covariance + covariance.T)
         return list(full.tolist())
 
     def all_parameters(self) -> list[float]:
@@ -299,56 +346,44 @@ class BlockFit:
         theta[self.active] = self.theta
         return list(theta.tolist())
 
-    def _remainder(self, columns: Sequence[int]) -> tuple[Array, Array, Array, Array, float]:
-        """
-        Return what is left of regressors that the parameters cannot take the place of.
-
-        Returns
-        -------
-        ndarrays of shape (a, k), (k, k), (n, k) and (n, k, k), and a float
-            What they move the parameters by; their information, in all; score and information
-            of each block; and what is left, as a share.
-
-        """
-        a, k = np.array(self.active)[:, None], np.array(columns)
-        to, own = self.information[:, a, k], self.information[:, k[:, None], k]
-        w = self.c @ to.sum(axis=0)
-        rest = own.sum(axis=0) - to.sum(axis=0).T @ w
+    def _remainders(self, columns: Sequence[int]) -> dict[int, Remainder]:
+        """Return what is left of regressors, each of them by itself, by where they stand."""
+        k = np.array(columns, dtype=int)
+        to, own = self.information[:, self._rows, k], self.information[:, k, k]
+        whole, most = to.sum(axis=0), own.sum(axis=0)
+        w = self.c @ whole
+        rest = most - (whole * w).sum(axis=0)
+        none = np.zeros(len(k))
+        left = np.divide(rest, most, out=none.copy(), where=most > 0.0)
         s = self.score[:, k] - self.theta @ to - self.u @ w
-        mixed = np.einsum('ak,nal->nkl', w, to)
-        i = own - mixed - mixed.transpose(0, 2, 1) + np.einsum(
-            'ak,nab,bl->nkl', w, self.own, w)
-        most = float(np.diag(own.sum(axis=0)).max())
-        left = float(np.diag(rest).min()) / most if most > 0.0 else 0.0
-        return w, rest, s, i, left
-
-    def _test(self, columns: Sequence[int], count: float,
-              largest: float) -> tuple[float, float, Array] | None:
-        """
-        Return coefficient and gain of a regressor, and what the parameters would move by.
-
-        None where it is not significant, or known less well than to ``largest``, which is what
-        it may be at all: chance makes some huge ones of a regressor that hardly acts. Of several
-        columns the coefficient is their size.
-        """
-        found = self.regression(columns)
-        if found is None or not min(found.power, found.t_squared) > NAMED_T * NAMED_T:
-            return None
-        kappa = found.kappa
-        if len(kappa) == 1 and not kappa[0]**2 < found.power * largest**2:
-            return None
-        size = float(kappa[0]) if len(kappa) == 1 else float(np.linalg.norm(kappa))
-        # with the regressor the squared innovations are as many as there are of them
-        return size, found.power / (found.power + count), found.moved
+        kappa = np.divide(s.sum(axis=0), rest, out=none, where=left > TOLD)
+        off = s - kappa * (own + (w * (self.own @ w - 2.0 * to)).sum(axis=1))
+        return {at: Remainder(*one) for at, *one in zip(
+            columns, w.T.tolist(), left.tolist(), rest.tolist(), kappa.tolist(),
+            (off * off).sum(axis=0).tolist())}
 
     def regression(self, columns: Sequence[int]) -> Regression | None:
         """Return what regressors would explain, None where it cannot be told."""
-        w, rest, s, i, left = self._remainder(columns)
-        if not left > NAMED_LEFT or (len(columns) > 1 and np.linalg.cond(rest) > 1e6):
+        k = np.array(columns)
+        to, own = self.information[:, self._rows, k], self.information[:, k[:, None], k]
+        whole = to.sum(axis=0)
+        w = self.c @ whole
+        rest = own.sum(axis=0) - whole.T @ w
+        most = float(np.diag(own.sum(axis=0)).max())
+        if not float(np.diag(rest).min()) > NAMED_LEFT * most or (
+                len(columns) > 1 and np.linalg.cond(rest) > 1e6):
             return None
+        s = self.score[:, k] - self.theta @ to - self.u @ w
+        mixed = w.T @ to
+        i = own - mixed - mixed.transpose(0, 2, 1) + w.T @ self.own @ w
         total = s.sum(axis=0)
         kappa = np.linalg.solve(rest, total)
         scatter = s - i @ kappa
-        spread = self.n / (self.n - 1) * np.einsum('nk,nl->kl', scatter, scatter)
+        spread = self.n / (self.n - 1) * scatter.T @ scatter
         return Regression(kappa, float(total @ kappa), float(
             total @ np.linalg.pinv(spread, hermitian=True) @ total), w @ kappa)
+
+
+def _single(candidates: Mapping[str, list[int]]) -> list[int]:
+    """Return where the regressors stand that are candidates by themselves."""
+    return [columns[0] for columns in candidates.values() if len(columns) == 1]

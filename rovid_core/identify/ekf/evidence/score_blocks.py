@@ -161,19 +161,19 @@ class ScoreBlocks:
             self._counts, wrong_model, self._candidates, self._considered, self._rows,
             self._doubted)
 
-    def regression(self, columns: Sequence[int]) -> Regression | None:
+    def regressions(self, places: Sequence[Sequence[int]]) -> list[Regression | None]:
         """
         Return what further regressors would explain, None where it cannot be told.
 
         Parameters
         ----------
-        columns : sequence of int
-            Where they stand, also counted from the end.
+        places : sequence of sequences of int
+            Where those stand that are looked at together, also counted from the end.
 
         """
         fit = self._fit(self.count)
         fit.scatter()
-        return fit.regression([k % self._q for k in columns])
+        return [fit.regression([k % self._q for k in columns]) for columns in places]
 
     def unseen(self) -> list[list[float]]:
         """Return what terms that nothing tells yet add to the covariance; empty for nothing."""

@@ -167,27 +167,32 @@ def _spread(terms: Sequence[UnseenTerm], shares: Sequence[float], size: int) -> 
 
 def _half_width(parts: Sequence[tuple[float, float, float]]) -> float:
     """Return what 95 % lie within, either way of 0, of Gaussians: share, mean, deviation."""
-    low, high = 0.0, max(mean + Z95 * std for _, mean, std in parts)
-    # a secant between both sides; of the side that stays the error is halved (Illinois)
-    above, below = 0.95, _beyond(high, parts) - 0.05
+    low = Z95 * min(std for _, _, std in parts)
+    high = max(mean + Z95 * std for _, mean, std in parts)
+    tails = [(0.5 * share, mean, std * math.sqrt(2.0)) for share, mean, std in parts]
+    # a secant between both sides; of the one that stays twice the error is halved (Illinois)
+    above, below, last = _beyond(low, tails) - 0.05, _beyond(high, tails) - 0.05, 0.0
+    if not above > 0.0 > below:
+        return low
     for _ in range(MOST_SECANTS):
         middle = high - below * (high - low) / (below - above)
-        error = _beyond(middle, parts) - 0.05
+        error = _beyond(middle, tails) - 0.05
         step = min(middle - low, high - middle) if error else 0.0
         if step <= CLOSE * high:
             break
         if error > 0.0:
-            low, above, below = middle, error, 0.5 * below
+            low, above = middle, error
+            below *= 0.5 if last > 0.0 else 1.0
         else:
-            high, below, above = middle, error, 0.5 * above
+            high, below = middle, error
+            above *= 0.5 if last < 0.0 else 1.0
+        last = error
     return middle
 
 
-def _beyond(width: float, parts: Sequence[tuple[float, float, float]]) -> float:
-    """Return the share that lies beyond a width."""
+def _beyond(width: float, tails: Sequence[tuple[float, float, float]]) -> float:
+    """Return the share that lies beyond a width: half a share, mean, deviation times root of 2."""
     beyond = 0.0
-    for share, mean, std in parts:
-        scale = std * math.sqrt(2.0)
-        beyond += 0.5 * share * (math.erfc((width - mean) / scale)
-                                 + math.erfc((width + mean) / scale))
+    for half, mean, scale in tails:
+        beyond += half * (math.erfc((width - mean) / scale) + math.erfc((width + mean) / scale))
     return beyond

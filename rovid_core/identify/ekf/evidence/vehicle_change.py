@@ -48,7 +48,7 @@ def contradicts(information: Array, score: Array, fit: BlockFit, largest_scatter
     scatter = fit.scatter()
     if scatter > largest_scatter:
         return False
-    mean = WEIGHT * scatter * fit.total[np.ix_(a, a)] / n
+    mean = WEIGHT * scatter * fit.known / n
     b = (mean + fit.v) / (WEIGHT + n)
     known = fit.c @ ((WEIGHT * scatter * fit.h + n * fit.v) / (WEIGHT + n)) @ fit.c
     if scatter > SCATTERED:

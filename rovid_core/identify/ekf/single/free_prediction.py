@@ -79,8 +79,9 @@ class FreePrediction:
         if h < LEAST_STEP:
             return
         start, self._time = self._time, span.end
-        push = self._theta[3] + math.fsum(
-            [kappa * one for kappa, one in zip(self._theta[4:], span.couplings)])
+        push = self._theta[3]
+        if span.couplings:
+            push += math.fsum([kappa * one for kappa, one in zip(self._theta[4:], span.couplings)])
         self._motion = x, v = self._moved(recent, start, h, push)
         if not abs(v) < 1e6:
             self.interrupt()
@@ -100,7 +101,8 @@ class FreePrediction:
     def _moved(self, recent: DelayedForce, start: float, h: float,
                push: float) -> tuple[float, float]:
         """Return path and velocity after ``h`` [s] of the force and of a constant push."""
-        alpha, beta, gamma, delay = *self._theta[:3], self._theta[-1]
+        theta = self._theta
+        alpha, beta, gamma, delay = theta[0], theta[1], theta[2], theta[-1]
         x, v = self._motion
         pieces = min(int(h * max(2.0 * abs(beta * v) + abs(gamma), 3.0)), 50) + 1
         h /= pieces

@@ -98,8 +98,12 @@ class LinearisedFilter:
         self._alpha, self._beta, self._gamma, self._delta = self._parameters[:4]
         self._couplings, self._delay = self._parameters[4:-1], self._parameters[-1]
         candidates = [Regressor() for _ in range(len(CANDIDATES) + watched)]
-        self._reverse, self._cut = candidates[0], candidates[2]
+        self._reverse, self._reverse_drag, self._cut, self._lag = candidates[:4]
+        self._watched = candidates[4:]
         self._columns: list[Regressor] = [*self._parameters, *candidates]
+        self._delta.push = 1.0
+        # those that something has pushed: a watched regressor that no step has stays 0
+        self._pushed = self._columns
         self._own_thrust, self._own_drag = own
         self._has_own = own != NONE_OWN
         p = len(theta)
@@ -138,6 +142,7 @@ class LinearisedFilter:
     def sensitivities(self, rows: Matrix) -> None:
         for one, path, velocity, force in zip(self._columns, *rows):
             one.path, one.velocity, one.force = path, velocity, force
+        self._pushed = self._columns
 
     def set_motion(self, velocity: float, variances: tuple[float, float]) -> None:
         """Begin at path 0 with a velocity and their variances; the parameters stay."""
@@ -146,6 +151,7 @@ class LinearisedFilter:
         self.covariance = (variances[0], 0.0, 0.0, variances[1], 0.0, f * f)
         for one in self._columns:
             one.path = one.velocity = one.force = 0.0
+        self._pushed = self._columns[:len(self._parameters) + len(CANDIDATES)]
         self._lagged = 0.0
         self._force = math.nan  # at the end of the last step, where there was one
 
@@ -166,18 +172,24 @@ class LinearisedFilter:
             Those that are only watched.
 
         """
+        for one, regressor in zip(self._couplings, couplings):
+            one.push = regressor
+        if any(watched) or self._pushed is self._columns:
+            self._pushed = self._columns
+            for column, regressor in zip(self._watched, watched):
+                column.push = regressor
         fastest = 2.0 * abs(self._beta.value * self.motion[1]) + abs(self._gamma.value)
         turn = (end - start) * max(fastest, 1.0 / LONGEST)
         if turn < 1.000001:
-            self._predict(recent, start, end, couplings, watched)
+            self._predict(recent, start, end, couplings)
             return
         pieces = min(int(turn), LARGEST_SUBSTEPS - 1) + 1
         for k in range(pieces):
             self._predict(recent, start + (end - start) * k / pieces,
-                          start + (end - start) * (k + 1) / pieces, couplings, watched)
+                          start + (end - start) * (k + 1) / pieces, couplings)
 
     def _predict(self, recent: DelayedForce, start: float, end: float,
-                 couplings: Sequence[float], watched: Sequence[float]) -> None:
+                 couplings: Sequence[float]) -> None:
         h = end - start
         x, v, f = self.motion
         alpha, beta, gamma = self._alpha.value, self._beta.value, self._gamma.value
@@ -187,9 +199,8 @@ class LinearisedFilter:
         # a straight line with the same integral and the same way; this is half its rise
         du = alpha * (3.0 * force - 6.0 * moment / (h * h))
         u = alpha * force + self._delta.value + f
-        if couplings:
-            for one, regressor in zip(self._couplings, couplings):
-                u += one.value * regressor
+        for one, regressor in zip(self._couplings, couplings):
+            u += one.value * regressor
         goes_back = v < 0.0
         if self._has_own:
             astern, _ = recent.bent(start, end, delay)
@@ -223,21 +234,22 @@ class LinearisedFilter:
             of_cut, cut_way = felt(cut[0], cut[1], h, rate, s)
         drag = w * size
         spun = 1.0 - math.exp(-h / LAG)
-        lag = (force - self._lagged) * spun * LAG / h
+        self._lag.push = (force - self._lagged) * spun * LAG / h
         self._lagged += spun * (force - self._lagged)
-        pushes = [of_alpha, drag, w, 1.0, *couplings, -of_delay,
-                  of_reverse, drag if w < 0.0 else 0.0, of_cut, lag, *watched]
+        self._alpha.push, self._beta.push, self._gamma.push = of_alpha, drag, w
+        self._delay.push, self._reverse.push, self._cut.push = -of_delay, of_reverse, of_cut
+        self._reverse_drag.push = drag if w < 0.0 else 0.0
         if self._has_own:
-            self._add_own(pushes, of_reverse, reverse_way - b * of_reverse,
-                          drag if goes_back else 0.0)
+            self._push_by_own(of_reverse, reverse_way - b * of_reverse,
+                              drag if goes_back else 0.0)
         self._alpha.path += alpha_way - b * of_alpha
         self._delay.path -= delay_way - b * of_delay
         # what is told apart by where in a step it acts has to act where alpha's force does
         self._reverse.path += reverse_way - b * of_reverse
         self._cut.path += cut_way - b * of_cut
-        self._carry(h, (x, v, f), (s, b, keep), pushes)
+        self._carry(h, (x, v, f), (s, b, keep))
 
-    def _carry(self, h: float, motion: Three, transition: Three, pushes: list[float]) -> None:
+    def _carry(self, h: float, motion: Three, transition: Three) -> None:
         """
         Go to a motion, and take sensitivities and covariance along over ``h`` [s].
 
@@ -248,9 +260,9 @@ class LinearisedFilter:
         if self.force_std:
             e = math.exp(-h / FORCE_TIME)
             self.motion = (x, v, e * f)
-            for column, push in zip(self._columns, pushes):
+            for column in self._pushed:
                 speed, slow = column.velocity, column.force
-                push += slow
+                push = column.push + slow
                 column.path += s * speed + b * push
                 column.velocity = keep * speed + s * push
                 column.force = e * slow
@@ -262,8 +274,8 @@ class LinearisedFilter:
                 e * e * p22 + (1.0 - e * e) * self.force_std * self.force_std)
         else:
             self.motion = (x, v, 0.0)
-            for column, push in zip(self._columns, pushes):
-                speed = column.velocity
+            for column in self._pushed:
+                speed, push = column.velocity, column.push
                 column.path += s * speed + b * push
                 column.velocity = keep * speed + s * push
             t1 = p01 + s * p11
@@ -283,14 +295,14 @@ class LinearisedFilter:
         return (weaker * mean, weaker * (3.0 * mean - 6.0 * moment), drag,
                 weaker if pushes_back else 0.0)
 
-    def _add_own(self, pushes: list[float], thrust: float, way: float, drag: float) -> None:
+    def _push_by_own(self, thrust: float, way: float, drag: float) -> None:
         """Let the parameters of ``OWN`` push; by the thrust they also go a way of their own."""
         i, k = self._own_thrust, self._own_drag
         if i >= 0:
-            pushes[i] = thrust
+            self._parameters[i].push = thrust
             self._parameters[i].path += way
         if k >= 0:
-            pushes[k] = drag
+            self._parameters[k].push = drag
 
     def innovation(self, i: int, value: float, variance: float,
                    known: bool = False) -> Innovation:
@@ -315,29 +327,27 @@ class LinearisedFilter:
             error, given = value - x, p00 + variance
         else:
             error, given = value - v, p11 + variance
-        told = error
-        # this ends with the parameters: those behind are only watched
-        for one, slope in zip(self._parameters, psi):
-            told += one.value * slope
-        total = given if known else given + self._spread(psi)
+        told, spread = error, 0.0
+        if known:
+            # this ends with the parameters: those behind are only watched
+            for one, slope in zip(self._parameters, psi):
+                told += one.value * slope
+        else:
+            last = len(self._parameters) - 1
+            a, b, c, d, e = psi[ALPHA], psi[BETA], psi[GAMMA], psi[DELTA], psi[last]
+            for one, slope in zip(self._parameters, psi):
+                gain = (one.alpha * a + one.beta * b + one.gamma * c + one.delta * d
+                        + one.delay * e)
+                if last > 4:
+                    for covariance, other in zip(one.couplings, psi[4:last]):
+                        gain += covariance * other
+                one.gain = gain
+                spread += gain * slope
+                told += one.value * slope
+        total = given + spread
         if not (given > 0.0 and 0.0 < total < INFINITE):
             raise DivergenceError('the covariance is not positive')
         return Innovation(error, given, total, psi, told, i)
-
-    def _spread(self, psi: list[float]) -> float:
-        """Return the variance of a measurement that comes of the parameters; find their gains."""
-        last = len(self._parameters) - 1
-        a, b, c, d, e = psi[ALPHA], psi[BETA], psi[GAMMA], psi[DELTA], psi[last]
-        spread = 0.0
-        for one, slope in zip(self._parameters, psi):
-            gain = (one.alpha * a + one.beta * b + one.gamma * c + one.delta * d
-                    + one.delay * e)
-            if last > 4:
-                for covariance, other in zip(one.couplings, psi[4:last]):
-                    gain += covariance * other
-            one.gain = gain
-            spread += gain * slope
-        return spread
 
     def update(self, found: Innovation, added: float, adapt: bool) -> None:
         """
@@ -359,28 +369,52 @@ class LinearisedFilter:
             self._consider(found, added)
             return
         share, root = error / total, 1.0 / math.sqrt(total)
-        a, b, c, d, e = (root * self._alpha.gain, root * self._beta.gain,
-                         root * self._gamma.gain, root * self._delta.gain,
-                         root * self._delay.gain)
-        coupled = [root * one.gain for one in self._couplings]
         path = velocity = force = 0.0
         for one in self._parameters:
-            change, scaled = share * one.gain, root * one.gain
+            change = share * one.gain
             one.value += change
             path += change * one.path
             velocity += change * one.velocity
             force += change * one.force
-            # symmetric to the last bit
-            one.alpha -= scaled * a
-            one.beta -= scaled * b
-            one.gamma -= scaled * c
-            one.delta -= scaled * d
-            one.delay -= scaled * e
-            if coupled:
-                one.couplings = [p - scaled * g for p, g in zip(one.couplings, coupled)]
+            one.gain *= root
+        self._know_more()
         x, v, f = self.motion
         self.motion = (x + path, v + velocity, f + force)
         self._correct(found, added, error - (velocity if found.i else path))
+
+    def _know_more(self) -> None:
+        """Lower the covariance of the parameters by the products of their gains."""
+        p, q, r, s, u = self._alpha, self._beta, self._gamma, self._delta, self._delay
+        a, b, c, d, e = p.gain, q.gain, r.gain, s.gain, u.gain
+        # symmetric to the last bit
+        p.alpha -= a * a
+        p.beta = q.alpha = p.beta - a * b
+        p.gamma = r.alpha = p.gamma - a * c
+        p.delta = s.alpha = p.delta - a * d
+        p.delay = u.alpha = p.delay - a * e
+        q.beta -= b * b
+        q.gamma = r.beta = q.gamma - b * c
+        q.delta = s.beta = q.delta - b * d
+        q.delay = u.beta = q.delay - b * e
+        r.gamma -= c * c
+        r.delta = s.gamma = r.delta - c * d
+        r.delay = u.gamma = r.delay - c * e
+        s.delta -= d * d
+        s.delay = u.delta = s.delay - d * e
+        u.delay -= e * e
+        if not self._couplings:
+            return
+        coupled = [one.gain for one in self._couplings]
+        for one in self._parameters:
+            gain = one.gain
+            one.couplings = [x - gain * g for x, g in zip(one.couplings, coupled)]
+        for one in self._couplings:
+            gain = one.gain
+            one.alpha -= gain * a
+            one.beta -= gain * b
+            one.gamma -= gain * c
+            one.delta -= gain * d
+            one.delay -= gain * e
 
     def _consider(self, found: Innovation, added: float) -> None:
         """Take the parameters' uncertainty into account without a change, after S. F. Schmidt."""
@@ -399,7 +433,7 @@ class LinearisedFilter:
             p00 - 2.0 * k * a + k * k * given, p01 - k * b - m * a + k * m * given,
             p02 - k * c - n * a + k * n * given, p11 - 2.0 * m * b + m * m * given,
             p12 - m * c - n * b + m * n * given, p22 - 2.0 * n * c + n * n * given)
-        self._follow(found.psi, k, m, n)
+        self._follow(found.i, k, m, n)
 
     def update_motion(self, found: Innovation, added: float) -> None:
         """Take a measurement for the motion alone, as if the parameters were exact."""
@@ -416,15 +450,15 @@ class LinearisedFilter:
         p00, p11, p22 = p00 - k * a, p11 - m * b, p22 - n * c
         self.covariance = (p00 if p00 > 0.0 else 0.0, p01 - k * b, p02 - k * c,
                            p11 if p11 > 0.0 else 0.0, p12 - m * c, p22 if p22 > 0.0 else 0.0)
-        self._follow(found.psi, k, m, n)
+        self._follow(found.i, k, m, n)
 
-    def _follow(self, psi: list[float], k: float, m: float, n: float) -> None:
-        """Let the sensitivities follow a correction of path, velocity and f."""
-        for one, slope in zip(self._columns, psi):
+    def _follow(self, i: int, k: float, m: float, n: float) -> None:
+        """Let the sensitivities follow a correction of path, velocity and f by what ``i`` is."""
+        for one in self._pushed:
+            slope = one.velocity if i else one.path
             one.path -= k * slope
             one.velocity -= m * slope
-        if n:
-            for one, slope in zip(self._columns, psi):
+            if n:
                 one.force -= n * slope
 
     def set_theta(self, theta: Sequence[float]) -> None:

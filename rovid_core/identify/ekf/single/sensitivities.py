@@ -18,13 +18,15 @@ class Regressor:
     ----------
     path, velocity, force : float
         Derivatives of path, velocity and unknown acceleration.
+    push : float
+        The regressor over a step: the derivative of the acceleration.
 
     """
 
-    __slots__ = ('path', 'velocity', 'force')
+    __slots__ = ('path', 'velocity', 'force', 'push')
 
     def __init__(self) -> None:
-        self.path = self.velocity = self.force = 0.0
+        self.path = self.velocity = self.force = self.push = 0.0
 
 
 class Parameter(Regressor):

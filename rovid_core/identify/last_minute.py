@@ -170,8 +170,9 @@ class LastMinute:
         """Return the size of the force over the block, which counts by its square; never 0."""
         squares = [h * force * force for h, _, force, _ in self._steps]
         total = sum(squares)
-        return sum(square * abs(one[2]) for square, one in zip(squares, self._steps)) / total if (
-            total > 0.0) else self._scales.force
+        cubes = sum(square * abs(one[2]) for square, one in zip(squares, self._steps))
+        # a force that fades away with the lag of its thrusters has cubes too small for a float
+        return cubes / total if cubes > 0.0 else self._scales.force
 
     def _block(self) -> Block:
         """Simulate the model over the block and return the sums of its errors."""

@@ -83,6 +83,17 @@ def test_without_thrust_the_mass_does_not_show():
     assert minute.doubt(False) == 'the mass does not show'
 
 
+@pytest.mark.parametrize('force', [0.0, 1e-130, 1e-170])
+def test_thrust_that_has_faded_away_does_not_show_the_mass(force):
+    minute = LastMinute(Scales.of(GUESS))
+    for k in range(700):
+        last = force * 0.9**k if k % 10 else 0.0
+        minute.add_step(Step(0.1, (0.0,) * 3, (last,) * 3, 0.0, 0.1, (0.05, 0.05), (last, 0.0)),
+                        TRUTH)
+    assert minute.doubt(False) in ('the mass does not show',
+                                   'without corrections it predicts 0 % of the motion')
+
+
 def test_a_poor_prediction_is_told():
     alpha, *rest = TRUTH
     assert doubt('exact', (2.0 * alpha, *rest)).startswith('without corrections it predicts')

@@ -322,7 +322,9 @@ class Settings:
         """Return the inputs without which a DOF makes no step, its source first."""
         source = self.source(dof)
         turned = source in ('position', 'depth') and self.attitude.topic
-        needed = (source, 'attitude' if turned else '', 'sign', 'thrusters')
+        gyro = source == 'velocity' and any(self.velocity.lever_arm)
+        needed = (source, 'attitude' if turned else '', 'angular_velocity' if gyro else '',
+                  'sign', 'thrusters')
         return tuple(name for name in needed if name in self.used_inputs())
 
     def largest_age(self, dof: str) -> float:

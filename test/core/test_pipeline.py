@@ -166,6 +166,15 @@ def test_a_dvl_with_a_lever_arm_does_not_wait_for_a_gyro_that_is_dead(again, ref
     assert stream.rejected['velocity', 'no_rate'] >= refused
 
 
+def test_only_a_dvl_with_a_lever_arm_needs_a_gyro():
+    for arm, needs in (((0.0, 0.0, 0.0), ('velocity', 'thrusters')),
+                       ((0.5, 0.0, 0.0), ('velocity', 'angular_velocity', 'thrusters'))):
+        settings = vehicle(('surge',), position=InputSettings(), attitude=InputSettings(),
+                           velocity=InputSettings('/dvl', lever_arm=arm),
+                           angular_velocity=InputSettings('/gyro'))
+        assert settings.needs('surge') == needs
+
+
 def test_each_velocity_is_from_the_most_direct_input():
     names = ('position', 'depth', 'attitude', 'velocity', 'angular_velocity')
     every = vehicle(('surge', 'heave', 'yaw'), **{n: InputSettings(f'/{n}') for n in names})

@@ -216,6 +216,14 @@ def test_one_input_that_is_stamped_early_makes_no_late_commands() -> None:
     assert tune(log_of(found, 90.0, late={'depth': -0.4}), found).changes() == {}
 
 
+def test_couplings_with_a_velocity_that_no_dof_is_identified_from() -> None:
+    found = settings_from({
+        **load(Path(__file__).parents[2] / 'config' / 'jhurov.yaml'), 'dofs': ['yaw'],
+        'simulation.thruster_rate': 10.0, 'simulation.attitude_rate': 10.0,
+        'yaw.couplings': ['v']})
+    assert 'yaw' in tune(log_of(found, 90.0), found).errors
+
+
 def test_a_term_that_a_log_can_do_without_stays(surge: Settings) -> None:
     """Another log may want it, and without it the intervals of the others are too narrow."""
     truth = surge.simulation.dofs['surge']

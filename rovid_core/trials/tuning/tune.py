@@ -72,15 +72,16 @@ def reading_settings(settings: Settings) -> Settings:
     Return the settings with which a log is read to be tuned.
 
     Of the plane both DOFs, for a wrong heading shows in the one that has no thrust; all couplings
-    of which the regressors are measured; and the simplest identifier, for what it finds is not
-    used.
+    of which the regressors are measured, also by an input that no DOF is identified from; and the
+    simplest identifier, for what it finds is not used.
     """
     dofs, pair = settings.dofs, turnable(settings)
     dofs += tuple(dof for dof in pair or () if dof not in dofs)
     seen = replace(settings, dofs=dofs, dof={d: settings.dof.get(d, UNUSED) for d in dofs},
                    identifier=IdentifierSettings())
     return replace(seen, dof={d: replace(
-        seen.dof[d], couplings=(*seen.possible_couplings(d), *OWN)) for d in dofs})
+        seen.dof[d], couplings=tuple(dict.fromkeys((
+            *seen.possible_couplings(d), *OWN, *seen.couplings(d))))) for d in dofs})
 
 
 def one_by_one(work: Callable[[int], Result], given: Sequence[int]) -> list[Result]:

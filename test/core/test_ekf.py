@@ -172,6 +172,14 @@ def test_left_out_terms_are_zero_and_the_others_right(terms):
             assert not covariance[i].any()
 
 
+@pytest.mark.parametrize(('noise', 'over'), [(0.005, True), (0.2, False)])
+def test_the_start_is_over_once_all_data_lead_to_where_the_filter_is(noise, over):
+    """Fixes that are off by 0.2 m tell the parameters less well than that takes."""
+    one = ExtendedKalman(Scales.of(HEAVY))
+    follow(one, trial(replace(MINUTE, duration=70.0), 0, noise).pieces())
+    assert (one.state()['start'] is None) == over
+
+
 def test_it_goes_on_after_a_gap():
     one, pieces = ExtendedKalman(Scales.of(HEAVY)), trial(CLEAN, 2).pieces()
     [before] = follow(one, pieces[:1500])

@@ -24,6 +24,12 @@ LONGEST = 5.9 * PERIOD
 KNOWN = 0.2
 """Relative std of alpha that is knowing it: what is kept is gone through half as often."""
 
+KNOWN_WELL = 0.05
+"""
+The same of every parameter, relative to alpha, from which a pass that leads to where the filter
+was is the last one: it follows the data as well as a pass over all of them does.
+"""
+
 USED, OUTLIER, UNLEARNED = range(3)
 """What a step is: a measurement, one that does not count, one that tells the motion alone."""
 
@@ -105,6 +111,11 @@ class BatchStart(Generic[M]):
     budget : int
         Steps that are gone through at once; where fixes come fast there are fewer passes.
 
+    Attributes
+    ----------
+    was_there : bool
+        Whether the last solution is where its guess was: one pass settled it.
+
     """
 
     def __init__(self, new: Callable[[Unmodelled, Sequence[float]], M],
@@ -117,6 +128,7 @@ class BatchStart(Generic[M]):
     def clear(self) -> None:
         """Forget all."""
         self.duration, self.next = 0.0, PERIOD  # [s]
+        self.was_there = False
         self._pieces: list[tuple[Any, int]] = []
         self._measured: list[tuple[Any, Any, int]] = []
 
@@ -171,7 +183,7 @@ class BatchStart(Generic[M]):
         if not self._measured:
             self._measured = self._measure()
         passes = min(max(self._budget // (len(guesses) * max(len(self._measured), 1)), 1), most)
-        best, least, settled = None, inf, False
+        best, least, settled = None, inf, 0
         for theta in guesses:
             if settled:
                 break
@@ -179,14 +191,15 @@ class BatchStart(Generic[M]):
                 found, value, settled = self._iterate(member, theta, passes)
                 if value < least:
                     best, least = found, value
+                    self.was_there = settled == 1
         if best is None:
             raise DivergenceError('no pass came to an end')
         return best
 
-    def _iterate(self, member: M, theta: Sequence[float], passes: int) -> tuple[M, float, bool]:
-        """Return a member, how badly it fits, and whether more passes would change nothing."""
-        noise = member.innovations.noise
-        for _ in range(passes):
+    def _iterate(self, member: M, theta: Sequence[float], passes: int) -> tuple[M, float, int]:
+        """Return a member, how badly it fits, and after how many passes it settled, 0 for none."""
+        noise, settled = member.innovations.noise, 0
+        for k in range(passes):
             found = self._new(member.unmodelled, theta)
             found.innovations.noise = noise
             sizes = self._pass(found)
@@ -200,8 +213,8 @@ class BatchStart(Generic[M]):
             last, theta = theta, found.filter.theta
             moved = [abs(a - b) - SETTLED * sqrt(row[i]) for i, (a, b, row) in enumerate(
                 zip(last, theta, found.filter.theta_covariance))]
-            settled = abs(level - 1.0) < SETTLED and max(moved) <= 0.0
-            if settled:
+            if abs(level - 1.0) < SETTLED and max(moved) <= 0.0:
+                settled = k + 1
                 break
         found.innovations.noise = noise
         return found, value, settled

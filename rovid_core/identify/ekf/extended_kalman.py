@@ -17,6 +17,7 @@ import numpy as np
 from rovid_core.identify.ekf.batch_start import (
     BatchStart,
     KNOWN,
+    KNOWN_WELL,
     LONGEST,
     PERIOD,
     UNLEARNED,
@@ -298,12 +299,21 @@ class ExtendedKalman(Identifier):
         if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
             return
-        filter = self._bank.best.filter
-        known = filter.theta_covariance[ALPHA][ALPHA] < (KNOWN * filter.theta[ALPHA])**2
-        if start.duration > LONGEST:
+        if start.duration > LONGEST or bank.confirmed and self._is_known(KNOWN_WELL):
             self._start = None
         else:
-            start.wait(known)
+            start.wait(self._is_known(KNOWN, (ALPHA,)))
+
+    def _is_known(self, share: float, terms: Sequence[int] | None = None) -> bool:
+        """
+        Tell whether parameters, all by default, are known to a share.
+
+        That is of alpha, in typical forces and velocities, and of a second for the delay.
+        """
+        filter = self._bank.best.filter
+        alpha, last = filter.theta[ALPHA], len(self._theta) - 1
+        return all(filter.theta_covariance[i][i] < (share * (alpha if i < last else 1.0))**2
+                   for i in terms or range(last + 1))
 
     def conclude(self) -> bool:
         """Go through a log that ends before that was done for the first time."""

@@ -242,6 +242,9 @@ class FilterBank(Generic[M]):
         Of the best member.
     changed_at : float
         Time at which the vehicle changed last [s].
+    confirmed : bool
+        Whether going through all data again, not for the first time, led to where the best member
+        was already.
 
     """
 
@@ -250,6 +253,7 @@ class FilterBank(Generic[M]):
         self.members = [new(unmodelled) for unmodelled in UNMODELLED]
         self.number = 0
         self.changed_at = -SAID
+        self.confirmed = False
         self._losses: list[float] = []
         self._noises = [math.inf for _ in UNMODELLED]  # least before a change
 
@@ -296,10 +300,11 @@ class FilterBank(Generic[M]):
 
         """
         best, members, passes = self.best, self.members, PASSES if early else 2
+        self.confirmed = False
         with suppress(ArithmeticError, np.linalg.LinAlgError):
             first = start.solve(
                 best, [best.filter.theta, *([first_guess] if early else [])], passes)
-            noise = first.innovations.noise
+            noise, was_there = first.innovations.noise, start.was_there
             for k, member in enumerate(members):
                 if member is not best:
                     # one that went astray has taken that for noise
@@ -311,6 +316,7 @@ class FilterBank(Generic[M]):
             for member in members:
                 member.judge()
             self.choose()
+            self.confirmed = was_there and not early and self.best is first
             return True
         return False
 

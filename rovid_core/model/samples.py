@@ -246,4 +246,8 @@ class PlanarStep(NamedTuple):
 
 def finite(values: tuple[float, ...]) -> bool:
     """Tell whether all values are finite."""
-    return all(map(math.isfinite, values))
+    total = 0.0
+    for x in values:
+        total += x
+    # most sums say at once that all are, whatever they round to
+    return total - total == 0.0 or all(map(math.isfinite, values))

@@ -111,9 +111,9 @@ class SelfTuningIdentifier(FullGainIdentifier):
     def _publish(self, step: Step, idle: bool) -> None:
         if idle:
             return
-        dt, velocity, force = step[:3]
-        time, new = self._time, self._new
-        if abs(force[1]) <= self._max_force and abs(velocity[1]) <= self._max_velocity:
+        dt, time, new = step.dt, self._time, self._new
+        if (abs(step.force[1]) <= self._max_force
+                and abs(step.velocity[1]) <= self._max_velocity):
             time = self._time = time + dt
             new.append(step)
             if len(new) == BATCH:
@@ -124,7 +124,8 @@ class SelfTuningIdentifier(FullGainIdentifier):
         p, q, r, s, *others = self.theta_hat
         self.parameters = (a + share * (p - a), b + share * (q - b), c + share * (r - c),
                            d + share * (s - d))
-        self.couplings = tuple([k + share * (x - k) for k, x in zip(self.couplings, others)])
+        if others:
+            self.couplings = tuple([k + share * (x - k) for k, x in zip(self.couplings, others)])
         if time >= self._next:
             self._learn_gamma()
 

@@ -311,7 +311,7 @@ MUTANTS = [
          ('outliers teach nothing',
           'weight *= OUTLIER_WEIGHT', 'weight = 0.0'),
          ('a jump is followed after three',
-          'FOLLOW_AFTER = 6', 'FOLLOW_AFTER = 3')),
+          'FOLLOW_AFTER: Final = 6', 'FOLLOW_AFTER: Final = 3')),
     *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
          'commands_of_two_programs_are_told_once what_looks_like_pulse_widths',
          ('commands of two programs are those of one',
@@ -346,7 +346,7 @@ MUTANTS = [
          ('what is frozen converges',
           'return FROZEN', 'return self._judgement'),
          ('converged comes and goes',
-          'HYSTERESIS = 2.0', 'HYSTERESIS = 1.0'),
+          'HYSTERESIS: Final = 2.0', 'HYSTERESIS = 1.0'),
          ('a minute need not be predicted',
           'if not (reason or identifier.judges_errors):', 'if False:'),
          ('the acceleration need not be known',

@@ -22,9 +22,10 @@ from rovid_core.model.samples import Step
 from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
 
-BLOCK, BLOCKS = 10.0, 6  # length of a block [s], and how many count
+BLOCK: Final = 10.0  # length of a block [s]
+BLOCKS: Final = 6  # how many count
 # The share of the motion that has to be predicted, to become converged and while it is.
-PREDICTS = (0.9, 0.85)
+PREDICTS: Final = (0.9, 0.85)
 # What a vehicle often has and the model has not, each an acceleration with one regressor.
 CANDIDATES = {
     'dead_band': 'a dead band of the thrusters', 'reverse_thrust': 'reverse thrust',
@@ -33,16 +34,16 @@ CANDIDATES = {
 KEYS = {'dead_band': 'see thrusters.deadband', 'reverse_thrust': 'see thrusters.reverse',
         'lag': 'see thrusters.time_constant', 'current': 'see current.prior'}
 DEAD_BAND: Final = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
-LAG = 0.15  # [s] of the thruster lag that is looked for
+LAG: Final = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
 # of the model's acceleration that it is.
 EXPLAINS, MATTERS = 0.3, 0.05
-KNOWN = 0.05  # relative standard deviation of alpha up to which the minute shows the mass
-MASS_OFF = 0.1  # relative difference from the minute's own mass that is too much
-SIGNIFICANT = 2.0  # standard deviations of that mass that are left to chance
-NEAR = 0.5  # relative change of alpha up to which one step of Gauss-Newton is a good one
-TINY = 1e-300  # variance of a path without any errors
-ALONE = 1e-6  # least share of a candidate's square that the parameters must not explain
+KNOWN: Final = 0.05  # relative standard deviation of alpha up to which the minute shows the mass
+MASS_OFF: Final = 0.1  # relative difference from the minute's own mass that is too much
+SIGNIFICANT: Final = 2.0  # standard deviations of that mass that are left to chance
+NEAR: Final = 0.5  # relative change of alpha up to which one step of Gauss-Newton is a good one
+TINY: Final = 1e-300  # variance of a path without any errors
+ALONE: Final = 1e-6  # least share of a candidate's square that the parameters must not explain
 
 UNTOLD_DEAD_BAND = (
     'a dead band of the thrusters cannot be told from the mass yet: push at several sizes')

@@ -385,7 +385,7 @@ MUTANTS = [
     *_of('rovid_core/pipeline/steps.py', 'test/commands/test_tune.py '
          'a_current_is_no_weaker_thrust_in_reverse',
          ('what is coupled moves against the water',
-          '_replace(body=(u - a, v - b, w - c))', '_replace(body=(u + a, v + b, w - c))')),
+          'replaced(body=(u - a, v - b, w - c))', 'replaced(body=(u + a, v + b, w - c))')),
     *_of('rovid_ros/commands/tune.py', 'test/commands/test_tune.py '
          'a_current_is_no_weaker_thrust_in_reverse',
          ('tuning takes the water to be still',
@@ -443,7 +443,7 @@ MUTANTS = [
          ('degrees are radians',
           "unit = math.pi / 180.0 if settings.heading_unit == 'deg'", 'unit = 1.0 if True'),
          ('the latency is added',
-          'time=time - source.latency', 'time=time + source.latency'),
+          'time - source.latency', 'time + source.latency'),
          ('the offset of the depth is subtracted',
           'scale * float(value) + offset', 'scale * float(value) - offset'),
          ('what is not estimated is used',

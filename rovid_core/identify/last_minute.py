@@ -25,7 +25,7 @@ from rovid_core.settings.run import Scales
 BLOCK: Final = 10.0  # length of a block [s]
 BLOCKS: Final = 6  # how many count
 # The share of the motion that has to be predicted, to become converged and while it is.
-PREDICTS: Final = (0.9, 0.85)
+PREDICTS = (0.9, 0.85)
 # What a vehicle often has and the model has not, each an acceleration with one regressor.
 CANDIDATES = {
     'dead_band': 'a dead band of the thrusters', 'reverse_thrust': 'reverse thrust',

@@ -38,7 +38,7 @@ LONGEST: Final = 60_000_000_000
 MOST_BLOCKS: Final = 600
 """Blocks that wait for those of the other inputs."""
 
-LOOKS: Final = (128, 256, 512, 1024)
+LOOKS = (128, 256, 512, 1024)
 """Accelerations after which the mistakes are tried, and after the last no more."""
 
 ERROR_RATE: Final = 1e-2
@@ -55,13 +55,13 @@ CLOSE: Final = 2.3
 MOST_NAMED: Final = 3
 """Mistakes in a warning."""
 
-LAGS: Final = (-4, -3, -2, -1, 1, 2, 3, 4)
+LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)
 """Blocks by which the forces may be late (positive) or early."""
 
 LEAST_LAG: Final = 1.0
 """[s] Less may be the thrusters themselves, and ``ekf`` finds it."""
 
-AXES: Final = ('surge', 'sway', 'heave', 'yaw')
+AXES = ('surge', 'sway', 'heave', 'yaw')
 """Whose motion is explained; roll and pitch are left to themselves on most vehicles."""
 
 

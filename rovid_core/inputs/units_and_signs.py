@@ -24,7 +24,7 @@ MANY_TOO_FAST: Final = 0.3
 WRONG_WINDOWS: Final = 10
 """More of these that were too fast than were not are no accident."""
 
-PULSES: Final = (800.0, 2200.0)
+PULSES = (800.0, 2200.0)
 """[us] What the pulses of a servo or motor controller can be."""
 
 NEUTRAL: Final = 1500.0

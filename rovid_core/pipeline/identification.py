@@ -99,12 +99,12 @@ class Identification:
         self.identifier.reset()
         self.refresh()
         self._steps = steps
-        self.estimate = self.estimate._replace(steps=steps)
+        self.estimate = self.estimate.replaced(steps=steps)
 
     def take_up(self) -> None:
         """Let the last estimate have the parameters that the identifier has by now."""
         identifier = self.identifier
-        self.estimate = self.estimate._replace(
+        self.estimate = self.estimate.replaced(
             parameters=identifier.parameters, uncertainty=identifier.uncertainty,
             delay=identifier.delay, couplings=identifier.couplings)
 

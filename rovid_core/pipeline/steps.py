@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 import math
-from typing import cast, Final, Protocol
+from typing import cast, Protocol
 
 from rovid_core.identify.estimate import Current, Estimate
 from rovid_core.inputs.configuration_check import ConfigurationCheck
@@ -22,7 +22,7 @@ from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.velocity.attitude_history import normalised, rotate, rotate_back, SharedMotion
 from rovid_core.velocity.couplings import CouplingRegressors, own_regressors
 
-SOURCES: Final = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
+SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
 """Inputs that velocities are made of."""
 
 AXES: dict[str, Vector] = {'surge': (1.0, 0.0, 0.0), 'sway': (0.0, 1.0, 0.0)}
@@ -188,7 +188,7 @@ class Pipeline:
             return None
         for dof in self.dofs:
             dof.take_up()
-        return last._replace(dofs=tuple([dof.at(last.now) for dof in self.dofs]),
+        return last.replaced(dofs=tuple([dof.at(last.now) for dof in self.dofs]),
                              current=self._current())
 
     def refresh(self) -> None:
@@ -341,7 +341,7 @@ class Pipeline:
             return motion
         (u, v, w), (x, y) = motion.body, self._water(motion.time)
         a, b, c = rotate_back(attitude, (x, y, 0.0))
-        return motion._replace(body=(u - a, v - b, w - c))
+        return motion.replaced(body=(u - a, v - b, w - c))
 
     def _lacking(self, source: FilteredSource, motion: Motion) -> tuple[str, str]:
         """

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from rovid_core.model.dofs import HEADING, OWN, RESTORING, Vector
 from rovid_core.model.samples import Motion, NS
@@ -31,8 +31,8 @@ from rovid_core.velocity.attitude_history import (
 )
 
 LINEAR, ANGULAR = 'uvw', 'pqr'
-OF_ATTITUDE: Final = (*RESTORING, *HEADING)
-NO_PRODUCTS: Final = (*OF_ATTITUDE, *OWN)
+OF_ATTITUDE = (*RESTORING, *HEADING)
+NO_PRODUCTS = (*OF_ATTITUDE, *OWN)
 
 
 class MeanVelocities:

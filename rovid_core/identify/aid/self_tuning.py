@@ -25,7 +25,7 @@ FIRST_LEARNED: Final = 20.0
 # Least share of a mean square that the other regressors are taken to leave unexplained.
 MIN_SHARE: Final = 0.03
 # Least mean squares of the regressors, in typical ones; smaller ones are mostly noise.
-MIN_SQUARES: Final = (MIN_EXCITATION, MIN_MOTION**2, MIN_MOTION, 1.0)
+MIN_SQUARES = (MIN_EXCITATION, MIN_MOTION**2, MIN_MOTION, 1.0)
 MIN_COUPLED = MIN_MOTION**2  # the same of couplings, which are products of velocities
 # Steps with more than so many typical forces or velocities are left out of Gamma.
 MAX_TYPICAL: Final = 1000.0

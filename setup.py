@@ -28,8 +28,12 @@ COMPILE = os.environ.get('ROVID_COMPILE', '') not in ('', '0')
 # Not on the way of a message, or not possible: mypyc compiles no exception, no class that inherits
 # the attributes of a Protocol, and what it compiles has no subclass that is interpreted.
 INTERPRETED = (
-    'identify/ekf/divergence.py', 'identify/method.py', 'pipeline/stream.py', 'settings/',
-    'simulation/', 'trials/')
+    'rovid_core/identify/ekf/divergence.py', 'rovid_core/identify/method.py',
+    'rovid_core/settings/', 'rovid_core/simulation/', 'rovid_core/trials/')
+# Of rovid_ros and the score, what is on the way of a message.
+ALSO_COMPILED = (
+    'rovid_core/trials/score.py', 'rovid_core/trials/spilling_table.py', 'rovid_ros/logs/log.py',
+    'rovid_ros/logs/player.py', 'rovid_ros/messages/converter.py')
 
 
 def ros_wheels(distro: str) -> list[str]:
@@ -44,8 +48,8 @@ def manifest(tag: str) -> str:
 
 def compiled_modules() -> list[str]:
     """Return the files that are compiled."""
-    return [path for path in sorted(glob('rovid_core/**/*.py', recursive=True))
-            if not path.startswith(tuple(f'rovid_core/{name}' for name in INTERPRETED))]
+    return [*[path for path in sorted(glob('rovid_core/**/*.py', recursive=True))
+              if not path.startswith(INTERPRETED)], *ALSO_COMPILED]
 
 
 def extensions() -> list[Extension]:

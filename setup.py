@@ -28,11 +28,14 @@ COMPILE = os.environ.get('ROVID_COMPILE', '') not in ('', '0')
 # Not on the way of a message, or not possible: mypyc compiles no exception, no class that inherits
 # the attributes of a Protocol, and what it compiles has no subclass that is interpreted.
 INTERPRETED = (
-    'identify/ekf/divergence.py', 'identify/method.py', 'pipeline/stream.py', 'settings/',
-    'simulation/', 'trials/')
-# Of rovid_ros, what encodes and writes an estimate.
-WRITING = ('logs/mcap_writer', 'results/dof_encoder', 'results/model_rows', 'results/outputs',
-           'results/wire_encoding')
+    'rovid_core/identify/ekf/divergence.py', 'rovid_core/identify/method.py',
+    'rovid_core/settings/', 'rovid_core/simulation/', 'rovid_core/trials/')
+# Of rovid_ros and the score, what is on the way of a message to its estimate and to the file.
+ALSO_COMPILED = (
+    'rovid_core/trials/score.py', 'rovid_core/trials/spilling_table.py', 'rovid_ros/logs/log.py',
+    'rovid_ros/logs/mcap_writer.py', 'rovid_ros/logs/player.py', 'rovid_ros/messages/converter.py',
+    'rovid_ros/results/dof_encoder.py', 'rovid_ros/results/model_rows.py',
+    'rovid_ros/results/outputs.py', 'rovid_ros/results/wire_encoding.py')
 
 
 def ros_wheels(distro: str) -> list[str]:
@@ -47,9 +50,8 @@ def manifest(tag: str) -> str:
 
 def compiled_modules() -> list[str]:
     """Return the files that are compiled."""
-    core = [path for path in sorted(glob('rovid_core/**/*.py', recursive=True))
-            if not path.startswith(tuple(f'rovid_core/{name}' for name in INTERPRETED))]
-    return core + [f'rovid_ros/{name}.py' for name in WRITING]
+    return [*[path for path in sorted(glob('rovid_core/**/*.py', recursive=True))
+              if not path.startswith(INTERPRETED)], *ALSO_COMPILED]
 
 
 def extensions() -> list[Extension]:

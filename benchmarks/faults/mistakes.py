@@ -52,7 +52,7 @@ class Mistake:
 
 
 def _of(input: str, value: Callable[[tuple[float, ...]], tuple[float, ...]]) -> Spoil:
-    return lambda sample: sample._replace(
+    return lambda sample: sample.replaced(
         value=value(sample.value)) if sample.input == input else sample
 
 
@@ -64,10 +64,10 @@ def _yaw(q: tuple[float, ...]) -> float:
 def _as_ned(sample: Sample) -> Sample:
     v = sample.value
     if sample.input == 'position':
-        return sample._replace(value=(v[1], v[0], -v[2]))
+        return sample.replaced(value=(v[1], v[0], -v[2]))
     if sample.input == 'attitude':
         h, (x, y, z, w) = math.sqrt(0.5), v
-        return sample._replace(value=(h * (x + y), h * (x - y), h * (w - z), h * (w + z)))
+        return sample.replaced(value=(h * (x + y), h * (x - y), h * (w - z), h * (w + z)))
     return sample
 
 
@@ -154,7 +154,7 @@ def recorded(path: Path) -> tuple[Settings, list[Event]]:
     settings = settings_from(load(shipped_file('bluerov2_tank.yaml')))
     converter = Converter(settings, lambda name, reason: None)
     with Log([path]) as log:
-        events = [event._replace(origin=None)
+        events = [event.replaced(origin=None)
                   for message in log.messages(converter.topics)
                   for event in converter.events(message.topic, message.data, message.time)]
     return settings, events

@@ -326,7 +326,7 @@ MUTANTS = [
          ('outliers teach nothing',
           'weight *= OUTLIER_WEIGHT', 'weight = 0.0'),
          ('a jump is followed after three',
-          'FOLLOW_AFTER = 6', 'FOLLOW_AFTER = 3')),
+          'FOLLOW_AFTER: Final = 6', 'FOLLOW_AFTER: Final = 3')),
     *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
          'commands_of_two_programs_are_told_once what_looks_like_pulse_widths',
          ('commands of two programs are those of one',
@@ -361,7 +361,7 @@ MUTANTS = [
          ('what is frozen converges',
           'return FROZEN', 'return self._judgement'),
          ('converged comes and goes',
-          'HYSTERESIS = 2.0', 'HYSTERESIS = 1.0'),
+          'HYSTERESIS: Final = 2.0', 'HYSTERESIS = 1.0'),
          ('a minute need not be predicted',
           'if not (reason or identifier.judges_errors):', 'if False:'),
          ('the acceleration need not be known',
@@ -400,7 +400,7 @@ MUTANTS = [
     *_of('rovid_core/pipeline/steps.py', 'test/commands/test_tune.py '
          'a_current_is_no_weaker_thrust_in_reverse',
          ('what is coupled moves against the water',
-          '_replace(body=(u - a, v - b, w - c))', '_replace(body=(u + a, v + b, w - c))')),
+          'replaced(body=(u - a, v - b, w - c))', 'replaced(body=(u + a, v + b, w - c))')),
     *_of('rovid_ros/commands/tune.py', 'test/commands/test_tune.py '
          'a_current_is_no_weaker_thrust_in_reverse',
          ('tuning takes the water to be still',
@@ -458,7 +458,7 @@ MUTANTS = [
          ('degrees are radians',
           "unit = math.pi / 180.0 if settings.heading_unit == 'deg'", 'unit = 1.0 if True'),
          ('the latency is added',
-          'time=time - source.latency', 'time=time + source.latency'),
+          'time - source.latency', 'time + source.latency'),
          ('the offset of the depth is subtracted',
           'scale * float(value) + offset', 'scale * float(value) - offset'),
          ('what is not estimated is used',

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from rovid_core.identify.intervals import (
     Interval,
@@ -14,38 +14,81 @@ from rovid_core.identify.intervals import (
 )
 from rovid_core.identify.status import Judgement, WAITING
 from rovid_core.model.dofs import Four
+from rovid_core.model.samples import Values
 
 TURN = 'turn by 45 degrees or more'
 """What to do first, that a current can be told from drag and bias."""
 
 
-class DofEstimate(NamedTuple):
+class DofEstimate(Values):
     """
     The estimate of one degree of freedom after a step.
 
     Units are those of the DOF: N, m/s and kg, or N m, rad/s and kg m^2. What is seldom read
-    (covariance, standard deviations, reasons, intervals) is computed when it is read. It is a
-    tuple because one is made at every step, several times faster than a frozen dataclass.
+    (covariance, standard deviations, reasons, intervals) is computed when it is read.
+
+    Attributes
+    ----------
+    parameters : tuple of 4 floats
+        alpha, beta, gamma, delta.
+    time : int
+        Of velocity and v_hat [ns].
+    velocity : float
+        Measured, filtered.
+    v_hat : float
+        The velocity in the identifier's state.
+    force : float
+        Mean over the step, filtered like the velocity.
+    excitation : float
+        Mean square of the thrust, in typical forces.
+    W : float
+        Lyapunov function, where the truth is known.
+    delay : float
+        Of the thrust [s], where it is estimated.
+    couplings : tuple of float
+        kappa of each of the DOF's ``couplings`` settings.
+    settled : bool
+        Whether the model may be used, as ``DofStatus`` has it.
+    fit : float
+        How much of the motion the model predicts; 1: all.
+    velocity_delay, v_hat_delay : float
+        By which these lag behind the motion at ``time`` [s].
+    stale_for : float
+        [s] since the last step where that is too long ago, otherwise 0.
+
     """
 
-    dof: str
-    parameters: Four  # alpha, beta, gamma, delta
-    uncertainty: Uncertainty = NO_UNCERTAINTY
-    judgement: Judgement = WAITING
-    time: int = 0  # [ns] of velocity and v_hat
-    steps: int = 0
-    velocity: float = math.nan  # measured, filtered
-    v_hat: float = math.nan  # the velocity in the identifier's state
-    force: float = math.nan  # mean over the step, filtered like the velocity
-    excitation: float = 0.0  # mean square of the thrust, in typical forces
-    W: float = math.nan  # Lyapunov function, where the truth is known
-    delay: float = math.nan  # of the thrust [s], where it is estimated
-    couplings: tuple[float, ...] = ()  # kappa of each of the DOF's ``couplings`` settings
-    settled: bool = False  # whether the model may be used, as ``DofStatus`` has it
-    fit: float = math.nan  # how much of the motion the model predicts; 1: all
-    velocity_delay: float = math.nan  # by which velocity lags behind the motion at ``time`` [s]
-    v_hat_delay: float = math.nan  # the same of v_hat
-    stale_for: float = 0.0  # [s] since the last step where that is too long ago, otherwise 0
+    NAMES: ClassVar[tuple[str, ...]] = (
+        'dof', 'parameters', 'uncertainty', 'judgement', 'time', 'steps', 'velocity', 'v_hat',
+        'force', 'excitation', 'W', 'delay', 'couplings', 'settled', 'fit', 'velocity_delay',
+        'v_hat_delay', 'stale_for')
+
+    def __init__(self, dof: str, parameters: Four, uncertainty: Uncertainty = NO_UNCERTAINTY,
+                 judgement: Judgement = WAITING, time: int = 0, steps: int = 0,
+                 velocity: float = math.nan, v_hat: float = math.nan, force: float = math.nan,
+                 excitation: float = 0.0, W: float = math.nan,  # noqa: N803
+                 delay: float = math.nan,
+                 couplings: tuple[float, ...] = (), settled: bool = False,
+                 fit: float = math.nan, velocity_delay: float = math.nan,
+                 v_hat_delay: float = math.nan, stale_for: float = 0.0) -> None:
+        self.dof = dof
+        self.parameters = parameters
+        self.uncertainty = uncertainty
+        self.judgement = judgement
+        self.time = time
+        self.steps = steps
+        self.velocity = velocity
+        self.v_hat = v_hat
+        self.force = force
+        self.excitation = excitation
+        self.W = W
+        self.delay = delay
+        self.couplings = couplings
+        self.settled = settled
+        self.fit = fit
+        self.velocity_delay = velocity_delay
+        self.v_hat_delay = v_hat_delay
+        self.stale_for = stale_for
 
     @property
     def std(self) -> Four:
@@ -128,14 +171,32 @@ class Current(NamedTuple):
         return math.sqrt(self.covariance[0]), math.sqrt(self.covariance[2])
 
 
-class Estimate(NamedTuple):
-    """All DOFs after a step of one or more of them."""
+class Estimate(Values):
+    """
+    All DOFs after a step of one or more of them.
 
-    # time [ns] of the newest velocity: the middle of the interval between two position fixes, or
-    # the stamp of a measured velocity
-    time: int
-    dofs: tuple[DofEstimate, ...]  # in the order of ``Settings.dofs``
-    stepped: tuple[int, ...]  # indices into ``dofs`` of those that this step moved
-    current: Current | None = None  # None where it is not estimated
-    # event time [ns] of the sample that completed the step, which is what ages count up to
-    now: int = 0
+    Attributes
+    ----------
+    time : int
+        [ns] of the newest velocity: the middle of the interval between two position fixes, or
+        the stamp of a measured velocity.
+    dofs : tuple of DofEstimate
+        In the order of ``Settings.dofs``.
+    stepped : tuple of int
+        Indices into ``dofs`` of those that this step moved.
+    current : Current or None
+        None where it is not estimated.
+    now : int
+        Event time [ns] of the sample that completed the step, which is what ages count up to.
+
+    """
+
+    NAMES: ClassVar[tuple[str, ...]] = ('time', 'dofs', 'stepped', 'current', 'now')
+
+    def __init__(self, time: int, dofs: tuple[DofEstimate, ...], stepped: tuple[int, ...],
+                 current: Current | None = None, now: int = 0) -> None:
+        self.time = time
+        self.dofs = dofs
+        self.stepped = stepped
+        self.current = current
+        self.now = now

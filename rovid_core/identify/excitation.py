@@ -6,23 +6,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 import math
+from typing import Final
 
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
 # Mean square of the thrust, in typical forces, below which nothing can be learned.
-MIN_EXCITATION = 1e-3
-MIN_MOTION = 1e-2  # mean square of the velocity, in typical ones, below which it is mostly noise
+MIN_EXCITATION: Final = 1e-3
+# mean square of the velocity, in typical ones, below which it is mostly noise
+MIN_MOTION: Final = 1e-2
 # Least part of a regressor's mean square, in typical ones, that the others must not explain. With
 # 5 mm of noise on fixes at 10 Hz, thrust of 0.02 to 0.1 Hz reaches it for both drags of a 300 kg
 # vehicle; a sinusoid of 0.25 Hz, a square wave of one amplitude, or a fifth of the thrust do not.
-MIN_INFORMATION = 1e-2
-FLOOR = 1e-12  # share of a mean square below which the unexplained part is rounding error
+MIN_INFORMATION: Final = 1e-2
+FLOOR: Final = 1e-12  # share of a mean square below which the unexplained part is rounding error
 # Upper triangle of the sum of phi phi' dt, row by row; its last entry is the time [s].
 Sums = tuple[float, ...]
 NO_SUMS: Sums = (0.0,) * 10
-BATCH = 64  # steps that are collected before their products are added, which halves the cost
+BATCH: Final = 64  # steps whose products are added together, which halves the cost
 ALPHA, BETA, GAMMA, DELTA = range(4)
 
 

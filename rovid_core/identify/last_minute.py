@@ -22,7 +22,8 @@ from rovid_core.model.samples import Step
 from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
 
-BLOCK, BLOCKS = 10.0, 6  # length of a block [s], and how many count
+BLOCK: Final = 10.0  # length of a block [s]
+BLOCKS: Final = 6  # how many count
 # The share of the motion that has to be predicted, to become converged and while it is.
 PREDICTS = (0.9, 0.85)
 # What a vehicle often has and the model has not, each an acceleration with one regressor.
@@ -33,16 +34,16 @@ CANDIDATES = {
 KEYS = {'dead_band': 'see thrusters.deadband', 'reverse_thrust': 'see thrusters.reverse',
         'lag': 'see thrusters.time_constant', 'current': 'see current.prior'}
 DEAD_BAND: Final = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
-LAG = 0.15  # [s] of the thruster lag that is looked for
+LAG: Final = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
 # of the model's acceleration that it is.
 EXPLAINS, MATTERS = 0.3, 0.05
-KNOWN = 0.05  # relative standard deviation of alpha up to which the minute shows the mass
-MASS_OFF = 0.1  # relative difference from the minute's own mass that is too much
-SIGNIFICANT = 2.0  # standard deviations of that mass that are left to chance
-NEAR = 0.5  # relative change of alpha up to which one step of Gauss-Newton is a good one
-TINY = 1e-300  # variance of a path without any errors
-ALONE = 1e-6  # least share of a candidate's square that the parameters must not explain
+KNOWN: Final = 0.05  # relative standard deviation of alpha up to which the minute shows the mass
+MASS_OFF: Final = 0.1  # relative difference from the minute's own mass that is too much
+SIGNIFICANT: Final = 2.0  # standard deviations of that mass that are left to chance
+NEAR: Final = 0.5  # relative change of alpha up to which one step of Gauss-Newton is a good one
+TINY: Final = 1e-300  # variance of a path without any errors
+ALONE: Final = 1e-6  # least share of a candidate's square that the parameters must not explain
 
 UNTOLD_DEAD_BAND = (
     'a dead band of the thrusters cannot be told from the mass yet: push at several sizes')
@@ -93,7 +94,8 @@ class LastMinute:
         before, after = self._measured, step.mean
         path = lead * before + tail * after if step.interval else 0.5 * h * (before + after)
         force = (lead * step.forces[0] + tail * step.forces[1]) / h
-        others = tuple([(lead * x + tail * y) / h for x, y in step.couplings])
+        others = tuple([(lead * x + tail * y) / h for x, y in step.couplings]) if (
+            step.couplings) else ()
         self._steps.append((h, path, force, others))
         self._measured, self._end = after, end
         self._time += h
@@ -168,9 +170,11 @@ class LastMinute:
 
     def _thrust(self) -> float:
         """Return the size of the force over the block, which counts by its square; never 0."""
-        squares = [h * force * force for h, _, force, _ in self._steps]
-        total = sum(squares)
-        cubes = sum(square * abs(one[2]) for square, one in zip(squares, self._steps))
+        total = cubes = 0.0
+        for h, _, force, _ in self._steps:
+            square = h * force * force
+            total += square
+            cubes += square * abs(force)
         # a force that fades away with the lag of its thrusters has cubes too small for a float
         return cubes / total if cubes > 0.0 else self._scales.force
 
@@ -180,55 +184,76 @@ class LastMinute:
         names = self._scales.couplings
         _, reverse_drag = own_coefficients(names, self._model[4:])
         kappas = [0.0 if name == OWN[1] else p for name, p in zip(names, self._model[4:])]
-        force_scale, speed_scale = self._scales.force, self._scales.velocity
-        dead = DEAD_BAND * min(self._thrust(), force_scale)
-        k = len(self._size) + len(CANDIDATES)
-        # derivatives of velocity and path with respect to the velocity at the start, and to the
-        # accelerations; that of the path with respect to its own start is 1. There are so few
-        # that plain floats take half of the time that numpy needs
-        of_v, of_x = [1.0, *[0.0] * k], [0.0] * (1 + k)
-        v, lagged = self._start, math.nan
-        rows, errors, paths, regressors = [], [], [], []
-        x = measured = acceleration = 0.0
-        for h, path, force, others in self._steps:
-            half = 0.5 * h
-            push = alpha * force + delta + sum(p * y for p, y in zip(kappas, others))
-            target, linear = v + half * push, 1.0 - half * gamma
+        # over each step: mean velocity of the model, late part of the force, and by what the mean
+        # of a change of the velocity is divided
+        speeds: list[float] = []
+        lates: list[float] = []
+        rests: list[float] = []
+        v, lagged = self._start, self._steps[0][2]
+        acceleration = 0.0
+        for h, _, force, others in self._steps:
+            half, coupled = 0.5 * h, 0.0
+            for p, x in zip(kappas, others):
+                coupled += p * x
+            target, linear = v + half * (alpha * force + delta + coupled), 1.0 - half * gamma
             slope = min(beta + reverse_drag, 0.0) if target < 0.0 else beta  # w has its sign
             quadratic = -half * slope
             w = 2.0 * target / (
                 linear + math.sqrt(linear * linear + 4.0 * quadratic * abs(target)))
-            drag = w * abs(w)
-            if lagged != lagged:
-                lagged = force
             gone = -math.expm1(-h / LAG)
-            late = (force - lagged) * gone * LAG / h
+            lates.append((force - lagged) * gone * LAG / h)
             lagged += gone * (force - lagged)
-            phi = [y * size for y, size in zip((force, drag, w, 1.0, *[
-                min(drag, 0.0) if name == OWN[1] else x for name, x in zip(names, others)
-                ]), self._size)]
-            phi += (
-                DEAD_BAND * force / max(abs(force), dead), min(force, 0.0) / force_scale,
-                min(drag, 0.0) / speed_scale**2, late / force_scale)
-            rest = 1.0 - half * (2.0 * slope * abs(w) + gamma)
-            mean = [(y + half * z) / rest for y, z in zip(of_v, (0.0, *phi))]
-            of_x = [y + h * z for y, z in zip(of_x, mean)]
-            of_v = [2.0 * z - y for y, z in zip(of_v, mean)]
-            x += h * w
-            acceleration += (2.0 * (w - v) / h) ** 2
+            rests.append(1.0 - half * (2.0 * slope * abs(w) + gamma))
+            speeds.append(w)
+            rate = 2.0 * (w - v) / h
+            acceleration += rate * rate
             v = 2.0 * w - v
-            measured += path
-            rows.append((1.0, *of_x))
-            errors.append(measured - x)
-            paths.append(measured)
-            regressors.append(phi)
-        table, error, way = np.array(rows), np.array(errors), np.array(paths)
+        lengths, paths, forces = np.array([step[:3] for step in self._steps]).T
+        regressors = self._regressors(forces, np.array(speeds), np.array(lates))
+        # derivatives of the path with respect to its start, to the velocity there, and to the
+        # accelerations
+        halves = 0.5 * lengths
+        means = [mean_changes(1.0, np.zeros_like(halves), rests)] + [
+            mean_changes(0.0, halves * phi, rests) for phi in regressors.T]
+        table = np.ones((len(halves), 1 + len(means)))
+        table[:, 1:] = np.cumsum(lengths * np.array(means), axis=1).T
+        way = np.cumsum(paths)
+        error = way - np.cumsum(lengths * np.array(speeds))
         starts, _ = np.linalg.qr(table[:, :2])
         table = table[:, 2:] - starts @ (starts.T @ table[:, 2:])
         error -= starts @ (starts.T @ error)
         # a straight line in time would be a constant velocity
-        line, _ = np.linalg.qr(np.stack(
-            [np.ones(len(way)), np.cumsum([step[0] for step in self._steps])], axis=1))
+        line, _ = np.linalg.qr(np.stack([np.ones(len(way)), np.cumsum(lengths)], axis=1))
         way = way - line @ (line.T @ way)
         return Block(table.T @ table, table.T @ error, float(error @ error), float(way @ way),
                      np.square(regressors).sum(axis=0), acceleration, len(way) - 2)
+
+    def _regressors(self, forces: Array, speeds: Array, lates: Array) -> Array:
+        """Return those of the model and of ``CANDIDATES`` over each step, shape (n, k)."""
+        names, force_scale = self._scales.couplings, self._scales.force
+        dead = DEAD_BAND * min(self._thrust(), force_scale)
+        drags = speeds * np.abs(speeds)
+        backwards = np.minimum(drags, 0.0)
+        others = np.array([one[3] for one in self._steps])
+        own = (forces, drags, speeds, np.ones(len(speeds)), *[
+            backwards if name == OWN[1] else others[:, i] for i, name in enumerate(names)])
+        return np.stack([
+            *[x * size for x, size in zip(own, self._size)],
+            DEAD_BAND * forces / np.maximum(np.abs(forces), dead),
+            np.minimum(forces, 0.0) / force_scale, backwards / self._scales.velocity**2,
+            lates / force_scale], axis=1)
+
+
+def mean_changes(start: float, drive: Array, rests: Sequence[float]) -> list[float]:
+    """
+    Return the mean change of the velocity over each step, by the midpoint rule.
+
+    ``start`` is the change at the first one's start, ``drive`` half the step times the
+    acceleration that is added. Plain floats take a fraction of the time that numpy needs.
+    """
+    v, found = start, []
+    for u, rest in zip(drive.tolist(), rests):
+        mean = (v + u) / rest
+        v = 2.0 * mean - v
+        found.append(mean)
+    return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 import math
+from typing import Final
 
 from rovid_core.identify.excitation import BATCH, Excitation, Gram, MIN_EXCITATION
 from rovid_core.identify.last_minute import KEYS, LastMinute
@@ -17,8 +18,8 @@ STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invali
 """Of a DOF; the last one is what an estimate is called that has made no step for too long."""
 
 # A converged model is converging again above this times the limit to become converged.
-HYSTERESIS = 2.0
-PERIOD = 1.0  # event time [s] from one judgement to the next
+HYSTERESIS: Final = 2.0
+PERIOD: Final = 1.0  # event time [s] from one judgement to the next
 
 
 @dataclass(frozen=True)

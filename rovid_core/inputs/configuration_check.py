@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 import math
 from statistics import NormalDist
+from typing import Final
 
 import numpy as np
 from rovid_core.model.dofs import DOFS
@@ -28,36 +29,36 @@ from rovid_core.model.samples import Motion, NS
 from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
 
-BLOCK = 500_000_000
+BLOCK: Final = 500_000_000
 """[ns] Means over so long are kept; where fixes are rare, several are taken together."""
 
-LONGEST = 60_000_000_000
+LONGEST: Final = 60_000_000_000
 """[ns] A command or a motion that lasts longer tells nothing."""
 
-MOST_BLOCKS = 600
+MOST_BLOCKS: Final = 600
 """Blocks that wait for those of the other inputs."""
 
 LOOKS = (128, 256, 512, 1024)
 """Accelerations after which the mistakes are tried, and after the last no more."""
 
-ERROR_RATE = 1e-2
+ERROR_RATE: Final = 1e-2
 """Chance of naming a mistake where there is none, over all mistakes and looks together."""
 
 BATCH_ROWS, BATCH_DURATION = 4, 2.0
 """A batch has so many accelerations, and takes so long [s], at least."""
 
-LEAST_BATCHES = 12
+LEAST_BATCHES: Final = 12
 
-CLOSE = 2.3
+CLOSE: Final = 2.3
 """Student's t below which two mistakes are not told from each other: a chance of 1 %."""
 
-MOST_NAMED = 3
+MOST_NAMED: Final = 3
 """Mistakes in a warning."""
 
 LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)
 """Blocks by which the forces may be late (positive) or early."""
 
-LEAST_LAG = 1.0
+LEAST_LAG: Final = 1.0
 """[s] Less may be the thrusters themselves, and ``ekf`` finds it."""
 
 AXES = ('surge', 'sway', 'heave', 'yaw')
@@ -100,18 +101,19 @@ class BlockMeans:
         self.end = end
         if end - start > LONGEST:
             return
+        blocks = self.blocks
         self._duration += (end - start) / BLOCK
         self._count += 1
         while start < end:
             number = start // BLOCK
             until = min(end, (number + 1) * BLOCK)
             share = (until - start) / BLOCK
-            covered, integral = self.blocks.get(number, (0.0, [0.0] * self.width))
-            self.blocks[number] = (
-                covered + share, [x + share * y for x, y in zip(integral, value)])
+            known = blocks.get(number)
+            blocks[number] = (share, [share * y for y in value]) if known is None else (
+                known[0] + share, [x + share * y for x, y in zip(known[1], value)])
             start = until
-        while len(self.blocks) > MOST_BLOCKS:  # nothing comes of another input
-            del self.blocks[next(iter(self.blocks))]
+        while len(blocks) > MOST_BLOCKS:  # nothing comes of another input
+            del blocks[next(iter(blocks))]
 
 
 @dataclass(frozen=True)
@@ -251,22 +253,27 @@ class ConfigurationCheck:
                 self.active = False
                 self._kept.clear()
 
+    def _known(self) -> int:
+        """Return up to when all that was heard is known [ns]."""
+        known = self._thrust.end
+        for m in self._means.values():
+            if m.end and m.end < known:
+                known = m.end
+        return known
+
     def _collect(self, start: int) -> bool:
         """
         Keep the blocks that are complete; return whether one came.
 
         What was added since the last time begins at ``start`` [ns] or is of commands.
         """
+        complete = self._known() // BLOCK
+        if complete == self._looked_up_to and start >= complete * BLOCK:
+            return False  # as most times
         heard = [one for one in self._means.items() if one[1].end]
         if not heard:
             return False
         used = [self._thrust, *[m for _, m in heard]]
-        known = self._thrust.end
-        for _, m in heard:
-            known = min(known, m.end)
-        complete = known // BLOCK
-        if complete == self._looked_up_to and start >= complete * BLOCK:
-            return False  # as most times
         self._looked_up_to = complete
         names = tuple([name for name, _ in heard])
         oldest = [next(iter(m.blocks), complete) for m in used]

@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from rovid_core.model.dofs import ANGULAR_DOFS, Vector
 from rovid_core.model.samples import NS
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.velocity.attitude_history import rotation_between
 
-LEARNED_AFTER = 20
+LEARNED_AFTER: Final = 20
 """Innovations after which the scale is known."""
 
-GAIN = 0.05
+GAIN: Final = 0.05
 """Relative change of the scale with each innovation; it is larger at the beginning."""
 
-OUTLIER_WEIGHT = 0.2
+OUTLIER_WEIGHT: Final = 0.2
 """Weight of a refused innovation in the learning of the scale."""
 
-FOLLOW_AFTER = 6
+FOLLOW_AFTER: Final = 6
 """So many refused in a row that agree with each other are followed: no echo lasts that long."""
 
-FACTOR = 3.0
+FACTOR: Final = 3.0
 """Factor by which typical sizes may be wrong."""
 
-MIN_SCALE = 0.002
+MIN_SCALE: Final = 0.002
 """Least scale, in typical velocities (times 1 s where it is a position)."""
 
-MAX_SCALE = 1e6
+MAX_SCALE: Final = 1e6
 """Greatest scale; it keeps an infinite value from opening the gate for ever."""
 
-ANGULAR_ACCELERATION = 10.0
+ANGULAR_ACCELERATION: Final = 10.0
 """[rad/s^2] A small vehicle rolls and pitches so fast, whatever is identified of it."""
 
 PER_MEDIAN = {1: 1.483, 2: 0.849, 3: 0.650}

@@ -3,34 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Final
 
 from rovid_core.inputs.outlier_gate import Floats, OutlierGate
 from rovid_core.inputs.units_and_signs import UnitCheck
 from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS
 from rovid_core.settings.run import Scales, Settings
 
-STUCK_AFTER = 10
+STUCK_AFTER: Final = 10
 """Repeats of the very same value in a row, under thrust, of a sensor that is stuck."""
 
-KNOWN_AFTER = 200
+KNOWN_AFTER: Final = 200
 """Values after which it is known how often a sensor repeats one."""
 
-SELDOM = 0.01
+SELDOM: Final = 0.01
 """Share of repeats of a sensor that normally never repeats a value."""
 
-WORKING = 0.1
+WORKING: Final = 0.1
 """Force that should move the vehicle, in typical forces."""
 
-WARN_AFTER = 50
+WARN_AFTER: Final = 50
 """Repeats in a row for a warning, while the vehicle is driven, but not by a thrust of its own."""
 
-WINDOW = 300
+WINDOW: Final = 300
 """Values in a window, in which the repeats under thrust are counted."""
 
-MANY_REPEATS = 200
+MANY_REPEATS: Final = 200
 """Repeats in a window that are worth a warning."""
 
-RESTARTS = frozenset({'gap', 'shifted'})
+RESTARTS: Final = frozenset({'gap', 'shifted'})
 """Reasons with which a measurement is used all the same: the input goes on from it."""
 
 

@@ -9,27 +9,28 @@ from __future__ import annotations
 from collections.abc import Callable
 import math
 from operator import lt, mul, sub
+from typing import Final
 
 from rovid_core.model.dofs import Vector
 from rovid_core.model.samples import NS, Step
 from rovid_core.settings.run import DofSettings, Scales, Settings, ThrusterSettings
 
-WINDOW = 1_000_000_000
+WINDOW: Final = 1_000_000_000
 """[ns] Speeds are taken over at least so long, which leaves the noise behind."""
 
-MANY_TOO_FAST = 0.3
+MANY_TOO_FAST: Final = 0.3
 """Share of attitudes that the gate finds too fast, in a window of such."""
 
-WRONG_WINDOWS = 10
+WRONG_WINDOWS: Final = 10
 """More of these that were too fast than were not are no accident."""
 
 PULSES = (800.0, 2200.0)
 """[us] What the pulses of a servo or motor controller can be."""
 
-NEUTRAL = 1500.0
+NEUTRAL: Final = 1500.0
 """[us] No thrust, as a pulse."""
 
-COMPARE_AFTER = 600
+COMPARE_AFTER: Final = 600
 """Commands after which they are taken for what they look like."""
 
 UNITS = {
@@ -163,24 +164,32 @@ class PulseWidthCheck:
                        f'{NEUTRAL:g}')
 
 
-ENOUGH = 600
+ENOUGH: Final = 600
 """Steps each way after which commands should have been negative once."""
 
 LONG, SHORT = 300.0, 20.0
 """[s] of steps after which sizes are compared with the typical ones, and of a log that ends."""
 
-FAR_OFF = 3.0
+FAR_OFF: Final = 3.0
 """Factor by which typical sizes may be off."""
 
-TO_AND_FRO = 30
+TO_AND_FRO: Final = 30
 """Commands in a row, each of which takes back the one before: noise does not do that."""
 
-BACK = 0.8
+BACK: Final = 0.8
 """Share of a change that the next one takes back at least."""
 
 
 class UnsignedCommandCheck:
-    """Warn when thruster commands have no sign although the vehicle moves both ways."""
+    """
+    Warn when thruster commands have no sign although the vehicle moves both ways.
+
+    Attributes
+    ----------
+    active : bool
+        Whether more data are wanted.
+
+    """
 
     def __init__(self, settings: Settings, warn: Callable[[str], None]) -> None:
         self._offset = settings.thrusters.offset
@@ -189,21 +198,19 @@ class UnsignedCommandCheck:
         self._warn = warn
         self._backwards = self._forwards = 0
         # a curve may have its zero anywhere
-        self._is_active = settings.thrusters.model in ('linear', 'quadratic')
+        self.active = settings.thrusters.model in ('linear', 'quadratic')
 
     def add_commands(self, values: tuple[float, ...]) -> None:
         """Add raw commands."""
-        if self._is_active and min(values, default=0.0) < self._offset:
-            self._is_active = False
+        if self.active and min(values, default=0.0) < self._offset:
+            self.active = False
 
     def add_velocity(self, i: int, velocity: float) -> None:
         """Add the velocity of DOF number ``i``."""
-        if not self._is_active:
-            return
         self._backwards += velocity < self._slow[i]
         self._forwards += velocity > -self._slow[i]
         if min(self._backwards, self._forwards) >= ENOUGH:
-            self._is_active = False
+            self.active = False
             self._warn('no thruster command was ever negative while the vehicle went '
                        'backwards: if they are magnitudes, give their direction with '
                        'thrusters.sign')
@@ -271,10 +278,10 @@ class NeutralCheck:
                        f'{rest:g}, never at {self._offset:g}: set it to what gives no thrust')
 
 
-RESTING = 30
+RESTING: Final = 30
 """Messages with one command for all thrusters after which that is taken for their rest."""
 
-MOST_RESTS = 30
+MOST_RESTS: Final = 30
 """Different commands for all thrusters, after which none is taken for their rest."""
 
 

@@ -1,21 +1,49 @@
 """
 The frozen values that go down the pipeline: samples and events, velocities, steps.
 
-There are many of them, and a tuple is made several times faster than a frozen dataclass.
+There are many of them: they are made several times faster than a frozen dataclass, and where they
+are compiled their numbers are plain ones, which those of a tuple are not.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple, TypeVar
 
 from rovid_core.model.dofs import Three, Vector
 
 NS: Final = 1e-9
 """[s] of a nanosecond, in which times are counted."""
 
+Plain = TypeVar('Plain', bound='Values')
 
-class Sample(NamedTuple):
+
+class Values:
+    """Values by name, none of which is changed: what ``NAMES`` says ``__init__`` takes."""
+
+    NAMES: ClassVar[tuple[str, ...]] = ()
+
+    def fields(self) -> tuple[Any, ...]:
+        """Return the values in their order."""
+        return tuple([getattr(self, name) for name in self.NAMES])
+
+    def replaced(self: Plain, **changes: Any) -> Plain:
+        """Return the same with some other values."""
+        return type(self)(**{**dict(zip(self.NAMES, self.fields())), **changes})
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self) and isinstance(other, Values) and (
+            self.fields() == other.fields())
+
+    def __hash__(self) -> int:
+        return hash(self.fields())
+
+    def __repr__(self) -> str:
+        values = [f'{name}={value!r}' for name, value in zip(self.NAMES, self.fields())]
+        return f'{type(self).__name__}({", ".join(values)})'
+
+
+class Sample(Values):
     """
     What one input measured, in body FLU / world ENU and SI units.
 
@@ -33,12 +61,15 @@ class Sample(NamedTuple):
 
     """
 
-    input: str
-    value: tuple[float, ...]
-    part: int = 0
+    NAMES: ClassVar[tuple[str, ...]] = ('input', 'value', 'part')
+
+    def __init__(self, input: str, value: tuple[float, ...], part: int = 0) -> None:
+        self.input = input
+        self.value = value
+        self.part = part
 
 
-class Event(NamedTuple):
+class Event(Values):
     """
     The samples that one message gave, at one event time.
 
@@ -53,12 +84,15 @@ class Event(NamedTuple):
 
     """
 
-    time: int
-    samples: tuple[Sample, ...]
-    origin: Any = None
+    NAMES: ClassVar[tuple[str, ...]] = ('time', 'samples', 'origin')
+
+    def __init__(self, time: int, samples: tuple[Sample, ...], origin: Any = None) -> None:
+        self.time = time
+        self.samples = samples
+        self.origin = origin
 
 
-class Motion(NamedTuple):
+class Motion(Values):
     """
     One measured velocity.
 
@@ -82,17 +116,23 @@ class Motion(NamedTuple):
 
     """
 
-    start: int
-    end: int
-    time: int
-    velocity: tuple[float, ...]
-    turn: float = 0.0
-    path_noise: tuple[float, ...] = ()
-    body: Vector = (0.0, 0.0, 0.0)
-    fix: tuple[float, float] = (0.0, 0.0)
+    NAMES: ClassVar[tuple[str, ...]] = (
+        'start', 'end', 'time', 'velocity', 'turn', 'path_noise', 'body', 'fix')
+
+    def __init__(self, start: int, end: int, time: int, velocity: tuple[float, ...],
+                 turn: float = 0.0, path_noise: tuple[float, ...] = (),
+                 body: Vector = (0.0, 0.0, 0.0), fix: tuple[float, float] = (0.0, 0.0)) -> None:
+        self.start = start
+        self.end = end
+        self.time = time
+        self.velocity = velocity
+        self.turn = turn
+        self.path_noise = path_noise
+        self.body = body
+        self.fix = fix
 
 
-class Step(NamedTuple):
+class Step(Values):
     """
     What was measured over one step of one DOF.
 
@@ -133,19 +173,30 @@ class Step(NamedTuple):
 
     """
 
-    dt: float
-    velocity: Three
-    force: Three
-    mean: float = math.nan
-    interval: float = 0.0
-    parts: tuple[float, float] = (0.0, 0.0)
-    forces: tuple[float, float] = (0.0, 0.0)
-    turn: float = 0.0
-    path_noise: float = 0.0
-    couplings: tuple[tuple[float, float], ...] = ()
-    filtered_couplings: tuple[float, ...] = ()
-    pieces: tuple[tuple[float, float], ...] = ()
-    watched: tuple[float, ...] = ()
+    NAMES: ClassVar[tuple[str, ...]] = (
+        'dt', 'velocity', 'force', 'mean', 'interval', 'parts', 'forces', 'turn', 'path_noise',
+        'couplings', 'filtered_couplings', 'pieces', 'watched')
+
+    def __init__(self, dt: float, velocity: Three, force: Three, mean: float = math.nan,
+                 interval: float = 0.0, parts: tuple[float, float] = (0.0, 0.0),
+                 forces: tuple[float, float] = (0.0, 0.0), turn: float = 0.0,
+                 path_noise: float = 0.0, couplings: tuple[tuple[float, float], ...] = (),
+                 filtered_couplings: tuple[float, ...] = (),
+                 pieces: tuple[tuple[float, float], ...] = (),
+                 watched: tuple[float, ...] = ()) -> None:
+        self.dt = dt
+        self.velocity = velocity
+        self.force = force
+        self.mean = mean
+        self.interval = interval
+        self.parts = parts
+        self.forces = forces
+        self.turn = turn
+        self.path_noise = path_noise
+        self.couplings = couplings
+        self.filtered_couplings = filtered_couplings
+        self.pieces = pieces
+        self.watched = watched
 
 
 class PlanarPiece(NamedTuple):
@@ -246,4 +297,8 @@ class PlanarStep(NamedTuple):
 
 def finite(values: tuple[float, ...]) -> bool:
     """Tell whether all values are finite."""
-    return all(map(math.isfinite, values))
+    total = 0.0
+    for x in values:
+        total += x
+    # most sums say at once that all are, whatever they round to
+    return total - total == 0.0 or all(map(math.isfinite, values))

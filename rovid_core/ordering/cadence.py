@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Final
 
 from rovid_core.settings.run import LEAST_GAP
 
-PERIODS = 5.0
+PERIODS: Final = 5.0
 """A silence of more than so many usual intervals is a gap: some fixes may be lost in between."""
 
-KEPT = 15
+KEPT: Final = 15
 """Intervals of which the usual one is the median: it takes no notice of jitter and of gaps."""
 
-KNOWN_AFTER = 3
+KNOWN_AFTER: Final = 3
 """Intervals after which one is usual."""
 
-CHANGED = 0.1
+CHANGED: Final = 0.1
 """Relative change of the gap from which it is another one."""
+
+SHORT: Final = round(LEAST_GAP / PERIODS * 1e9)
+"""[ns] Usual intervals of so much have the least gap."""
 
 
 class Cadence:
@@ -45,7 +49,9 @@ class Cadence:
         if last is None or time <= last:
             return False
         self._intervals.append(time - last)
-        if len(self._intervals) < KNOWN_AFTER:
+        count = len(self._intervals)
+        if count < KNOWN_AFTER or (  # a short interval lengthens no gap
+                self.gap == LEAST_GAP and time - last <= SHORT and count > KNOWN_AFTER):
             return False
         gap = max(LEAST_GAP, PERIODS * self.interval)
         if abs(gap - self.gap) <= CHANGED * self.gap:

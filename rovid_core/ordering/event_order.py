@@ -5,38 +5,39 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Callable, Collection, Iterator, Sequence
 from heapq import heappop, heappush
+from typing import Final
 
 from rovid_core.model.samples import Event
 from rovid_core.settings.run import INPUTS
 
-FAR = 1_000_000_000
+FAR: Final = 1_000_000_000
 """[ns] A stamp this far ahead of all others is not believed before a second input agrees."""
 
-MAX_HELD = 65536
+MAX_HELD: Final = 65536
 """Events that are held while they wait for the slowest input; beyond, new ones are dropped."""
 
 RANK = {name: rank for rank, name in enumerate(INPUTS)}
 """In which order events of the same time come."""
 
-MAX_DOUBTED = 4096
+MAX_DOUBTED: Final = 4096
 """Events of one input that are kept while it is not clear which clock has jumped."""
 
-WARN_AFTER = 20
+WARN_AFTER: Final = 20
 """So many events of one input with a wrong stamp are worth a warning."""
 
 LATE_IN_A_ROW, LATE_FOR = 3, 2_000_000_000
 """Late events of one input in a row, and time that they span [ns], for a longer wait."""
 
-MARGIN = 1.25
+MARGIN: Final = 1.25
 """Of that wait over the greatest lag."""
 
-KEPT_LAG = 0.99
+KEPT_LAG: Final = 0.99
 """Share of the greatest lag of an input that is kept with each late event."""
 
-ENOUGH_ALONE = 20
+ENOUGH_ALONE: Final = 20
 """So many events with nothing from the others are believed, where they span ``far``."""
 
-BEFORE_ALL = -(1 << 62)
+BEFORE_ALL: Final = -(1 << 62)
 """A time before all others [ns]."""
 
 Key = tuple[str, int]

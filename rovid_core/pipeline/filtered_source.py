@@ -40,6 +40,8 @@ class FilteredSource(VelocitySource):
         Of all its DOFs, each once, but for ``OWN``.
     own : list of (int, str)
         Those of ``OWN`` behind them, with the number of the DOF among those of the source.
+    needs_others : bool
+        Whether its steps need velocities or attitudes of other inputs.
     coupling_indices : list of tuple of int
         Which of all these each of its DOFs has, in the order of its settings.
     watched, watched_indices
@@ -60,6 +62,7 @@ class FilteredSource(VelocitySource):
         self.regressors = LowPass(settings.cutoff)
         super().__init__(settings, input, shared)
         self.indices = tuple(settings.dofs.index(d) for d in self.dofs)
+        self.planar = planar if planar is not None and planar.input == input else None
         names = [settings.couplings(d) for d in self.dofs]
         self.couplings, _ = _union([[x for x in one if x not in OWN] for one in names])
         self.own = [(j, x) for j, one in enumerate(names) for x in one if x in OWN]
@@ -67,11 +70,11 @@ class FilteredSource(VelocitySource):
         self.coupling_indices = [tuple([everything.index((j, x) if x in OWN else x) for x in one])
                                  for j, one in enumerate(names)]
         self.has_couplings = bool(everything)
+        self.needs_others = bool(self.couplings) or self.planar is not None
         self.watched, self.watched_indices = _union([settings.watched(d) for d in self.dofs])
         self.last_regressors: tuple[float, ...] = ()
         self.held: Motion | None = None
         self.last: Motion | None = None
-        self.planar = planar if planar is not None and planar.input == input else None
         self._warn: Callable[[str], None] | None = warn
         self._gaps = 0
 
@@ -112,8 +115,10 @@ class FilteredSource(VelocitySource):
 
     def warn_if_clamped(self) -> None:
         """Warn once when the samples come too slowly for the cutoff."""
+        if not (self._warn and self._is_chosen):
+            return
         steps, clamped = self.velocity.steps, self.velocity.clamped
-        if self._warn and self._is_chosen and steps >= 50 and clamped > steps // 2:
+        if steps >= 50 and clamped > steps // 2:
             self._warn(f'velocity.cutoff is above 0.4 of the rate of {self.input}, and '
                        'clamped to that')
             self._warn = None

@@ -40,7 +40,7 @@ class Identification:
     identifier : Identifier
         The method.
     sizes : TypicalSizeCheck
-        What its force and velocity are in fact.
+        What its force and velocity are in fact; it is given the steps by its owner.
     estimate : DofEstimate
         The last one.
 
@@ -99,12 +99,12 @@ class Identification:
         self.identifier.reset()
         self.refresh()
         self._steps = steps
-        self.estimate = self.estimate._replace(steps=steps)
+        self.estimate = self.estimate.replaced(steps=steps)
 
     def take_up(self) -> None:
         """Let the last estimate have the parameters that the identifier has by now."""
         identifier = self.identifier
-        self.estimate = self.estimate._replace(
+        self.estimate = self.estimate.replaced(
             parameters=identifier.parameters, uncertainty=identifier.uncertainty,
             delay=identifier.delay, couplings=identifier.couplings)
 
@@ -132,7 +132,6 @@ class Identification:
         self._silence.end()
         judgement = self._status.update(identifier, step, refused, adapt)
         velocity, v_hat = step.velocity[2], identifier.v_hat
-        self.sizes.add_step(step)
         status = self._status
         # in the order of the fields: by their names it would take three times as long
         self.estimate = DofEstimate(

@@ -56,5 +56,5 @@ class SilentSensor:
         if estimate.judgement.status == 'waiting':  # for its first step
             return estimate
         nan = math.nan
-        return estimate._replace(stale_for=max(age, 1) * NS if age >= 0 else math.inf,
+        return estimate.replaced(stale_for=max(age, 1) * NS if age >= 0 else math.inf,
                                  velocity=nan, v_hat=nan, force=nan, W=nan)

@@ -113,8 +113,13 @@ class Pipeline:
         # position and depth need each other, and couplings their inputs, also without a DOF
         self._sources = [one for one in sources if one.dofs or one.input in used
                          and one.input in needed]
-        self._by_input = {one.input: one for one in self._sources}
+        by_input = {one.input: one for one in self._sources}
         self._checks = {name: InputCheck(settings, name, warn) for name in self._cadences}
+        self._measured = {
+            name: (self._cadences[name], check, by_input.get(name))
+            for name, check in self._checks.items()}
+        self._waits_for_commands = settings.thrusters.hold == 'linear'
+        self._watches = settings.watches
         rows = self._planar.filter.rows if self._planar is not None else {}
         weaker: set[str] = set()
         self.dofs = [Identification(settings, dof, reject, rows.get(dof), weaker)
@@ -183,7 +188,7 @@ class Pipeline:
             return None
         for dof in self.dofs:
             dof.take_up()
-        return last._replace(dofs=tuple([dof.at(last.now) for dof in self.dofs]),
+        return last.replaced(dofs=tuple([dof.at(last.now) for dof in self.dofs]),
                              current=self._current())
 
     def refresh(self) -> None:
@@ -242,8 +247,9 @@ class Pipeline:
             return None
         estimates: list[Estimate] = []
         for source in self._sources:
-            if source.held is not None or source.waiting:
-                self._make_steps(source, time, estimates)
+            while source.held is not None or source.waiting:
+                if not self._make_step(source, time, estimates):
+                    break  # the next one waits for another input
         return estimates
 
     def _add(self, time: int, sample: Sample) -> str:
@@ -255,7 +261,7 @@ class Pipeline:
                 # in a reference a NaN stands for a DOF that it does not measure
                 name != 'reference' and any(map(math.isnan, value)))):
             return 'non_finite'
-        if name in self._checks:
+        if name in self._measured:
             return self._add_measurement(time, name, value)
         if name == 'thrusters':
             refused = self._commands.add_commands(time, value, sample.part)
@@ -270,14 +276,14 @@ class Pipeline:
 
     def _add_measurement(self, time: int, name: str, value: tuple[float, ...]) -> str:
         """Check a measurement and hand it to its velocity source, or to the attitudes."""
-        if self._cadences[name].add_time(time) and not self._settings.max_gap:
+        cadence, check, source = self._measured[name]
+        if cadence.add_time(time) and not self._settings.max_gap:
             self._take(self._with_gaps())
         if name == 'attitude':
             try:
                 value = rotation = normalised(cast(Quaternion, value))
             except (ValueError, OverflowError):
                 return 'not_a_rotation'
-        check = self._checks[name]
         reason = check.check(time, value, self._forces.newest)
         jumped = reason if reason in RESTARTS else ''
         if reason and not jumped:
@@ -291,37 +297,38 @@ class Pipeline:
             if jumped:
                 self._shared.rates.restart()
             self._shared.rates.add_sample(time, (value[0], value[1], value[2]))
-        source = self._by_input.get(name)
         if source is None:
             return jumped
         return '' if source.add_sample(time, value, jumped) else 'overflow'
 
-    def _make_steps(self, source: FilteredSource, now: int, estimates: list[Estimate]) -> None:
-        """Make the steps of one source for which all is known by now."""
-        while True:
-            motion: Motion | str | None = source.held
-            if motion is None:
-                motion = source.next_velocity(now)
-                if isinstance(motion, Motion):
-                    self._note_motion(source.input, motion)
-            source.held = None
-            if motion is None:
-                return
-            if isinstance(motion, str):
-                self._interrupt(source, motion)
-            elif not source.indices:
-                continue  # measured for the other sources only
-            elif not self._forces.known(motion.end) and now - motion.end <= self._patience:
-                source.held = motion  # the command that ends its span is still to come
-                return
-            elif lacking := self._lacking(source, motion):
-                missing, reason = lacking
-                if missing == 'later' and now - motion.end <= self._patience:
-                    source.held = motion
-                    return
-                self._interrupt(source, reason)
-            else:
-                self._make_step(source, motion, now, estimates)
+    def _make_step(self, source: FilteredSource, now: int, estimates: list[Estimate]) -> bool:
+        """Make the next step of a source, or none of its next measurement; False: not yet."""
+        motion = source.held
+        source.held = None
+        if motion is None:
+            found = source.next_velocity(now)
+            if found is None:
+                return False
+            if isinstance(found, str):
+                self._interrupt(source, found)
+                return True
+            motion = found
+            self._note_motion(source.input, motion)
+            if not source.indices:
+                return True  # measured for the other sources only
+        if self._waits_for_commands and not self._forces.known(motion.end) and (
+                now - motion.end <= self._patience):
+            source.held = motion  # the command that ends its span is still to come
+            return False
+        missing, reason = self._lacking(source, motion) if source.needs_others else ('', '')
+        if missing == 'later' and now - motion.end <= self._patience:
+            source.held = motion
+            return False
+        if missing:
+            self._interrupt(source, reason)
+        else:
+            self._add_step(source, motion, now, estimates)
+        return True
 
     def _note_motion(self, input: str, motion: Motion) -> None:
         """Hand a motion to what looks at all of them, whatever steps they make."""
@@ -338,11 +345,11 @@ class Pipeline:
             return motion
         (u, v, w), (x, y) = motion.body, self._water(motion.time)
         a, b, c = rotate_back(attitude, (x, y, 0.0))
-        return motion._replace(body=(u - a, v - b, w - c))
+        return motion.replaced(body=(u - a, v - b, w - c))
 
-    def _lacking(self, source: FilteredSource, motion: Motion) -> tuple[str, str] | None:
+    def _lacking(self, source: FilteredSource, motion: Motion) -> tuple[str, str]:
         """
-        Return what is missing of the other inputs over a motion, None if nothing is.
+        Return what is missing of the other inputs over a motion, '' if nothing is.
 
         ``later`` or why it will not come, and the reason of refusal if it does not.
         """
@@ -354,7 +361,7 @@ class Pipeline:
             if missing:
                 return missing, 'no_coupling'
         missing = source.planar.missing(motion) if source.planar is not None else ''
-        return (missing, 'no_attitude') if missing else None
+        return missing, 'no_attitude'
 
     def _coupling_regressors(self, source: FilteredSource, motion: Motion) -> tuple[float, ...]:
         """Return the regressors of all DOFs of a source over a motion; () at a first point."""
@@ -382,8 +389,8 @@ class Pipeline:
             if source.planar is not None:
                 self._couplings.forget_filtered()
 
-    def _make_step(self, source: FilteredSource, motion: Motion, now: int,
-                   estimates: list[Estimate]) -> None:
+    def _add_step(self, source: FilteredSource, motion: Motion, now: int,
+                  estimates: list[Estimate]) -> None:
         """Make one step of all DOFs of a source, from the velocity before to this one."""
         last = source.last
         if last is not None and motion.time - last.time > source.timeout:
@@ -403,10 +410,13 @@ class Pipeline:
         if source.planar is not None:
             source.planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
             self._tell_others(source.planar, time, motion.body[2])
-        delay = source.velocity.delay
+        delay, unsigned = source.velocity.delay, self._commands.unsigned
         for i, step in zip(source.indices, steps):
             self.dofs[i].add_step(time, step, self.adapt, delay)
-            self._commands.unsigned.add_velocity(i, step.velocity[2])
+            if unsigned.active:
+                unsigned.add_velocity(i, step.velocity[2])
+            if not self._sizes_told:
+                self.dofs[i].sizes.add_step(step)
             if self._scorer is not None:
                 dof = self._settings.dofs[i]
                 self._scorer.add_step(dof, span, step, (
@@ -414,7 +424,8 @@ class Pipeline:
                     ) if self._sees_current else ((), ()))
         source.last = motion
         source.warn_if_clamped()
-        self._compare_sizes(LONG)
+        if not self._sizes_told:
+            self._compare_sizes(LONG)
         estimates.append(self.estimate(time, now, source.indices))
 
     def _steps_of(self, source: FilteredSource, last: Motion, motion: Motion,
@@ -437,8 +448,7 @@ class Pipeline:
                     source.own, (last, motion), (first, second, third), (lead, rest))]
             filtered = source.regressors.step(
                 dt, tuple([(lead * x + rest * y) / dt for x, y in couplings]))
-        pieces = self._forces.pieces(
-            begin, time, source.indices) if self._settings.watches else ()
+        pieces = self._forces.pieces(begin, time, source.indices) if self._watches else ()
         watched: tuple[float, ...] = ()
         if source.watched:
             watched = self._couplings.as_known(

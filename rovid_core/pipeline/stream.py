@@ -128,7 +128,7 @@ class Stream:
             if estimates:
                 estimates[-1] = last
             else:
-                estimates = [last._replace(stepped=())]
+                estimates = [last.replaced(stepped=())]
             self.estimate = last
         return estimates
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Sequence
 import math
-from typing import Any
+from typing import Any, Final
 
 from rovid_core.inputs.units_and_signs import (
     NeutralCheck,
@@ -17,13 +17,13 @@ from rovid_core.model.samples import NS
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench_model
 
-MAX_FORCE = 1e12
+MAX_FORCE: Final = 1e12
 """[N or N m] Beyond any vehicle in any unit, and far from overflow."""
 
-MAX_PIECES = 16
+MAX_PIECES: Final = 16
 """Pieces of a held force above which it is as good as smooth."""
 
-MAX_KEPT = 65536
+MAX_KEPT: Final = 65536
 """Commands that are kept, however close their stamps are."""
 
 

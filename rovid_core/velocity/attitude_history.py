@@ -9,16 +9,17 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections import deque
 import math
+from typing import Final
 
 from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.model.samples import NS
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.rate_history import RateHistory
 
-MAX_KEPT = 65536
+MAX_KEPT: Final = 65536
 """Attitudes and depths that are kept, however close their stamps are."""
 
-SHARE = 0.01
+SHARE: Final = 0.01
 """Of a new sample in the mean that tells the noise of the attitude."""
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 import math
+from typing import Final
 
 from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS, Quaternion, Vector
 from rovid_core.model.samples import Motion, NS
@@ -17,13 +18,13 @@ from rovid_core.velocity.attitude_history import (
     SharedMotion,
 )
 
-SPEED_SPAN = 0.1
+SPEED_SPAN: Final = 0.1
 """[s] Least span of a speed that is too fast: at 1 kHz fixes of 5 mm seem to move at 7 m/s."""
 
-SHORTEST = 0.001
+SHORTEST: Final = 0.001
 """[s] Least interval of which that holds; below, a burst was stamped as it came."""
 
-BURST = 10
+BURST: Final = 10
 """
 A fix that follows its predecessor this many times sooner than that one followed its own is of a
 burst. Their difference is mostly noise, which the low-pass would weigh by the long interval.

@@ -268,7 +268,8 @@ class _Replay:
         """Add one message and write what it released."""
         if self._messages == 0:
             self._first = message.time
-        self.last = max(self.last, message.time)
+        if message.time > self.last:
+            self.last = message.time
         self._messages += 1
         if message.topic == CONTROL:
             name, value = _control(message)
@@ -284,7 +285,9 @@ class _Replay:
             topic = self.topics[message.topic]
             if topic != message.topic:
                 message = message._replace(topic=topic)
-            self._write(self._player.add_message(message))
+            estimates = self._player.add_message(message)
+            if estimates:
+                self._write(estimates)
 
     def _write(self, estimates: Sequence[Estimate]) -> None:
         """Count the estimates and write the output topics."""

@@ -168,8 +168,9 @@ class Converter:
                     time = seconds * 1_000_000_000 + nanoseconds
                 else:
                     self._count(source.input, 'zero_stamp')
-            sample = Sample(input=source.input, value=value, part=source.part)
-            events.append(Event(time=time - source.latency, samples=(sample,), origin=origin))
+            # in the order of the fields: by their names it would take twice as long
+            events.append(Event(
+                time - source.latency, (Sample(source.input, value, source.part),), origin))
         return events if len(events) < 2 else _merged_by_time(events, origin)
 
     def check_type(self, topic: str, blank: Any) -> None:
@@ -407,6 +408,10 @@ def _floats(x: float, y: float, z: float) -> Floats:
     return (float(x), float(y), float(z))
 
 
+def _four_floats(x: float, y: float, z: float, w: float) -> Quaternion:
+    return (float(x), float(y), float(z), float(w))
+
+
 def _ned_to_enu(x: float, y: float, z: float) -> Floats:
     return (float(y), float(x), -float(z))
 
@@ -420,6 +425,8 @@ def _quaternion(settings: Settings) -> Callable[[Any, Any, Any, Any], Quaternion
     ned = settings.frames_of('attitude') == 'ned'
     body = _body_of_sensor(settings)
     offset = from_yaw(settings.yaw_offset) if settings.yaw_offset else None
+    if not (ned or offset or any(settings.attitude.mounting)):
+        return _four_floats
 
     def read(x: Any, y: Any, z: Any, w: Any) -> Quaternion:
         q = (float(x), float(y), float(z), float(w))

@@ -120,7 +120,7 @@ def test_duplicates_and_messages_of_before_are_counted_and_change_nothing():
     for k, event in enumerate(clean()):
         events.append(event)
         if k % 50 == 49:
-            events += [event, clean()[k - 40]._replace(samples=event.samples)]
+            events += [event, clean()[k - 40].replaced(samples=event.samples)]
     stream = run(vehicle(), events)
     assert repr(stream.estimate) == repr(expected)
     assert set(stream.rejected_by_reason()) == {'duplicate', 'backward'}
@@ -135,7 +135,7 @@ def test_a_burst_after_a_stall(stamped):
             continue
         if stalled and seconds(event) > 103.0:
             out += stalled if stamped else [
-                e._replace(time=event.time - 2000 * (len(stalled) - k))
+                e.replaced(time=event.time - 2000 * (len(stalled) - k))
                 for k, e in enumerate(stalled)]
             stalled = []
         out.append(event)
@@ -197,7 +197,7 @@ def test_a_direction_that_is_silent_is_no_direction():
     for event in clean(30.0):
         sample = event.samples[0]
         if sample.input == 'thrusters' and seconds(event) < 10.0:
-            events.append(event._replace(samples=(Sample('sign', sample.value), sample)))
+            events.append(event.replaced(samples=(Sample('sign', sample.value), sample)))
         else:
             events.append(event)
     stream = Stream(settings)
@@ -225,14 +225,14 @@ def test_memory_does_not_grow_under_an_hour_of_faults():
     stream, random, largest = Stream(settings), Random(5), []
     for k in range(20):
         for event in clean(30.0):
-            event = event._replace(time=event.time + k * 30_000_000_000)
+            event = event.replaced(time=event.time + k * 30_000_000_000)
             fault = random.random()
             if fault < 0.02:
-                event = event._replace(time=event.time + random.choice(
+                event = event.replaced(time=event.time + random.choice(
                     (-20, -3, 2, 5000)) * 10**9)
             elif fault < 0.05:
                 sample = event.samples[0]
-                event = event._replace(samples=(sample._replace(value=tuple(
+                event = event.replaced(samples=(sample.replaced(value=tuple(
                     [x * random.choice((math.nan, 1e6, -1.0)) for x in sample.value])),))
             stream.receive(event)
         largest.append(sum(lengths(stream)))

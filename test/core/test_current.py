@@ -142,7 +142,7 @@ def test_fixes_too_noisy_for_what_was_driven_ask_for_more_headings():
     (0.2, 'clocks disagree: thrust acts about 0.'),
     (-0.7, 'clocks disagree: motion is stamped about 0.')])
 def test_clocks_that_disagree_are_said_of_both(late, said):
-    moved = sorted([event._replace(time=event.time + round(late * 1e9))
+    moved = sorted([event.replaced(time=event.time + round(late * 1e9))
                     if event.samples[0].input == 'thrusters' else event
                     for event in events(FIXES) if event.time < 70e9],
                    key=lambda event: event.time)

@@ -224,7 +224,7 @@ def test_what_means_nothing_is_refused_and_recovered_from():
     good = pieces[1000]
     for wrong in ({'mean': nan}, {'mean': inf}, {'velocity': (nan,) * 3}, {'force': (inf,) * 3},
                   {'forces': (nan, 0.0)}, {'mean': 1e30}):
-        assert one.step(good._replace(**wrong)) == 'out_of_range'
+        assert one.step(good.replaced(**wrong)) == 'out_of_range'
         assert one.parameters == before
         assert all(map(isfinite, one.covariance))
     [found] = follow(one, pieces[1001:])

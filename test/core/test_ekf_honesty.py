@@ -118,7 +118,7 @@ def test_white_innovations_keep_the_gate_narrow_and_large_ones_widen_it():
 def test_a_shift_of_all_fixes_costs_little_and_is_no_change(at):
     steps = pieces(VEHICLES['exact'], 0, 200.0)
     # from there on every fix is 0.5 m further
-    steps[at] = steps[at]._replace(mean=steps[at].mean + 0.5 / steps[at].interval)
+    steps[at] = steps[at].replaced(mean=steps[at].mean + 0.5 / steps[at].interval)
     drive = Drive().go(steps)
     assert not any('changed' in note for note in drive.notes)
     assert drive.one.parameters == pytest.approx(TRUTH, rel=0.02, abs=2e-3)
@@ -136,7 +136,7 @@ def test_the_start_keeps_what_it_has_until_it_knows():
 def without_thrust(steps, push=0.1):
     """Return steps of a vehicle that something else moves."""
     moved = [push * float(np.sin(0.3 * k)) for k in range(len(steps) + 1)]
-    return [step._replace(force=(0.0,) * 3, forces=(0.0, 0.0), mean=b,
+    return [step.replaced(force=(0.0,) * 3, forces=(0.0, 0.0), mean=b,
                           velocity=(a, 0.5 * (a + b), b), pieces=())
             for step, a, b in zip(steps, moved, moved[1:])]
 
@@ -163,7 +163,7 @@ def test_a_change_of_the_vehicle_is_said_once_and_followed():
 
 def turned(step):
     """Return a step whose thrusters push the other way."""
-    return step._replace(
+    return step.replaced(
         force=tuple([-f for f in step.force]), forces=tuple([-f for f in step.forces]),
         pieces=tuple([(length, -f) for length, f in step.pieces]))
 
@@ -204,7 +204,7 @@ def test_a_model_that_does_not_predict_is_not_converged_and_one_that_stops_is_no
     assert drive.judged[-1] == 'converged'
     # the thrust of another drive
     other = [s for s in pieces(VEHICLES['exact'], 5, 160.0) if isinstance(s, Step)]
-    wrong = [step._replace(force=by.force, forces=by.forces, pieces=by.pieces)
+    wrong = [step.replaced(force=by.force, forces=by.forces, pieces=by.pieces)
              for step, by in zip(steps[1:], other)]
     drive.go(wrong)
     assert drive.judged[-1] != 'converged'
@@ -215,7 +215,7 @@ def test_a_model_that_does_not_predict_is_not_converged_and_one_that_stops_is_no
 def test_a_delay_at_the_end_of_its_range_is_said_and_nothing_has_converged():
     """The thrust is stamped 0.1 s late, of a vehicle whose tether hides by how much."""
     first, *steps = pieces(VEHICLES['tether 1 N'], 0, 150.0)
-    late = [step._replace(force=by.force, forces=by.forces, pieces=by.pieces)
+    late = [step.replaced(force=by.force, forces=by.forces, pieces=by.pieces)
             for step, by in zip(steps[1:], steps)]
     drive = Drive().go([first, *late])
     assert 'stands at its bound of -0.05 s' in drive.notes[-1]

@@ -220,7 +220,7 @@ def test_shifted_stamps_change_nothing():
     settings = surge_settings()
     shift = 1_700_000_000_123_456_789
     plain = feed(Stream(settings), events(settings))
-    later = feed(Stream(settings), [e._replace(time=e.time + shift) for e in events(settings)])
+    later = feed(Stream(settings), [e.replaced(time=e.time + shift) for e in events(settings)])
     assert [d.dofs[0].parameters for d in plain] == [d.dofs[0].parameters for d in later]
     assert later[-1].time == plain[-1].time + shift
 
@@ -250,7 +250,7 @@ def test_what_is_refused_changes_nothing():
         bad.append(event)
         if k % 50 == 49:
             bad.append(event)  # duplicate
-            bad.append(clean[k - 40]._replace(samples=event.samples))  # backward
+            bad.append(clean[k - 40].replaced(samples=event.samples))  # backward
     stream = Stream(settings)
     assert bits(feed(stream, bad)) == bits(expected)
     assert set(stream.rejected_by_reason()) == {'duplicate', 'backward'}
@@ -266,7 +266,7 @@ def test_one_wild_fix_costs_one_step():
     clean = events(settings)
     expected = feed(Stream(settings), clean)[-1].dofs[0]
     k = [i for i, e in enumerate(clean) if e.samples[0].input == 'position'][150]
-    clean[k] = clean[k]._replace(samples=(Sample('position', (500.0, 0.0, 0.0)),))
+    clean[k] = clean[k].replaced(samples=(Sample('position', (500.0, 0.0, 0.0)),))
     stream = Stream(settings)
     got = feed(stream, clean)[-1].dofs[0]
     assert stream.rejected == {('position', 'too_fast'): 1}
@@ -281,7 +281,7 @@ def test_what_is_too_fast_costs_one_step_without_a_gate_too(input):
     settings = replace(surge_settings(), gate=0.0, **(inputs if input == 'velocity' else {}))
     clean = events(settings)
     k = [i for i, e in enumerate(clean) if e.samples[0].input == input][150]
-    wild = [*clean[:k], clean[k]._replace(samples=(Sample(input, (500.0, 0.0, 0.0)),)),
+    wild = [*clean[:k], clean[k].replaced(samples=(Sample(input, (500.0, 0.0, 0.0)),)),
             *clean[k + 1:]]
     stream = Stream(settings)
     steps = [feed(one, which)[-1].dofs[0].steps
@@ -322,7 +322,7 @@ def test_a_step_that_is_refused_is_none_and_says_so():
 def test_a_shift_of_the_fix_is_taken_up_once_it_is_no_echo():
     settings = surge_settings()
     clean = events(settings)
-    moved = [e._replace(samples=(Sample('position', tuple(x + 5.0 for x in e.samples[0].value)),))
+    moved = [e.replaced(samples=(Sample('position', tuple(x + 5.0 for x in e.samples[0].value)),))
              if e.samples[0].input == 'position' and e.time > 15e9 else e for e in clean]
     stream = Stream(settings)
     got = feed(stream, moved)
@@ -455,7 +455,7 @@ def test_reset_enable_and_a_jump_of_time():
     feed(stream, sequence)
     stream.enable(False)
     frozen = stream.estimate.dofs[0].parameters
-    later = [e._replace(time=e.time + 20_000_000_000) for e in sequence]
+    later = [e.replaced(time=e.time + 20_000_000_000) for e in sequence]
     estimates = feed(stream, later)
     assert {e.dofs[0].parameters for e in estimates[1:]} == {frozen}
     assert estimates[-1].dofs[0].status == 'frozen'
@@ -621,7 +621,7 @@ def test_no_stream_of_samples_breaks_the_pipe(second, moves, adaptation_time):
     for step, (name, value) in moves:
         time += step
         estimates += stream.receive(Event(time, (Sample(name, value),)))
-    estimates += feed(stream, [e._replace(time=e.time + time + 10**9) for e in second])
+    estimates += feed(stream, [e.replaced(time=e.time + time + 10**9) for e in second])
     for estimate in estimates:
         for dof in estimate.dofs:
             assert all(map(math.isfinite, dof.parameters))

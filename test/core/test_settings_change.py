@@ -40,7 +40,8 @@ def feed(stream: Stream, events: list[Event]) -> list[Estimate]:
 
 def told(estimates: list[Estimate]) -> str:
     """Return all numbers as text, for a NaN is equal to itself alone."""
-    return repr([(estimate.time, [(*dof._replace(uncertainty=None), dof.covariance, dof.delay_std)
+    return repr([(estimate.time, [(*dof.replaced(uncertainty=None).fields(), dof.covariance,
+                                   dof.delay_std)
                                   for dof in estimate.dofs]) for estimate in estimates])
 
 
@@ -210,7 +211,7 @@ def test_an_interruption_starts_the_histories_anew(events: list[Event]) -> None:
     before = stream.identifier('surge').parameters
     stream.interrupt()
     assert stream.finish() == []
-    later = [event._replace(time=event.time + 3600 * 10**9) for event in events[half:]]
+    later = [event.replaced(time=event.time + 3600 * 10**9) for event in events[half:]]
     after = feed(stream, later)
     assert stream.rejected == {}
     assert after[0].dofs[0].parameters == pytest.approx(before, rel=0.05)

@@ -47,7 +47,7 @@ def estimate(status: str = 'converging', reasons: tuple[str, ...] = (), std: Fou
     second = DofEstimate(
         'yaw', (0.02, -0.2, 0.0, 0.0), KnownUncertainty(std=(0.1, 0.2, math.nan, math.nan)),
         Judgement('waiting', ('no step yet', 'no thrust')))
-    return Estimate(TIME, (first._replace(**surge), second), (0,))
+    return Estimate(TIME, (first.replaced(**surge), second), (0,))
 
 
 def by_topic(outputs: list[Output]) -> dict[str, dict[str, Any]]:
@@ -95,7 +95,7 @@ def coupled_settings() -> Settings:
 def coupled_estimate(status: str = 'converging', vr: float = AWKWARD[0]) -> Estimate:
     one = estimate(status, couplings=(vr, 2.5))
     uncertainty = KnownUncertainty(couplings_std=(0.25, 0.5))
-    return one._replace(dofs=(one.dofs[0]._replace(uncertainty=uncertainty), one.dofs[1]))
+    return one.replaced(dofs=(one.dofs[0].replaced(uncertainty=uncertainty), one.dofs[1]))
 
 
 def test_couplings_are_a_table_of_all_names_with_nan_where_a_dof_has_none() -> None:
@@ -199,7 +199,7 @@ def test_the_summary_has_intervals_delay_and_verdict() -> None:
     assert surge['delay_s'] == {'value': 0.25, 'std': 0.01}
     assert (surge['verdict'], yaw['verdict']) == ('no thrust', '')
     assert (yaw['intervals'], yaw['delay_s']) == (None, None)
-    wide = known().dofs[0]._replace(uncertainty=KnownUncertainty((1.0, *[0.0] * 15)))
+    wide = known().dofs[0].replaced(uncertainty=KnownUncertainty((1.0, *[0.0] * 15)))
     opened = dofs_document(settings(), Estimate(TIME, (wide,), (0,)))['surge']['intervals']
     assert opened['mass'][1] is None  # as far as the data go it is anything above
 
@@ -287,7 +287,7 @@ def test_what_is_kept_is_told_only_of_what_it_was_made_of() -> None:
             {'uncertainty': known, 'delay': 0.25}, {'judgement': Judgement('invalid', ('why',))},
             {'stale_for': 5.0}, {'stale_for': 6.0, 'uncertainty': known}, {'stale_for': math.inf},
             {'couplings': (8.0, 9.0)}, {'judgement': Judgement('frozen')}, {}):
-        step = first._replace(dofs=(surge._replace(**changes), yaw))
+        step = first.replaced(dofs=(surge.replaced(**changes), yaw))
         told = [out for out in outputs.messages(step) if step.dofs[0].status in (
             'converging', 'frozen') or out.topic in ('rov/model', 'rov/estimate')]
         fresh = {out.topic: out for out in Outputs(coupled_settings()).messages(step)}
@@ -307,8 +307,8 @@ def test_a_status_that_is_kept_is_that_of_its_step() -> None:
     outputs = Outputs(settings())
     first = estimate()
     surge, yaw = first.dofs
-    steps = [first, first._replace(stepped=()), first._replace(stepped=(1,)),
-             first._replace(dofs=(surge._replace(steps=4), yaw)), first,
-             first._replace(dofs=(surge, yaw._replace(velocity=0.7)), stepped=(1,))]
+    steps = [first, first.replaced(stepped=()), first.replaced(stepped=(1,)),
+             first.replaced(dofs=(surge.replaced(steps=4), yaw)), first,
+             first.replaced(dofs=(surge, yaw.replaced(velocity=0.7)), stepped=(1,))]
     for step in steps:
         assert outputs.messages(step) == Outputs(settings()).messages(step)

@@ -53,7 +53,7 @@ def spoilt(input: str, fault: Fault, events: Sequence[Event] | None = None) -> l
             value = fault(seconds(event), sample.value, random)
             if value is None:
                 continue
-            event = event._replace(samples=(sample._replace(value=value),))
+            event = event.replaced(samples=(sample.replaced(value=value),))
         out.append(event)
     return out
 
@@ -61,7 +61,7 @@ def spoilt(input: str, fault: Fault, events: Sequence[Event] | None = None) -> l
 def stepped(inputs: Sequence[str], start: float, end: float, by: float,
             events: Sequence[Event] | None = None) -> list[Event]:
     """Return the stream with the clock of some inputs off for a while [s]."""
-    return [e._replace(time=e.time + round(by * 1e9))
+    return [e.replaced(time=e.time + round(by * 1e9))
             if e.samples[0].input in inputs and start <= seconds(e) < end else e
             for e in (clean() if events is None else events)]
 

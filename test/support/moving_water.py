@@ -76,14 +76,14 @@ def with_headings_off(run: Run, degrees: float) -> tuple[Event, ...]:
     """Return what the sensors of a run say whose attitudes are turned by an angle."""
     turn = from_yaw(math.radians(degrees))
     return tuple([
-        event._replace(samples=(Sample('attitude', product(turn, event.samples[0].value)),))
+        event.replaced(samples=(Sample('attitude', product(turn, event.samples[0].value)),))
         if event.samples[0].input == 'attitude' else event for event in events(run)])
 
 
 def with_fixes_late(run: Run, late: float) -> tuple[Event, ...]:
     """Return what the sensors of a run say whose fixes are stamped late [s]."""
     return tuple(sorted([
-        event._replace(time=event.time + round(late * 1e9))
+        event.replaced(time=event.time + round(late * 1e9))
         if event.samples[0].input == 'position' else event for event in events(run)],
         key=lambda event: event.time))
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import math
-from typing import Any, cast
+from typing import Any, cast, Final
 
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import KnownUncertainty
@@ -22,9 +22,9 @@ from rovid_core.model.dofs import Four, PARAMETERS, Three
 from rovid_core.model.samples import finite, Step
 from rovid_core.settings.run import Scales, SettingsError
 
-MAX_PIECES = 100  # a step that would have to be divided into more pieces is refused
+MAX_PIECES: Final = 100  # a step that would have to be divided into more pieces is refused
 # Limit of the mean square of the thrust, so that one wild force cannot make it infinite.
-MAX_EXCITATION = 1e12
+MAX_EXCITATION: Final = 1e12
 
 
 @dataclass(frozen=True, slots=True)

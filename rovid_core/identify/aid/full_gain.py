@@ -99,17 +99,19 @@ class FullGainIdentifier(AdaptiveIdentifier):
         self._measured = after
         # the path over the step, by the fixes; between two velocities the mean
         measured = (lead * before + tail * after) / h if step.interval else 0.5 * (before + after)
-        others = tuple([(lead * x + tail * y) / h for x, y in step.couplings])
+        others = tuple([(lead * x + tail * y) / h for x, y in step.couplings]) if (
+            step.couplings) else ()
         v, theta, half = self.v_hat, self.theta_hat, 0.5 * h
         alpha, beta, gamma, delta = theta[:4]
-        push = alpha * tau + delta + sum(
-            p * x for p, x in zip(theta[4:], self._regressors(others, 0.0)))
+        push = alpha * tau + delta
+        if others:
+            push += _dot(theta[4:], self._regressors(others, 0.0))
         # the adaptation within the step is one more feedback, phi' Gamma phi h/2
         feedback = -self._a
         learns, rows = adapt and not idle, self._rows
         if learns:
             phi = (tau, v * abs(v), v, 1.0, *self._regressors(others, v))
-            feedback += half * _quadratic_form(rows, phi)
+            feedback += half * _dot(_product(rows, phi), phi)
         # w (1 + h/2 (feedback - gamma)) - h/2 beta w|w| = target, in the form without cancellation
         target = v + half * (feedback * measured + push)
         if self._own_drag >= 0 and target < 0.0:  # w has its sign
@@ -133,7 +135,10 @@ class FullGainIdentifier(AdaptiveIdentifier):
     def _projected(self, parameters: tuple[float, ...]) -> tuple[float, ...]:
         """Return the parameters inside the bounds that are nearest in the metric of W."""
         low, high = self._low, self._high
-        if all(map(_inside, low, parameters, high)):
+        for bottom, p, top in zip(low, parameters, high):
+            if not bottom <= p <= top:
+                break
+        else:
             return parameters
         # to move one parameter alone would let W grow without limit
         moved = parameters
@@ -143,10 +148,6 @@ class FullGainIdentifier(AdaptiveIdentifier):
                 share = excess / row[i]
                 moved = tuple([p - share * x for p, x in zip(moved, row)])
         return tuple([min(max(p, bottom), top) for bottom, p, top in zip(low, moved, high)])
-
-
-def _inside(low: float, x: float, high: float) -> bool:
-    return low <= x <= high
 
 
 def _product(rows: Rows, phi: tuple[float, ...]) -> tuple[float, ...]:
@@ -160,9 +161,11 @@ def _product(rows: Rows, phi: tuple[float, ...]) -> tuple[float, ...]:
             i * w + j * x + k * y + m * z, n * w + o * x + p * y + q * z)
 
 
-def _quadratic_form(rows: Rows, phi: tuple[float, ...]) -> float:
-    """Return phi' Gamma phi."""
-    return sum(x * y for x, y in zip(_product(rows, phi), phi))
+def _dot(x: tuple[float, ...], y: tuple[float, ...]) -> float:
+    total = 0.0
+    for p, q in zip(x, y):
+        total += p * q
+    return total
 
 
 def inverse_gram(mean: Array, scales: Scales, min_squares: Sequence[float],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from rovid_core.identify.aid.adaptive_identifier import Gains
@@ -21,17 +21,17 @@ from rovid_core.model.samples import finite, Step
 from rovid_core.settings.run import Scales
 
 # Time under thrust [s] after which Gamma is first taken from the data; then whenever it doubles.
-FIRST_LEARNED = 20.0
+FIRST_LEARNED: Final = 20.0
 # Least share of a mean square that the other regressors are taken to leave unexplained.
-MIN_SHARE = 0.03
+MIN_SHARE: Final = 0.03
 # Least mean squares of the regressors, in typical ones; smaller ones are mostly noise.
 MIN_SQUARES = (MIN_EXCITATION, MIN_MOTION**2, MIN_MOTION, 1.0)
 MIN_COUPLED = MIN_MOTION**2  # the same of couplings, which are products of velocities
 # Steps with more than so many typical forces or velocities are left out of Gamma.
-MAX_TYPICAL = 1000.0
-MEAN_SHARE = 0.3  # memory of the running mean, as a share of the time under thrust
+MAX_TYPICAL: Final = 1000.0
+MEAN_SHARE: Final = 0.3  # memory of the running mean, as a share of the time under thrust
 # Longest memory of the running mean [s], so that it follows a vehicle that changes.
-MAX_MEMORY = 40.0
+MAX_MEMORY: Final = 40.0
 
 
 class SelfTuningIdentifier(FullGainIdentifier):
@@ -111,9 +111,9 @@ class SelfTuningIdentifier(FullGainIdentifier):
     def _publish(self, step: Step, idle: bool) -> None:
         if idle:
             return
-        dt, velocity, force = step[:3]
-        time, new = self._time, self._new
-        if abs(force[1]) <= self._max_force and abs(velocity[1]) <= self._max_velocity:
+        dt, time, new = step.dt, self._time, self._new
+        if (abs(step.force[1]) <= self._max_force
+                and abs(step.velocity[1]) <= self._max_velocity):
             time = self._time = time + dt
             new.append(step)
             if len(new) == BATCH:
@@ -124,7 +124,8 @@ class SelfTuningIdentifier(FullGainIdentifier):
         p, q, r, s, *others = self.theta_hat
         self.parameters = (a + share * (p - a), b + share * (q - b), c + share * (r - c),
                            d + share * (s - d))
-        self.couplings = tuple([k + share * (x - k) for k, x in zip(self.couplings, others)])
+        if others:
+            self.couplings = tuple([k + share * (x - k) for k, x in zip(self.couplings, others)])
         if time >= self._next:
             self._learn_gamma()
 

@@ -247,7 +247,8 @@ class BatchStart(Generic[M]):
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'next': self.next, 'pieces': [
-            [list(piece) if isinstance(piece, tuple) else piece, use]
+            [list(piece.fields() if isinstance(piece, Step) else piece)
+             if isinstance(piece, STEPS) else piece, use]
             for piece, use in self._pieces]}
 
     def restore(self, state: Any) -> None:

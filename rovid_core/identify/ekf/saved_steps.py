@@ -31,12 +31,13 @@ def read_step(values: Any, couplings: int, watched: int) -> Step | float:
                finite_number(x) for x in plain]
     regressors = (tuple([(finite_number(a), finite_number(b)) for a, b in pairs]),
                   tuple(map(finite_number, filtered)), tuple(map(finite_number, also)))
-    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3)[:-4]) or (
+    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3).fields()[:-4]) or (
             _sizes(regressors) not in (
                 [0, 0, 0], [0, 0, watched], [couplings, couplings, watched])):
         raise ValueError('a step does not fit')
     held = tuple([(finite_number(a), finite_number(b)) for a, b in pieces])
-    step = Step._make([*numbers, *regressors[:2], held, regressors[2]])
+    fields: list[Any] = [*numbers, *regressors[:2], held, regressors[2]]
+    step = Step(*fields)
     if not step.dt > 0.0:
         raise ValueError('a step takes no time')
     return step

@@ -302,6 +302,14 @@ def test_newer_blocks_that_contradict_are_a_change_of_what_scattered_little():
     assert not blocks.has_changed(0.5)
 
 
+@pytest.mark.parametrize(('motion', 'changed'), [(0.09, False), (0.2, True)])
+def test_blocks_almost_without_motion_contradict_nothing(motion, changed):
+    blocks = scored(0.0, 12)
+    for _ in range(300):
+        blocks.add(30.0 * motion, 1.0, [motion, *8 * [0.0]], 0.101)
+    assert blocks.has_changed(2.0) is changed
+
+
 @pytest.mark.parametrize(('backwards', 'factor', 'changed'), [
     (0.9, 1.0, False),  # the same vehicle, driven backwards instead of forwards
     (0.3, 0.7, True),

@@ -18,6 +18,12 @@ FALSE_ALARM = 1e-6
 MATTERS = 0.05
 """Least change of the force that is one, in what the model says."""
 
+STILL = 0.1
+"""
+Motion that the model sees in the newer blocks, relative to that in the older ones, below which
+they tell of the sensors and of what the last motion has left behind rather than of the vehicle.
+"""
+
 SCATTERED = 1.5
 """Excess scatter above which the newest blocks are taken to scatter as the old ones."""
 
@@ -43,7 +49,10 @@ def contradicts(information: Array, score: Array, fit: BlockFit, largest_scatter
     u = score[:, a].sum(axis=0) - own @ fit.theta
     of_model, theta = own[:m, :m], fit.theta[:m]
     step = np.linalg.solve(of_model + fit.prior[:m, :m], u[:m])
-    if not float(step @ of_model @ step) >= MATTERS**2 * float(theta @ of_model @ theta):
+    motion = float(theta @ of_model @ theta)
+    before = float(theta @ fit.known[:m, :m] @ theta) / n
+    if motion < STILL**2 * w * before or not (
+            float(step @ of_model @ step) >= MATTERS**2 * motion):
         return False
     scatter = fit.scatter()
     if scatter > largest_scatter:

@@ -439,11 +439,11 @@ MUTANTS = [
          ('after a change losses do not count',
           'self.changed_at > 0.0 if member', 'False if member')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
-         'lag_of_the_thrusters_is_found_and_said a_lag_that_no_thruster_has_is_not_taken',
+         'a_lag_of_the_thrusters_is_found_and_said a_lag_that_no_thruster_has_is_not_taken',
          ('a lag is never found', 'self._least < least - MARGIN', 'False'),
          ('a lag that no thruster has is taken', 'if not longer <= DELAYS[1] or', 'if')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
-         'lag_of_the_thrusters_is_found_and_said',
+         'a_lag_of_the_thrusters_is_found_and_said',
          ('a lag that was found is known exactly', 'if name in left:', 'if False:')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
          'a_lag_that_is_found_goes_on_after_a_restore',

@@ -438,6 +438,24 @@ MUTANTS = [
          'what_loses_the_vehicle_before_there_is_a_verdict_counts_after_a_change_only',
          ('after a change losses do not count',
           'self.changed_at > 0.0 if member', 'False if member')),
+    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
+         'a_lag_of_the_thrusters_is_found_and_said a_lag_that_no_thruster_has_is_not_taken',
+         ('a lag is never found', 'self._least < least - MARGIN', 'False'),
+         ('a lag that no thruster has is taken', 'if not longer <= DELAYS[1] or', 'if')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
+         'a_lag_of_the_thrusters_is_found_and_said',
+         ('a lag that was found is known exactly', 'if name in left:', 'if False:')),
+    *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
+         'a_lag_that_is_found_goes_on_after_a_restore',
+         ('a restored filter forgets the lag', "*floats([state['lag']], 1)", '0.0')),
+    *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
+         'a_lag_of_the_thrusters_is_found_and_goes_on_with_the_same_bits',
+         ('surge and sway find no lag', 'self._bank.follow_lag(', 'False and bool(')),
+    *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
+         'the_force_behind_a_lag_is_that_of_short_steps',
+         ('a lag moves the way by the impulse that was asked for',
+          'moment += self._lag * (first * (end - start) - impulse)',
+          'moment += 0.0 * impulse')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
          'what_changed_may_change_back',
          ('a parameter near 0 stays there',

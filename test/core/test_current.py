@@ -240,6 +240,21 @@ def test_a_saved_state_goes_on_with_the_same_bits():
         assert repr(found[0].current) == repr(found[1].current)
 
 
+def test_a_lag_of_the_thrusters_is_found_and_goes_on_with_the_same_bits():
+    run = Run(duration=140.0, lag=0.2)
+    stream = Stream(settings(run))
+    followed(stream, run, 100.0)
+    stream.interrupt()
+    second = Stream(settings(run))
+    second.restore(json.loads(json.dumps(stream.state())))
+    ends = [followed(one, run, start=101.0)[-1] for one in (stream, second)]
+    for of_first, of_second in zip(ends[0].dofs, ends[1].dofs):
+        assert of_first.parameters == of_second.parameters
+        assert 'the thrusters lag by about 0.' in ' '.join(of_first.reasons)
+        assert of_first.delay == pytest.approx(0.2, abs=0.05)
+    assert all(masses_held(ends[0]))
+
+
 def test_a_state_without_the_filter_of_both_is_refused():
     stream, row = Stream(settings(FIXES)), Stream(replace(
         settings(FIXES), current=CurrentSettings(prior=0.0)))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 import json
 from math import inf, isfinite
+import re
 
 import numpy as np
 import pytest
@@ -64,6 +65,50 @@ def test_where_the_model_is_wrong_the_interval_holds_and_what_is_missing_is_name
     assert not any(drive.judged[-1] == 'converged' and (said or not drive.holds_mass)
                    for drive in drives)
     assert sum(said in drive.notes[-1] for drive in drives) >= 2
+
+
+@pytest.mark.parametrize(('lag', 'known'), [(0.15, 0.03), (0.3, 0.05)])
+def test_a_lag_of_the_thrusters_is_found_and_said(lag, known):
+    drive = Drive().go(pieces(Vehicle(lag=lag), 0, 200.0))
+    [found] = re.findall('thrusters lag by about (0[.][0-9]+) s', drive.notes[-1])
+    assert float(found) == pytest.approx(lag, abs=0.1 * lag + 0.02)
+    assert drive.one.delay == pytest.approx(lag, abs=0.1 * lag + 0.02)
+    assert drive.holds_mass
+    # it is as uncertain as the lag is
+    assert 1.0 / drive.one.parameters[0] / MASS == pytest.approx(1.0, abs=known)
+    assert 0.002 < drive.one.std[0] / drive.one.parameters[0] < known
+
+
+@pytest.mark.parametrize('name', ['exact', 'dead-band 3 N', 'reverse thrust x 0.8'])
+def test_no_lag_is_found_where_there_is_none(name):
+    assert not any('lag by about' in note for note in driven(name, 0).notes)
+
+
+@pytest.mark.parametrize('smoothing', [0.25, 0.5])
+def test_a_velocity_that_was_smoothed_is_no_lag_that_is_trusted(smoothing):
+    """As that of an odometry: it looks like a lag, but the motion itself comes late."""
+    drive = Drive().go(pieces(Vehicle(smoothing=smoothing), 0, 200.0))
+    assert drive.holds_mass
+    assert 'converged' not in drive.judged
+
+
+def test_a_lag_that_no_thruster_has_is_not_taken():
+    drive = Drive().go(pieces(Vehicle(lag=1.2), 0, 200.0))
+    assert not any('lag by about' in note for note in drive.notes)
+    assert 'converged' not in drive.judged
+
+
+def test_a_lag_that_is_found_goes_on_after_a_restore():
+    steps = pieces(Vehicle(lag=0.2), 0, 150.0)
+    drive = Drive().go(steps[:905])
+    assert 'lag by about' in drive.notes[-1]
+    new = ExtendedKalman(SCALES)
+    new.restore(json.loads(json.dumps(drive.one.state())))
+    for one in (drive.one, new):
+        for step in steps[905:]:
+            one.step(step)
+    assert new.state() == drive.one.state()
+    assert (new.note, new.covariance) == (drive.one.note, drive.one.covariance)
 
 
 def test_what_is_found_missing_first_does_not_hide_the_rest():

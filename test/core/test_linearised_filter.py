@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter
+from scipy.signal import lfilter
 
 
 def parabola(times, values, i, time):
@@ -65,6 +66,33 @@ def test_the_force_ends_where_the_step_begins():
     filter.move(force, 0.05, 0.1)
     assert filter.motion[1] == pytest.approx(0.5 * 0.05 * 0.5, rel=0.1)
     assert filter.covariance[0] > 0.0
+
+
+@pytest.mark.parametrize('held', [True, False])
+def test_the_force_behind_a_lag_is_that_of_short_steps(held):
+    random, lag, dt = np.random.default_rng(1), 0.13, 1e-4
+    asked, known, later = DelayedForce(False), DelayedForce(False, lag), DelayedForce(False)
+    for k in range(40):
+        span = (0.1, float(random.normal() if held else np.sin(0.3 * k)))
+        for one in (asked, known, later):
+            one.add([span], held)
+    later.set_lag(lag)
+    times = dt * np.arange(41_000)
+    force = np.array([asked.over(t, t + dt)[0] / dt for t in times])
+    lagged = lfilter([-np.expm1(-dt / lag)], [1.0, -np.exp(-dt / lag)], force,
+                     zi=[asked.over(-1.0, 0.0)[2] * np.exp(-dt / lag)])[0]
+    for start, end in ((0.0, 0.4), (1.03, 1.31), (2.004, 2.007), (3.9, 4.05)):
+        inside = slice(round(start / dt), round(end / dt))
+        impulse = lagged[inside].sum() * dt
+        moment = (lagged[inside] * (end - times[inside] - 0.5 * dt)).sum() * dt
+        for one in (known, later):
+            found = one.over(start + 0.02, end + 0.02, 0.02)
+            assert found[:2] == pytest.approx((impulse, moment), abs=3e-3 * (end - start))
+            assert found[2:] == pytest.approx(
+                (lagged[inside.start], lagged[inside.stop]), abs=0.02)
+            (astern, _), _ = one.bent(start + 0.02, end + 0.02, 0.02)
+            if end < known.end and lagged[inside].max() < 0.0:
+                assert astern == pytest.approx(impulse, abs=3e-3 * (end - start))
 
 
 def sines(duration, dt=0.1):

@@ -44,6 +44,7 @@ class Run:
     duration: float = 100.0  # [s]
     pull: tuple[float, float] = (0.0, 0.0)  # of a tether, in the world [N]
     weak: tuple[float, float] = (math.inf, 1.0)  # from when [s] thrust is how much of itself
+    lag: float = 0.0  # [s] of the thrusters of surge and sway
 
 
 @lru_cache(maxsize=4)
@@ -56,17 +57,22 @@ def events(run: Run) -> tuple[Event, ...]:
 
 
 def _advanced(run: Run) -> Callable[..., list[float]]:
-    """Return how the plant goes on with the pull of a tether, and thrust that becomes weak."""
+    """Return how the plant goes on with a tether, and thrust that becomes weak or lags."""
     advance, (since, factor), now = CoupledPlant.advance, run.weak, 0.0
+    lagged = [0.0, 0.0]
 
-    def advanced(plant: CoupledPlant, attitude: Quaternion, force: Sequence[float],
+    def advanced(plant: CoupledPlant, attitude: Quaternion, forces: Sequence[float],
                  dt: float) -> list[float]:
         nonlocal now
         now += dt
         x, y, _ = rotate_back(attitude, (*run.pull, 0.0))
-        surge, sway, *rest = force
+        surge, sway, *rest = forces
         if now > since:
             surge, sway = factor * surge, factor * sway
+        if run.lag:
+            for k, force in enumerate((surge, sway)):
+                lagged[k] -= math.expm1(-dt / run.lag) * (force - lagged[k])
+            surge, sway = lagged
         return advance(plant, attitude, [surge + x, sway + y, *rest], dt)
 
     return advanced

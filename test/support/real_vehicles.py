@@ -45,6 +45,8 @@ class Vehicle:
     reverse_drag, lag, closed_loop, change
         Factor of the drag in reverse, time constant of the thruster [s], whether a controller
         follows a lawn-mower track, and the time [s] and factor of a change of the mass.
+    smoothing : float
+        [s] Time constant of each of two low-passes behind each other on what is measured.
     size : float
         Of a command that only changes its sign [N]; 0 for one that has all sizes.
 
@@ -57,6 +59,7 @@ class Vehicle:
     closed_loop: bool = False
     change: tuple[float, float] = (inf, 1.0)
     size: float = 0.0
+    smoothing: float = 0.0
 
 
 def _offset_dead(force: float) -> float:
@@ -137,7 +140,18 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
         x += STEP * v + STEP * STEP * (one + two + three) / 6.0
         v += STEP * (one + 2.0 * (two + three) + four) / 6.0
     path[n] = x
-    return path[::FIX] + noise[:n // FIX + 1], logged, turning
+    return _smooth(path[::FIX] + noise[:n // FIX + 1], vehicle.smoothing), logged, turning
+
+
+def _smooth(fixes: Array, smoothing: float) -> Array:
+    """Return fixes behind two low-passes."""
+    keep = np.exp(-FIX * STEP / smoothing) if smoothing else 0.0
+    for _ in range(2 if smoothing else 0):
+        smooth = fixes[0]
+        for k, fix in enumerate(fixes):
+            smooth = keep * smooth + (1.0 - keep) * fix
+            fixes[k] = smooth
+    return fixes
 
 
 def _rate(vehicle: Vehicle, v: float, force: float, mass: float) -> float:

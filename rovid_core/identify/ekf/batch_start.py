@@ -21,6 +21,9 @@ PERIOD = 20.0
 LONGEST = 5.9 * PERIOD
 """[s] after which the filter goes on by itself."""
 
+NEVER = 1e9
+"""[s] of motion that it never takes."""
+
 KNOWN = 0.2
 """Relative std of alpha that is knowing it: what is kept is gone through half as often."""
 
@@ -147,6 +150,10 @@ class BatchStart(Generic[M]):
     def wait(self, known: bool) -> None:
         """Find when all is to be gone through again; ``known`` tells whether alpha is."""
         self.next = self.duration + (2.0 * PERIOD if known else PERIOD)
+
+    def change_clock(self) -> None:
+        """Let all be measured again by a new clock."""
+        self._measured = []
 
     def accept_last_outliers(self, count: int) -> None:
         """Let the last outliers count: they were the vehicle."""

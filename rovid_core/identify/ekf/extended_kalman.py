@@ -19,6 +19,7 @@ from rovid_core.identify.ekf.batch_start import (
     KNOWN,
     KNOWN_WELL,
     LONGEST,
+    NEVER,
     PERIOD,
     UNLEARNED,
     USED,
@@ -30,6 +31,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     COUPLING_MISSING,
     described,
     is_coupling,
+    of_lag,
     UNTOLD,
 )
 from rovid_core.identify.ekf.filter_bank import (
@@ -106,7 +108,8 @@ class ExtendedKalman(Identifier):
         """Go back to the initial values."""
         self._begin(self._model.initial)
 
-    def _begin(self, theta: Sequence[float]) -> None:
+    def _begin(self, theta: Sequence[float], lag: float = 0.0) -> None:
+        self._lag = lag  # [s] with which the thrusters are found to follow
         self._theta, self._prior = list(theta), list(self._model.prior)
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
@@ -122,14 +125,24 @@ class ExtendedKalman(Identifier):
     def _new(self, unmodelled: Unmodelled, theta: Sequence[float]) -> Member:
         """Return a filter at some parameters that knows those to begin with."""
         member = Member(self._theta, self._prior, self._model.box, unmodelled, FIRST_NOISE,
-                        self._scales.watched, self._model.own)
+                        self._scales.watched, self._model.own, ('lag',) if self._lag else ())
         member.filter.theta = list(theta)
         return member
 
     def _new_clock(self, forgets: bool = True) -> MeasurementClock:
         scales = self._scales
         return MeasurementClock(scales.force, scales.velocity, len(scales.couplings),
-                                len(scales.watched), self._model.own, forgets)
+                                len(scales.watched), self._model.own, forgets, self._lag)
+
+    def _use_lag(self, lag: float) -> list[float]:
+        """Take the thrusters to lag by so much [s]; return the parameters for it."""
+        theta = self._bank.best.filter.theta
+        theta[-1] -= lag - self._lag
+        self._lag = lag
+        self._clock.set_lag(lag)
+        if self._start is not None:
+            self._start.change_clock()
+        return theta
 
     def _new_start(self) -> BatchStart[Member]:
         couplings, watched = len(self._scales.couplings), len(self._scales.watched)
@@ -227,6 +240,8 @@ class ExtendedKalman(Identifier):
             said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
         if self._clocks:
             said.append(self._clocks)
+        if self._lag:
+            said.append(of_lag(self._lag))
         verdict = self._bank.best.verdict
         missing = verdict.missing if verdict is not None else None
         if missing is not None:
@@ -242,7 +257,7 @@ class ExtendedKalman(Identifier):
 
     @property
     def _clocks(self) -> str:
-        return clocks_in_doubt(self._bank.best.verdict, len(self._theta) - 1)
+        return clocks_in_doubt(self._bank.best.verdict, len(self._theta) - 1, self._lag)
 
     @property
     def doubt(self) -> str:
@@ -289,18 +304,24 @@ class ExtendedKalman(Identifier):
             self._idle += step.dt
             if self._idle < IDLE:
                 start.add(step, OUTLIER if found == OUTLIER else UNLEARNED)
+            elif start.next == NEVER:
+                self._start, self._idle = None, 0.0
             return
         if found == LOST:
             start.accept_last_outliers(4)
         if start.duration < start.next:
+            if start.next == NEVER and start.duration > LONGEST:
+                self._start = None
             return
         bank = self._bank
         bank.go_through_again(start, self._theta, start.next <= PERIOD)
         if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
             return
-        if start.duration > LONGEST or bank.confirmed and self._is_known(KNOWN_WELL):
+        if start.duration > LONGEST:
             self._start = None
+        elif bank.confirmed and self._is_known(KNOWN_WELL):
+            start.next = NEVER  # it is only kept for a lag that may be named yet
         else:
             start.wait(self._is_known(KNOWN, (ALPHA,)))
 
@@ -332,6 +353,9 @@ class ExtendedKalman(Identifier):
         for member in ended:
             member.judge()
         if bank.best in ended:
+            if self._start is not None and bank.follow_lag(
+                    self._start, self._lag, self._use_lag):
+                self._start.wait(False)
             self._judge()
 
     def _note_change(self, step: Step) -> None:
@@ -370,7 +394,7 @@ class ExtendedKalman(Identifier):
         best, model = self._bank.best, self._model
         theta = best.filter.theta
         self.parameters, self.couplings = model.parameters(theta), model.kappas(theta)
-        self.delay = theta[-1]
+        self.delay = theta[-1] + self._lag
         verdict = best.verdict
         if verdict is None:
             self.uncertainty: Uncertainty = FilterUncertainty(
@@ -384,7 +408,7 @@ class ExtendedKalman(Identifier):
         return {
             'parameters': list(self.parameters), 'theta': list(self._theta),
             'prior': list(self._prior),
-            'bank': self._bank.state(), 'clock': self._clock.state(),
+            'lag': self._lag, 'bank': self._bank.state(), 'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'time': self._time, 'moving': self._moving, 'usable': self._usable,
             'idle': self._idle,
@@ -400,7 +424,7 @@ class ExtendedKalman(Identifier):
         for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
             if not bottom <= p <= top:
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
-        self._begin(floats(state['theta'], len(self._theta)))
+        self._begin(floats(state['theta'], len(self._theta)), *floats([state['lag']], 1))
         self._prior = floats(state['prior'], len(self._prior))
         self._bank.restore(state['bank'])
         self._clock.restore(state['clock'])

@@ -10,12 +10,15 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 from rovid_core.identify.ekf.batch_start import BatchStart, Learner, LONGEST, PASSES
 from rovid_core.identify.ekf.evidence.block_fit import Verdict
+from rovid_core.identify.ekf.evidence.clocks import DELAYS
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
+from rovid_core.identify.ekf.evidence.missing_terms import square_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import SCATTERED
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import FreePrediction
 from rovid_core.identify.ekf.single.linearised_filter import (
+    ALPHA,
     Bounds,
     CANDIDATES,
     floats,
@@ -58,6 +61,8 @@ class Member:
         Names of the regressors that steps carry to be watched.
     own : tuple of 2 ints
         As of a ``LinearisedFilter``.
+    found : sequence of str
+        As of ``ScoreBlocks``.
 
     Attributes
     ----------
@@ -68,14 +73,14 @@ class Member:
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float], bounds: Bounds,
                  unmodelled: Unmodelled, noise: float, watched: Sequence[str] = (),
-                 own: tuple[int, int] = NONE_OWN) -> None:
+                 own: tuple[int, int] = NONE_OWN, found: Sequence[str] = ()) -> None:
         self.unmodelled = unmodelled
         self.filter = LinearisedFilter(
             theta, variances, unmodelled.force_std, len(watched), own)
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(
             theta, variances, (*CANDIDATES, *watched),
-            configured=[name for name, i in zip(OWN, own) if i >= 0])
+            configured=[name for name, i in zip(OWN, own) if i >= 0], found=found)
         self.prediction = FreePrediction(own)
         self._verdict: Verdict | None = None
         self._is_judged = True
@@ -170,6 +175,13 @@ class Member:
         self.filter.keep_inside(self._bounds)
 
     @property
+    def missing_lag(self) -> float:
+        """Return the square of the lag of the thrusters that is named [s^2], 0 for none."""
+        verdict = self.verdict
+        return 0.0 if verdict is None else square_of_lag(
+            verdict.missing, self.filter.theta[ALPHA])
+
+    @property
     def unseen(self) -> list[list[float]]:
         """Return what terms that nothing tells yet add to the covariance; empty for nothing."""
         if self.blocks.count != self._unseen_of:
@@ -213,6 +225,10 @@ class Judged(Learner, Protocol):
     @property
     def verdict(self) -> Verdict | None:
         """Return what the blocks say, None while there are too few."""
+
+    @property
+    def missing_lag(self) -> float:
+        """Return the square of the lag of the thrusters that is named [s^2], 0 for none."""
 
     def judge(self) -> None:
         """Let the verdict be of the blocks as they are now."""
@@ -319,6 +335,52 @@ class FilterBank(Generic[M]):
             self.confirmed = was_there and not early and self.best is first
             return True
         return False
+
+    def follow_lag(self, start: BatchStart[M], lag: float,
+                   use: Callable[[float], list[float]]) -> bool:
+        """
+        Take thrusters to lag as the blocks say, if that makes all data so far clearly likelier.
+
+        Parameters
+        ----------
+        start : BatchStart
+            The data.
+        lag : float
+            [s] that they are taken to lag so far.
+        use : callable
+            Takes another lag [s] for all members that are made from then on, and returns
+            parameters of the best one whose delay is as much shorter.
+
+        """
+        if not self.best.missing_lag:
+            return False
+        members, number = list(self.members), self.number
+        noises = [member.innovations.noise for member in members]
+        if self._takes_lag(start, lag, use):
+            return True
+        use(lag)
+        self.members, self.number = members, number
+        for member, noise in zip(members, noises):
+            member.innovations.noise = noise
+        return False
+
+    def _takes_lag(self, start: BatchStart[M], lag: float,
+                   use: Callable[[float], list[float]]) -> bool:
+        """Go through all data with the lag that is named; tell whether it is clearly better."""
+        # compared are members that went through all the same data at parameters that fit them
+        if not self.go_through_again(start, (), False):
+            return False
+        longer, least = math.sqrt(max(lag * lag + self.best.missing_lag, 0.0)), self._least
+        if not longer <= DELAYS[1] or longer == lag:
+            return False
+        # once more: where fixes come fast there were few passes
+        return self.go_through_again(start, use(longer), True) and (
+            self.go_through_again(start, (), False)) and self._least < least - MARGIN
+
+    @property
+    def _least(self) -> float:
+        """Return -2 log of the likelihood of the likeliest member."""
+        return min(member.innovations.likelihood for member in self.members)
 
     def conclude(self, start: BatchStart[M] | None, first_guess: Sequence[float]) -> bool:
         """Go through data that end before that was done for the first time; as above."""

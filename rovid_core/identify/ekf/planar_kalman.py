@@ -36,6 +36,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     COUPLING_MISSING,
     described,
     is_coupling,
+    of_lag,
     UNTOLD,
 )
 from rovid_core.identify.ekf.extended_kalman import (
@@ -112,7 +113,8 @@ class PlanarKalman:
         """Go back to the initial values."""
         self._begin(self._model.initial)
 
-    def _begin(self, theta: Sequence[float]) -> None:
+    def _begin(self, theta: Sequence[float], lag: float = 0.0) -> None:
+        self._lag = lag  # [s] with which the thrusters are found to follow
         self._theta = [*list(theta)[:-2], 0.0, 0.0]
         self._variances = list(self._model.variances)
         self._free = self._is_found = self._knew_current = self.current_is_new = False
@@ -145,7 +147,7 @@ class PlanarKalman:
             self._model.box,
             unmodelled, self._settings.change if free else 0.0,
             FIRST_NOISE * max(row.velocity for row in self._model.rows), self._model.watched,
-            tuple(self.rows))
+            tuple(self.rows), self._lag > 0.0)
         if member.filter.theta.tolist() != list(theta):
             member.filter.theta = np.array(theta, dtype=float)
             member.filter.motion[CURRENT] = member.filter.theta[-2:]
@@ -153,7 +155,19 @@ class PlanarKalman:
 
     def _new_clock(self, forgets: bool = True) -> PlanarClock:
         surge, sway = self._model.scales
-        return PlanarClock((surge.force, sway.force), self._model.regressors, forgets)
+        return PlanarClock(
+            (surge.force, sway.force), self._model.regressors, forgets, self._lag)
+
+    def _use_lag(self, lag: float) -> list[float]:
+        """Take the thrusters to lag by so much [s]; return the parameters for it."""
+        theta: list[float] = self._bank.best.filter.theta.tolist()
+        for row in self._model.rows:
+            theta[row.end - 1] -= lag - self._lag
+        self._lag = lag
+        self._clock.set_lag(lag)
+        if self._start is not None:
+            self._start.change_clock()
+        return theta
 
     def _new_start(self) -> BatchStart[PlanarMember]:
         return BatchStart(self._new, lambda: self._new_clock(False), self._read, BUDGET)
@@ -328,6 +342,10 @@ class PlanarKalman:
         for member in ended:
             member.judge()
         if best in ended:
+            if self._start is not None and self._bank.follow_lag(
+                    self._start, self._lag, self._use_lag):
+                self._start.wait(False)
+            best = self._bank.best
             self._prediction.end_block(best.filter, best.innovations.noise)
             self._judge()
 
@@ -343,7 +361,7 @@ class PlanarKalman:
 
     def _clocks(self, k: int) -> str:
         best, i = self._bank.best, self._model.rows[k].end - 1
-        return clocks_in_doubt(best.verdict, i)
+        return clocks_in_doubt(best.verdict, i, self._lag)
 
     def _note_change(self, step: PlanarStep) -> None:
         self._usable = [False, False]
@@ -403,7 +421,7 @@ class PlanarKalman:
             row, model = self._model.rows[published.k], self._model.of[published.k]
             theta = self._theta_of(published.k)
             published.parameters = model.parameters(theta)
-            published.delay = theta[-1]
+            published.delay = theta[-1] + self._lag
             published.couplings = model.kappas(theta)
             published.excitation = self.excitations[published.k]
             if not told:
@@ -433,6 +451,8 @@ class PlanarKalman:
             said.append(why_not_known(self.current))
         if self._clocks(k):
             said.append(self._clocks(k))
+        if self._lag:
+            said.append(of_lag(self._lag))
         verdict, missing = self._bank.best.verdict, self._missing(k)
         if missing is not None:
             said.append(described(missing, self._theta_of(k), self._model.scales[k]))
@@ -474,7 +494,7 @@ class PlanarKalman:
         """Return all that is needed to go on from here."""
         return {
             'theta': list(self._theta), 'variances': list(self._variances),
-            'free': self._free, 'found': self._is_found,
+            'lag': self._lag, 'free': self._free, 'found': self._is_found,
             'knew_current': self._knew_current, 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
@@ -488,7 +508,7 @@ class PlanarKalman:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         theta = floats(state['theta'], self._model.size)
-        self._begin(theta)
+        self._begin(theta, *floats([state['lag']], 1))
         self._theta = theta
         self._variances = floats(state['variances'], self._model.size)
         self._free, self._is_found, self._knew_current = (

@@ -208,7 +208,8 @@ class BlockFit:
 
     def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                 considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
-                doubted: Mapping[int, float]) -> Verdict:
+                doubted: Mapping[int, float], found: Sequence[str] = ()) -> Verdict:
+        """Return what the blocks say; the arguments are those of ``ScoreBlocks``."""
         n, a, scatter = self.n, self.active, self.scatter()
         known, seen = scatter * self.known, n / max(n - len(a), 0.5) * self.v
         # how far what is seen lies from what the model says, and how far chance alone puts it;
@@ -232,6 +233,11 @@ class BlockFit:
                      whole._remainders([*_single(left), *doubted]).items()}
         moved = self.theta - whole.theta[:len(a)]
         covariance = covariance + np.outer(moved, moved)
+        for name in found:
+            if name in left:  # it is there, of a size that is not quite known
+                [k] = left.pop(name)
+                covariance = covariance + summed(
+                    [whole._judged(alone[k], 1.0, sizes[name], 0)], len(a), True)
         more, untold = np.zeros_like(covariance), []
         for begin, first in rows:
             terms = whole._unseen(left, alone, 1.0, begin, first)

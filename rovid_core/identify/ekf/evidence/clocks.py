@@ -16,7 +16,7 @@ it stands at the end of it, and for that by how much it is out: its 95 % interva
 """
 
 
-def clocks_in_doubt(verdict: Verdict | None, k: int) -> str:
+def clocks_in_doubt(verdict: Verdict | None, k: int, lag: float) -> str:
     """
     Return what is said of a delay out of its range or at its end, '' if it is inside.
 
@@ -26,19 +26,21 @@ def clocks_in_doubt(verdict: Verdict | None, k: int) -> str:
         What the blocks say.
     k : int
         Where the delay stands among the parameters.
+    lag : float
+        [s] by which the thrusters follow later besides.
 
     """
     # what the model lacks may look like a delay
     if verdict is None or verdict.missing is not None:
         return ''
     wanted, std = verdict.theta[k], math.sqrt(verdict.covariance[k][k])
-    early, late = DELAYS[0] - wanted, wanted - DELAYS[1]
+    early, late = DELAYS[0] - wanted, wanted + lag - DELAYS[1]
     if early > BEYOND * std:
         return (f'clocks disagree: thrust acts about {-wanted:.2g} s sooner than its stamps and '
                 'thrusters.delay say: lower that, or raise thrusters.latency')
     if late > BEYOND * std:
-        return (f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust: raise '
-                'the latency of what measures it, or thrusters.delay')
+        return (f'clocks disagree: motion is stamped about {wanted + lag:.2g} s after its thrust: '
+                'raise the latency of what measures it, or thrusters.delay')
     for beyond, bound, key in zip((early, late), DELAYS, (
             'thrusters.delay and thrusters.latency', 'thrusters.delay')):
         if beyond > AT_BOUND * std:

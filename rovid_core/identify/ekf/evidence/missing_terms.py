@@ -13,7 +13,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     GAMMA,
     LAG,
 )
-from rovid_core.identify.last_minute import DEAD_BAND, lacking, UNTOLD_DEAD_BAND
+from rovid_core.identify.last_minute import DEAD_BAND, KEYS, lacking, UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import RESTORING
 from rovid_core.settings.run import Scales
 
@@ -61,9 +61,7 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         if kappa >= 0.0:
             return (f'{_percent(missing)} of the error follows quick changes of the thrust, which '
                     'move it more than the model says')
-        # the delay has taken a part of it: what is left is told by the bend of the response
-        share = -kappa / alpha
-        lag = LAG * (math.sqrt(share * (2.0 - share)) if share < 1.0 else share)
+        lag = math.sqrt(square_of_lag(missing, alpha))
         said = f'a lag of the thrusters of about {lag:.2f} s'
     elif missing.name == 'current':
         # it is dragged along at the slope of the drag at half of the typical velocity
@@ -77,6 +75,25 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
                 f'{kappa * scales.velocity:.2g}: add couplings: '
                 f'[{", ".join([*scales.couplings, name])}]')
     return lacking(missing.share, missing.name, said, scales.couplings)
+
+
+def of_lag(lag: float) -> str:
+    """Return what is said of a lag [s] that was found and is taken into account."""
+    return (f'the thrusters lag by about {lag:.2f} s more than the model says, which is taken '
+            f'into account: {KEYS["lag"]}')
+
+
+def square_of_lag(missing: Missing | None, alpha: float) -> float:
+    """
+    Return the square of the lag that is missing [s^2], below 0 where it is too long; else 0.
+
+    The delay has taken a part of it: what is left is told by the bend of the response, the
+    variance of when a thrust acts. The variances of lags that follow each other add up.
+    """
+    if missing is None or not missing.name.endswith('lag'):
+        return 0.0
+    share = -missing.coefficient / alpha
+    return LAG * LAG * (share * (2.0 - share) if share < 1.0 else share * share)
 
 
 UNTOLD = {

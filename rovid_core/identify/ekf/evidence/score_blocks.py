@@ -47,6 +47,9 @@ class ScoreBlocks:
     doubted : mapping, optional
         Where regressors stand, also counted from the end, that no DOF has alone; and how large the
         coefficients are that they may have (standard deviations).
+    found : sequence of str
+        Names of watched regressors whose effect is in the model already, of a size that was found
+        from these data: their coefficients are about 0, but as uncertain as the data leave them.
 
     """
 
@@ -55,9 +58,10 @@ class ScoreBlocks:
                  considered: Mapping[int, float] | None = None, further: int = 0,
                  rows: Sequence[tuple[str, int]] = (('', 0),),
                  configured: Sequence[str] = (),
-                 doubted: Mapping[int, float] | None = None) -> None:
+                 doubted: Mapping[int, float] | None = None,
+                 found: Sequence[str] = ()) -> None:
         p = len(theta)
-        self._rows = rows
+        self._rows, self._found = rows, found
         self._considered = considered or {}
         self._q = p + len(watched) + further
         self._doubted = {k % self._q: std for k, std in (doubted or {}).items()}
@@ -159,7 +163,7 @@ class ScoreBlocks:
             return None
         return self._fit(self.count).verdict(
             self._counts, wrong_model, self._candidates, self._considered, self._rows,
-            self._doubted)
+            self._doubted, self._found)
 
     def regressions(self, places: Sequence[Sequence[int]]) -> list[Regression | None]:
         """

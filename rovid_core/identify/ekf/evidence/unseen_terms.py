@@ -109,9 +109,9 @@ def judged(leaning: list[float], coefficient: float, information: float, std: fl
     return UnseenTerm(leaning, evidence, mean, variance)
 
 
-def summed(terms: Sequence[UnseenTerm], size: int) -> Array:
-    """Return what terms that are each there or not, at even odds, add to a covariance."""
-    return _spread(terms, [1.0 / (1.0 + math.exp(-min(term.evidence, 500.0)))
+def summed(terms: Sequence[UnseenTerm], size: int, there: bool = False) -> Array:
+    """Return what terms add to a covariance that are ``there``, or each there at even odds."""
+    return _spread(terms, [1.0 if there else 1.0 / (1.0 + math.exp(-min(term.evidence, 500.0)))
                            for term in terms], size)
 
 

@@ -16,6 +16,7 @@ from rovid_core.identify.ekf.evidence.alternatives import (
 )
 from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
+from rovid_core.identify.ekf.evidence.missing_terms import square_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
@@ -28,7 +29,7 @@ from rovid_core.identify.ekf.planar.layout import (
     Row,
 )
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
-from rovid_core.identify.ekf.single.linearised_filter import Bounds, floats
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA, Bounds, floats
 from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.dofs import OWN
@@ -88,6 +89,8 @@ class PlanarClock:
         How many a step brings along for surge and for sway.
     forgets : bool
         Whether the force may go when it is old.
+    lag : float
+        [s] Time constant of the thrusters.
 
     Attributes
     ----------
@@ -99,17 +102,25 @@ class PlanarClock:
     """
 
     def __init__(self, forces: tuple[float, float], regressors: Sequence[int],
-                 forgets: bool = True) -> None:
+                 forgets: bool = True, lag: float = 0.0) -> None:
         self._forces, self._regressors, self._forgets = forces, regressors, forgets
+        self._lag = lag
         self.restart()
 
     def restart(self) -> None:
         """Begin a new path."""
-        self.recent = DelayedForce(self._forgets), DelayedForce(self._forgets)
+        self.recent = (DelayedForce(self._forgets, self._lag),
+                       DelayedForce(self._forgets, self._lag))
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []
         self._way: list[tuple[float, PlanarPiece]] = []  # [s] since the last measurement
         self.ahead = 0.0
+
+    def set_lag(self, lag: float) -> None:
+        """Use another time constant [s]."""
+        self._lag = lag
+        for recent in self.recent:
+            recent.set_lag(lag)
 
     def add_step(self, step: PlanarStep) -> PlanarMeasurement | None:
         """Return what a step measures, None where more fixes come into the measurement."""
@@ -218,13 +229,15 @@ class PlanarMember:
         Names of all regressors that are watched, each behind that of its DOF.
     identified : sequence of str
         Names of the DOFs that have thrust.
+    lags : bool
+        Whether a lag of the thrusters was found.
 
     """
 
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
                  variances: Sequence[float], considered: Mapping[int, float], bounds: Bounds,
                  unmodelled: Unmodelled, current_change: float, noise: float,
-                 watched: Sequence[str], identified: Sequence[str]) -> None:
+                 watched: Sequence[str], identified: Sequence[str], lags: bool) -> None:
         self.unmodelled = unmodelled
         self.filter = PlanarFilter(
             rows, theta, variances, unmodelled.force_std, current_change)
@@ -233,7 +246,9 @@ class PlanarMember:
             theta, variances, watched, considered, len(ALTERNATIVES),
             [(f'{dof} ', row.first) for dof, row in zip(DOFS, rows) if dof in identified],
             [f'{dof} {name}' for dof, row in zip(DOFS, rows)
-             for name, i in zip(OWN, row.own) if i >= 0], dict.fromkeys(LATE, DOUBTED_LATENCY))
+             for name, i in zip(OWN, row.own) if i >= 0], dict.fromkeys(LATE, DOUBTED_LATENCY),
+            [f'{dof} lag' for dof in identified] if lags else ())
+        self._rows = rows
         self._verdict: Verdict | None = None
         self._alternative = NOT_JUDGED
         self._is_judged = True
@@ -344,6 +359,15 @@ class PlanarMember:
                 self._alternative = better_than_a_current(self.blocks, found)
             self._verdict, self._is_judged = found, True
         return self._verdict
+
+    @property
+    def missing_lag(self) -> float:
+        """Return the square of the lag of the thrusters that is named [s^2], 0 for none."""
+        missing = None if self.verdict is None else self.verdict.missing
+        if missing is None:
+            return 0.0
+        row = self._rows[DOFS.index(missing.name.split()[0])]
+        return square_of_lag(missing, float(self.filter.theta[row.first + ALPHA]))
 
     @property
     def alternative(self) -> Alternative:

@@ -1,4 +1,4 @@
-"""The thrust delay: the force of the last seconds, and what a body feels of it a while later."""
+"""The thrust delay and lag: the force of the last seconds, and what a body feels of it later."""
 
 from __future__ import annotations
 
@@ -20,12 +20,15 @@ class DelayedForce:
     Where commands are held the force is known exactly: it stays the same over a span and jumps
     between two. Of a force that changes smoothly only the means over spans are known; there the
     line leans by what the means on either side say. After the newest span, and before the
-    oldest, the force is the mean of that span.
+    oldest, the force is the mean of that span. Thrusters may follow what they are asked for with
+    a first-order lag besides, L' = (F - L) / lag, of which all integrals are exact.
 
     Parameters
     ----------
     forgets : bool
         Whether what is older than ``KEPT`` may go.
+    lag : float
+        [s] Time constant with which the force follows what it is asked to be; 0 for none.
 
     Attributes
     ----------
@@ -36,8 +39,9 @@ class DelayedForce:
 
     """
 
-    def __init__(self, forgets: bool = True) -> None:
-        self._forgets = forgets
+    def __init__(self, forgets: bool = True, lag: float = 0.0) -> None:
+        self._forgets, self._lag = forgets, lag
+        self._lagged: list[float] = []  # at the start of each span, where there is a lag
         self._times = [0.0]
         self._means: list[float] = []
         self._slopes: list[float] = []
@@ -84,6 +88,8 @@ class DelayedForce:
             if means and not (held or self._held):
                 slope = 2.0 * (mean - means[-1]) / (time - times[-2])
                 slopes[-1] = 0.5 * (slopes[-1] + slope) if len(means) > 1 else slope
+            if self._lag:
+                self._lagged.append(self._lagged_at(begin) if means else mean)
             times.append(time)
             means.append(mean)
             slopes.append(slope)
@@ -91,9 +97,39 @@ class DelayedForce:
         self._set_size(squares, cubes)
         if self._forgets and times[-1] - times[0] > 2.0 * KEPT:
             cut = bisect_right(times, times[-1] - KEPT) - 1
-            for column in (times, means, slopes):
+            for column in (times, means, slopes, self._lagged):
                 del column[:cut]
             self._near = 0
+
+    def set_lag(self, lag: float) -> None:
+        """Use another lag [s]; before the oldest span the force has been what it is there."""
+        self._lag, self._lagged = lag, []
+        for i in range(len(self._means) if lag else 0):
+            self._lagged.append(self._lagged_end(i - 1) if i else self._means[0])
+
+    def _lagged_end(self, i: int) -> float:
+        """Return the lagged force at the end of a span."""
+        return self._lagged_in(i, self._times[i + 1] - self._times[i])
+
+    def _lagged_in(self, i: int, elapsed: float) -> float:
+        """Return the lagged force [s] after the start of a span."""
+        # behind a line it follows a line that is late by the lag
+        late = self._slopes[i] * self._lag
+        start = self._means[i] - 0.5 * self._slopes[i] * (self._times[i + 1] - self._times[i])
+        return start + self._slopes[i] * elapsed - late + (
+            self._lagged[i] - start + late) * math.exp(-elapsed / self._lag)
+
+    def _lagged_at(self, time: float) -> float:
+        """Return the lagged force at any time [s]."""
+        if time <= self._times[0]:
+            return self._lagged[0]
+        newest = len(self._means) - 1
+        after = time - self._times[newest + 1]
+        if after >= 0.0:
+            mean = self._means[newest]
+            return mean + (self._lagged_end(newest) - mean) * math.exp(-after / self._lag)
+        i = self._span(time)
+        return self._lagged_in(i, time - self._times[i])
 
     def _set_size(self, squares: float, cubes: float) -> None:
         self._squares, self._cubes = squares, cubes
@@ -130,9 +166,20 @@ class DelayedForce:
         """
         start -= delay
         end -= delay
-        times, means = self._times, self._means
-        if not means:
+        if not self._means:
             return 0.0, 0.0, 0.0, 0.0
+        if not self._lag:
+            return self._asked(start, end)
+        impulse, moment, _, _ = self._asked(start, end)
+        first, last = self._lagged_at(start), self._lagged_at(end)
+        # L = F - lag L', once and twice integrated
+        impulse -= self._lag * (last - first)
+        moment += self._lag * (first * (end - start) - impulse)
+        return impulse, moment, first, last
+
+    def _asked(self, start: float, end: float) -> tuple[float, float, float, float]:
+        """Return the same of the force that was asked for, without delay or lag."""
+        times, means = self._times, self._means
         if start < times[0] or end > times[-1]:
             return self._beyond(start, end)
         slopes = self._slopes
@@ -178,6 +225,9 @@ class DelayedForce:
             force = means[i]
             if slopes[i]:
                 force += slopes[i] * (middle - 0.5 * (times[i] + times[i + 1]))
+            if self._lag:
+                gained = self._lagged_at(stop) - self._lagged_at(start)
+                force -= self._lag * gained / length if length > 0.0 else 0.0
             left = end - middle
             if force < 0.0:
                 reverse += force * length
@@ -196,7 +246,7 @@ class DelayedForce:
         oldest, newest = self._times[0], self._times[-1]
         before, after = self._means[0], self._means[-1]
         a, b = min(max(start, oldest), newest), max(min(end, newest), oldest)
-        impulse, moment, first, last = self.over(a, b) if b > a else (0.0, 0.0, after, before)
+        impulse, moment, first, last = self._asked(a, b) if b > a else (0.0, 0.0, after, before)
         if start < oldest:
             first, early = before, min(end, oldest) - start
             moment += before * early * (min(end, newest) - start - 0.5 * early)
@@ -210,13 +260,15 @@ class DelayedForce:
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'times': list(self._times), 'means': list(self._means),
-                'slopes': list(self._slopes), 'held': self._held,
+                'slopes': list(self._slopes), 'lagged': list(self._lagged), 'held': self._held,
                 'squares': self._squares, 'cubes': self._cubes}
 
     def restore(self, state: Any) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        times, means, slopes = ([float(x) for x in state[name]]
-                                for name in ('times', 'means', 'slopes'))
+        times, means, slopes, lagged = (
+            [float(x) for x in state[name]] for name in ('times', 'means', 'slopes', 'lagged'))
+        if len(lagged) != (len(means) if self._lag else 0) or not all(map(math.isfinite, lagged)):
+            raise ValueError('the lagged force does not fit')
         if not len(times) - 1 == len(means) == len(slopes) or sorted(set(times)) != times or (
                 not all(map(math.isfinite, (*times, *means, *slopes)))):
             raise ValueError('the recent force does not fit')
@@ -225,5 +277,5 @@ class DelayedForce:
             raise ValueError('the size of the force does not fit')
         self.bend = DEAD_BAND
         self._set_size(squares, cubes)
-        self._times, self._means, self._slopes = times, means, slopes
+        self._times, self._means, self._slopes, self._lagged = times, means, slopes, lagged
         self._held, self._near = bool(state['held']), 0

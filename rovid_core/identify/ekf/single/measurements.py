@@ -69,6 +69,8 @@ class MeasurementClock:
         Index among the parameters of those that the filter makes itself; here they are 0.
     forgets : bool
         Whether the force may go when it is old.
+    lag : float
+        [s] Time constant of the thrusters.
 
     Attributes
     ----------
@@ -80,22 +82,27 @@ class MeasurementClock:
     """
 
     def __init__(self, force: float, velocity: float, couplings: int, watched: int,
-                 own: tuple[int, int], forgets: bool) -> None:
+                 own: tuple[int, int], forgets: bool, lag: float) -> None:
         self._force, self._velocity = force, velocity
         self.couplings = couplings
         self.watched = watched
-        self._forgets = forgets
+        self._forgets, self._lag = forgets, lag
         self._own = [i - 4 for i in own if i >= 0]
         self._no_couplings, self._nothing_watched = [0.0] * couplings, (0.0,) * watched
         self.restart()
 
     def restart(self) -> None:
         """Begin a new path."""
-        self.recent = DelayedForce(self._forgets)
+        self.recent = DelayedForce(self._forgets, self._lag)
         self._path = 0.0
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []
         self.ahead = 0.0
+
+    def set_lag(self, lag: float) -> None:
+        """Use another time constant [s]."""
+        self._lag = lag
+        self.recent.set_lag(lag)
 
     def add_step(self, step: Step) -> Measurement | None:
         """Return what a step measures, None where more fixes come into the measurement."""

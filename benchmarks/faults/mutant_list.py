@@ -438,7 +438,7 @@ MUTANTS = [
          ('another heading leaves the log as it was read',
           'if _changes(heading):', 'if False:')),
     *_of('rovid_core/trials/tuning/log.py', 'test/core/test_tuning.py '
-         'finds_how_late_fixes_are_stamped',
+         'turns_alone_tell_how_late_fixes_are',
          ('fixes that are late are turned by a later attitude',
           'one.ends - round(late / NS)', 'one.ends + round(late / NS)')),
     *_of('rovid_core/trials/tuning/timing.py', 'test/core/test_tuning.py',

@@ -186,6 +186,13 @@ def test_finds_how_late_fixes_are_stamped(rov: Settings) -> None:
     assert 'thrusters.latency' not in changes
 
 
+def test_turns_alone_tell_how_late_fixes_are(rov: Settings) -> None:
+    """No DOF has another input, which would tell it by its thrust."""
+    plane = replace(rov, dofs=('surge', 'sway'))
+    changes = tune(log_of(rov, 80.0, late={'position': 0.3}), plane).changes()
+    assert changes['position.latency'] == pytest.approx(0.3, abs=0.03)
+
+
 @pytest.fixture(scope='module')
 def diver() -> Settings:
     """Return the paper's vehicle with surge and heave, which do not turn."""

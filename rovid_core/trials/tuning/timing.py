@@ -146,10 +146,12 @@ def late_input(sources: Sequence[str], pairs: list[Pair], errors: list[Array], s
             return None
         i, j = late.best
         lags = _near(pairs[i][1], LAGS, finer)
-        new = {(delay, lag) for k in (i, j) for lag in lags
-               for delay in _near(pairs[k][0], DELAYS, finer) if delay >= 0.0} - {*pairs}
-        errors = [np.concatenate(both) for both in zip(errors, scores(sorted(new)))]
-        pairs = pairs + sorted(new)
+        new = [pair for pair in dict.fromkeys(
+            (delay, lag) for k in (i, j) for lag in lags
+            for delay in _near(pairs[k][0], DELAYS, finer) if delay >= 0.0) if pair not in pairs]
+        if new:
+            errors = [np.concatenate(both) for both in zip(errors, scores(new))]
+            pairs = pairs + new
         late = _Late(late.name, sources, pairs, errors, shared)
     choice = late.choice
     if not choice.is_better:

@@ -412,7 +412,8 @@ MUTANTS = [
           'Change(change.before, change.before)', 'replace(change, after=change.before)')),
     *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_reverse.py '
          'tuning_adds_the_drag_and_leaves_the_thrust_to_the_thrusters',
-         ('drag that is larger in reverse makes weaker thrusters', '0).index:', '0).index > 1:')),
+         ('drag that is larger in reverse makes weaker thrusters', 'own.errors)], 0).is_better',
+          'own.errors)], 0).index > 1')),
     *_of('rovid_core/trials/tuning/heading.py', 'test/core/test_tuning.py '
          'a_latency_that_only_turns_want_is_not_taken a_latency_that_is_known_changes_no_mass',
          ('no mass is owed to a latency', 'if np.abs(masses).max() >', 'if masses.max() >'),

@@ -153,11 +153,10 @@ def tune(read: Callable[[Settings], TuningLog], settings: Settings,
     # what the thrusters lacked hid some couplings, or looked like one
     first = _Models(now, thrusters, pair, each)
     if thrusters.reverse != settings.thrusters.reverse:
-        # and drag that is larger in reverse looks like weaker thrust
-        drag = _Models(now, replace(thrusters, reverse=settings.thrusters.reverse), pair, each,
-                       ('reverse_thrust',))
-        if choose([np.stack(both) for both in zip(first.errors, drag.errors)], 0).index:
-            first = drag
+        # and what one DOF does in reverse looks like weaker thrusters
+        own = _Models(now, replace(thrusters, reverse=settings.thrusters.reverse), pair, each)
+        if choose([np.stack(both) for both in zip(first.errors, own.errors)], 0).is_better:
+            first = own
             found = [_unchanged(stage) if REVERSE_KEY in stage.keys else stage for stage in found]
     stages += [_rounded(stage) for stage in found]
     coupled, couplings, commanded = first.dofs, first.couplings, first.commanded

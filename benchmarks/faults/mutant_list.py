@@ -407,13 +407,39 @@ MUTANTS = [
           'water = finder.log.water', 'pass')),
     *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_tuning.py '
          'a_latency_that_only_turns_want_is_not_taken',
-         ('tuning takes a latency that predicts worse', 'if _predicts_better(', 'if bool(')),
+         ('tuning takes a latency that predicts worse', 'if _predicts_better(', 'if bool('),
+         ('a latency that stays is not among those that are as good',
+          'Change(change.before, change.before)', 'replace(change, after=change.before)')),
+    *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_reverse.py '
+         'tuning_adds_the_drag_and_leaves_the_thrust_to_the_thrusters',
+         ('drag that is larger in reverse makes weaker thrusters', 'own.errors)], 0).is_better',
+          'own.errors)], 0).index > 1')),
+    *_of('rovid_core/trials/tuning/heading.py', 'test/core/test_tuning.py '
+         'a_latency_that_only_turns_want_is_not_taken a_latency_that_is_known_changes_no_mass',
+         ('no mass is owed to a latency', 'if np.abs(masses).max() >', 'if masses.max() >'),
+         ('every latency changes a mass too much', '.masses[0], MASS_KNOWN)', '.masses[0], 0.0)')),
+    *_of('rovid_core/trials/tuning/timing.py', 'test/core/test_tuning.py '
+         'an_input_whose_dofs_answer_later_than_all_others_is_late',
+         ('no input comes late', 'if len({*sources}) < 2:', 'if len({*sources}) < 9:'),
+         ('an input is late by all of the delay',
+          'pairs[i][0] - pairs[j][0]', 'pairs[i][0] + 0.1')),
+    *_of('rovid_core/trials/tuning/cross_validation.py', 'test/core/test_tuning.py',
+         ('a part without steps counts', '~np.isnan(own[0])', '(own[0] == own[0]) | True'),
+         ('a gain may cost a DOF', 'return bool(mean < -width)', 'return bool(mean > width)'),
+         ('large errors count more than small ones', 'scores = sum(np.log(np.maximum(',
+          'scores = sum((np.maximum(')),
+    *_of('rovid_core/trials/tuning/searches.py', 'test/core/test_tuning.py '
+         'a_term_that_is_missing_is_added',
+         ('no term is added', 'candidates[choice.index] if choice.is_better', 'before if True')),
+    *_of('rovid_ros/commands/tune.py', 'test/commands/test_tune.py '
+         'warns_of_the_settings_in_use_alone',
+         ('what is only tried is warned of', 'tried is not settings or', 'False or')),
     *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_tuning.py '
          'with_another_heading_the_log_is_read_again_and_couplings_are_sought',
          ('another heading leaves the log as it was read',
           'if _changes(heading):', 'if False:')),
     *_of('rovid_core/trials/tuning/log.py', 'test/core/test_tuning.py '
-         'finds_how_late_fixes_are_stamped',
+         'turns_alone_tell_how_late_fixes_are',
          ('fixes that are late are turned by a later attitude',
           'one.ends - round(late / NS)', 'one.ends + round(late / NS)')),
     *_of('rovid_core/trials/tuning/timing.py', 'test/core/test_tuning.py',
@@ -421,8 +447,8 @@ MUTANTS = [
           'if 0.0 <= settings.max_wait < wait', 'if 0.0 <= settings.max_wait < 0.0'),
          ('commands that are late have a delay below 0',
           'if delay < 0.0:', 'if delay < -9.0:'),
-         ('one DOF that answers early makes late commands', '.spread, WORTH) and all(',
-          '.spread, WORTH) and any(')),
+         ('one DOF that answers early makes late commands', 'late.is_better and all(',
+          'late.is_better and any(')),
     *_of('rovid_core/trials/tuning/cross_validation.py', 'test/core/test_tuning.py '
          'a_fix_a_second_finds_the_delay_of_thrust_that_changes_sooner',
          ('the second between two fixes is one step',

@@ -108,18 +108,20 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
 
     Where a current shows, they are read once before, by the method that estimates it.
     """
-    def read(settings: Settings) -> TuningLog:
+    def read(tried: Settings) -> TuningLog:
         water = None
-        if settings.sees_current:
-            first = replace(settings, identifier=IdentifierSettings('ekf'))
+        if tried.sees_current:
+            first = replace(tried, identifier=IdentifierSettings('ekf'))
             finder = TuningPlayer(first)
             replay(logs, first, finder, start=start, duration=duration)
             water = finder.log.water
-        read_with = reading_settings(settings)
+        read_with = reading_settings(tried)
         player = TuningPlayer(read_with, water)
-        # typical sizes are found here, so that warnings about them would be out of place
+        # typical sizes are found here, so that warnings about them would be out of place, as are
+        # those about what is only tried
         replay(logs, read_with, player, start=start, duration=duration,
-               warn=lambda line: None if line.startswith('typical sizes') else warn(line))
+               warn=lambda line: None if tried is not settings or line.startswith('typical sizes')
+               else warn(line))
         return player.log
 
     share = 0.0
@@ -175,7 +177,7 @@ def _notes(tuned: Tuned) -> str:
     stay: list[str] = []
     told: list[str] = []
     for stage in tuned.stages:
-        if stage.gain > stage.spread:
+        if any(change.after != change.before for change in stage.keys.values()):
             better.append((stage.gain, f'{" and ".join(stage.keys)}: '
                            f'{_percent(stage.gain, stage.spread)} better'))
         else:

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
 import json
 from pathlib import Path
 import re
 
 import pytest
+from rovid_core.settings.run import CurrentSettings, Settings
 from rovid_core.trials.tuning.cross_validation import Change, Stage
+from rovid_core.trials.tuning.log import TuningLog
 from rovid_core.trials.tuning.tune import Tuned
+from rovid_ros.commands import tune as command
 from rovid_ros.commands.main import main
 from rovid_ros.commands.tune import tuned_text
 from rovid_ros.config.parameter_file import edited, load
@@ -100,6 +105,24 @@ def test_the_tuned_file_replays_better(
                      '--json', f'{folder}/out.json']) == 0
         errors.append(json.loads((folder / 'out.json').read_text())['dofs']['surge']['mae'])
     assert errors[1] < 0.9 * errors[0]
+
+
+def test_warns_of_the_settings_in_use_alone(
+        folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def tried(read: Callable[[Settings], TuningLog], settings: Settings, *_: object) -> Tuned:
+        read(settings)
+        read(replace(settings, yaw_offset=0.1))
+        return Tuned((), (), {}, {})
+
+    def warns(*_: object, warn: Callable[[str], None], **__: object) -> None:
+        warn('the clock of an input')
+
+    monkeypatch.setattr(command, 'tune', tried)
+    monkeypatch.setattr(command, 'replay', warns)
+    told: list[str] = []
+    settings = replace(settings_from(load(folder / 'mine.yaml')), current=CurrentSettings(0.0))
+    command.tune_logs([folder / 'log.mcap'], settings, warn=told.append)
+    assert told == ['the clock of an input']
 
 
 def test_where_nothing_gains_it_says_so() -> None:

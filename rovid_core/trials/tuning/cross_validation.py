@@ -1,8 +1,10 @@
 """
 Blocks of a trial that are held out in turn, and the choice among candidates by them.
 
-The trial of a degree of freedom is divided into ``FOLDS`` folds of equal time. A candidate is
-scored on each fold by a model that was fitted to the others.
+The trial of a degree of freedom is divided into ``FOLDS`` folds of equal time, and each of these
+into equal parts of about ``PART``. A candidate has an error on each part, of a model that was
+fitted to the other folds. Candidates are compared by the ratios of their errors on the same part:
+a part that is hard to predict, or of another degree of freedom, counts no more than others.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from rovid_core.trials.tuning.log import CommandedForce, Segment
 
 NS = 1e-9
 FOLDS = 8  # blocks of time of equal length; each is held out once
+PART = 15.0  # [s] longer than most vehicles remember a push, shorter than a pilot drives one axis
 # [s] Shorter steps are joined, and longer ones simulated in parts: a vehicle's velocity hardly
 # bends in this time, and the impulse over it is exact whatever the delay
 STEP = 0.2
@@ -35,6 +38,8 @@ class Blocks:
     measured: Array  # shape (steps, pieces); mean velocity of each step [m/s or rad/s]
     regressors: Array  # shape (steps, k, pieces); means of those of the couplings
     fold: NDArray[np.intp]  # shape (pieces,); which fold each piece is in
+    part: NDArray[np.intp]  # shape (steps, pieces); which part of all folds each step is in
+    count: int  # parts of each fold
     parts: int  # in which each step is simulated
 
     @property
@@ -61,22 +66,36 @@ class Blocks:
         """Return a force without the padding."""
         return np.asarray(force[np.repeat(self.valid, self.parts, axis=0)])
 
-    def by_fold(self, values: Array) -> Array:
-        """Return the means over each fold of values of shape (steps, ..., pieces)."""
-        total = np.einsum('k...p,kp->...p', values, self.valid.astype(float))
-        member = self.fold[:, None] == np.arange(FOLDS)
-        return np.asarray(total @ member / (self.valid.sum(axis=0) @ member))
+    def by_part(self, values: Array) -> Array:
+        """
+        Return the means over each part of values of shape (steps, ..., pieces).
+
+        They have shape (..., FOLDS, count), NaN for a part without a step.
+        """
+        valid = self.valid.T
+        part = self.part.T[valid]
+        begins = np.flatnonzero(np.diff(part, prepend=-1))
+        steps = np.moveaxis(values, 0, -1)[..., valid]
+        found = np.full((*steps.shape[:-1], FOLDS * self.count), np.nan)
+        for i, begin, end in zip(part[begins], begins, [*begins[1:], len(part)]):
+            found[..., i] = steps[..., begin:end].mean(axis=-1)
+        return found.reshape(*steps.shape[:-1], FOLDS, self.count)
 
 
-def fold_bounds(segments: Sequence[Segment]) -> Array:
-    """Return the bounds of the folds [ns], with as much time in steps each; (FOLDS + 1,)."""
+def time_of(segments: Sequence[Segment]) -> float:
+    """Return the time [s] in steps."""
+    return sum(int(segment.ends[-1]) - segment.start for segment in segments) * NS
+
+
+def part_bounds(segments: Sequence[Segment], count: int) -> Array:
+    """Return the bounds of ``count`` parts of each fold [ns], with as much time in steps each."""
     first = segments[0].start
     times, so_far = [], [0]
     for segment in segments:
         start, end = segment.start - first, segment.ends[-1] + 1 - first
         times += [start, end]
         so_far += [so_far[-1] + end - start] * 2
-    shares = np.linspace(0, so_far[-1], FOLDS + 1)
+    shares = np.linspace(0, so_far[-1], FOLDS * count + 1)
     return np.asarray(first + np.interp(shares, so_far[:-1], times))
 
 
@@ -84,17 +103,19 @@ def blocks(segments: Sequence[Segment], bounds: Array) -> Blocks | None:
     """
     Divide a trial of one DOF into blocks; None if some fold has no piece.
 
-    ``bounds`` are those of the folds [ns], shape (FOLDS + 1,).
+    ``bounds`` are those of the parts of all folds [ns], as many in each.
     """
-    pieces: list[tuple[int, NDArray[np.int64], Array]] = []
+    count = len(bounds) // FOLDS
+    pieces: list[tuple[NDArray[np.intp], NDArray[np.int64], Array]] = []
     for segment in segments:
         nodes, means = _joined(*segment.intervals())
         of_step = np.searchsorted(bounds, nodes[:-1], 'right') - 1
         for fold in range(FOLDS):
-            own = np.flatnonzero(of_step == fold)
+            own = np.flatnonzero(of_step // count == fold)
             if len(own) >= MIN_STEPS:
-                pieces.append((fold, nodes[own[0]:own[-1] + 2], means[:, own]))
-    if {fold for fold, _, _ in pieces} != set(range(FOLDS)):
+                pieces.append((of_step[own], nodes[own[0]:own[-1] + 2], means[:, own]))
+    folds = np.array([part[0] // count for part, _, _ in pieces], np.intp)
+    if {*folds.tolist()} != {*range(FOLDS)}:
         return None
     longest = max(means.shape[1] for _, _, means in pieces)
     # shape (1 + k, steps, pieces)
@@ -103,7 +124,8 @@ def blocks(segments: Sequence[Segment], bounds: Array) -> Blocks | None:
     return Blocks(
         np.stack([np.pad(nodes, (0, longest + 1 - len(nodes)), mode='edge')
                   for _, nodes, _ in pieces], axis=1),
-        padded[0], padded[1:].transpose(1, 0, 2), np.array([fold for fold, _, _ in pieces]),
+        padded[0], padded[1:].transpose(1, 0, 2), folds,
+        np.stack([np.pad(part, (0, longest - len(part))) for part, _, _ in pieces], axis=1), count,
         max(1, round(float(np.median([np.median(np.diff(n)) for _, n, _ in pieces])) * NS / STEP)))
 
 
@@ -121,11 +143,10 @@ def _joined(nodes: NDArray[np.int64], means: Array) -> tuple[NDArray[np.int64], 
     return nodes, np.diff(path) / (np.diff(nodes) * NS)
 
 
-# Another term or clock has to lower the error by this share: without it the model is simpler.
+# Anything else has to lower the error by this share: what is in use is simpler, or known.
 WORTH = 0.01
 
-T95 = 2.4  # standard errors of a mean over 8 folds, for 95 % (Student's t)
-
+TINY = 1e-12  # [m/s or rad/s] no smaller error counts: of a ratio it would be a division by 0
 
 Result = TypeVar('Result')
 
@@ -142,46 +163,79 @@ class Choice:
     """The best candidate."""
 
     index: int  # which one
-    # By how much it scores better than the current one, in shares of that one's score, and ``T95``
-    # standard errors of it. For each fold the best is chosen by the others, so that the luckiest
-    # of many gains nothing by its luck.
+    # By how much its errors are smaller than those of the current one, as a share, and by how much
+    # less that may be, with 95 %. For each fold the best is chosen by the others, so that the
+    # luckiest of many gains nothing by its luck.
     gain: float
     spread: float
     as_good: NDArray[np.intp]  # the candidates that the data can not tell from the best
+    contradicted: bool  # some DOF is predicted worse by more than chance
 
     @property
     def is_better(self) -> bool:
-        """Tell whether the gain is more than chance."""
-        return self.gain > self.spread
+        """Tell whether the gain is more than chance, and worth it."""
+        return self.gain > max(self.spread, WORTH)
 
 
-def choose(scores: Array, current: int) -> Choice:
+def choose(errors: Sequence[Array], current: int) -> Choice:
     """
-    Choose the candidate with the lowest mean score; ``current`` is the one that is in use.
+    Choose the candidate with the lowest errors; ``current`` is the one that is in use.
 
-    ``scores`` are errors, shape (candidates, folds), infinite for a candidate that does not work.
+    ``errors`` of each DOF have shape (candidates, FOLDS, parts). They are infinite for a candidate
+    that does not work, and NaN where a part has no step.
     """
-    total = scores.sum(axis=1)
+    scores, weights = _logarithms(errors)
+    of_fold = scores.sum(axis=2)
+    total = of_fold.sum(axis=1)
     best = int(total.argmin())
-    without = np.subtract(total[:, None], scores, out=np.full(scores.shape, np.inf),
-                          where=np.isfinite(scores))
-    folds = np.arange(scores.shape[1])
-    gains = scores[current] - scores[without.argmin(axis=0), folds]
+    without = np.subtract(total[:, None], of_fold, out=np.full(of_fold.shape, np.inf),
+                          where=np.isfinite(of_fold))
+    gains = scores[current] - scores[without.argmin(axis=0), np.arange(len(weights))]
     usable = np.flatnonzero(np.isfinite(total))
-    worse = scores[usable] - scores[best]
-    as_good = usable[worse.mean(axis=1) <= half_width(worse)]
-    mean = float(scores[current].mean())
-    return Choice(best, float(gains.mean()) / mean, float(half_width(gains)) / mean, as_good)
+    worse, width = _mean_and_width(scores[usable] - scores[best], weights)
+    return Choice(best, *_as_share(*_mean_and_width(gains, weights)), usable[worse <= width], any(
+        _is_worse(own[current], own[best]) for own in errors))
 
 
-def half_width(values: Array) -> Array:
-    """Return half the width of the 95 % interval of the mean over the last axis."""
-    return np.asarray(T95 * values.std(axis=-1, ddof=1) / np.sqrt(values.shape[-1]))
+def _is_worse(before: Array, after: Array) -> bool:
+    """Tell whether the errors of a DOF, shape (FOLDS, parts), have grown by more than chance."""
+    scores, weights = _logarithms([np.stack([before, after])])
+    mean, width = _mean_and_width(scores[0] - scores[1], weights)
+    return bool(mean < -width)
 
 
-def relative(parts: Sequence[Array], current: int) -> Array:
-    """Return the scores of several DOFs as one: each in its present ones' mean."""
-    return np.asarray(sum(part / part[current].mean() for part in parts) / len(parts))
+def gain_of(before: Array, after: Array) -> tuple[float, float]:
+    """Return gain and spread, as in ``Choice``, of the errors of a DOF, shape (FOLDS, parts)."""
+    scores, weights = _logarithms([np.stack([before, after])])
+    return _as_share(*_mean_and_width(scores[0] - scores[1], weights))
+
+
+def _logarithms(errors: Sequence[Array]) -> tuple[Array, Array]:
+    """Return sums over all DOFs of the logarithms of errors, and how many there are each."""
+    known = [~np.isnan(own[0]) for own in errors]
+    scores = sum(np.log(np.maximum(np.where(there, own, 1.0), TINY))
+                 for there, own in zip(known, errors))
+    return np.asarray(scores), np.sum(known, axis=0, dtype=float)
+
+
+def _mean_and_width(sums: Array, weights: Array) -> tuple[Array, Array]:
+    """
+    Return means per DOF and part, and half the widths of their 95 % intervals.
+
+    ``sums`` over the DOFs that ``weights`` counts have shape (..., FOLDS, parts). What DOFs do at
+    the same time may hang together: each part counts as one draw.
+    """
+    more = int((weights > 0.0).sum()) - 1
+    mean = sums.sum(axis=(-2, -1)) / weights.sum()
+    squares = ((sums - mean[..., None, None] * weights) ** 2).sum(axis=(-2, -1))
+    quantile = 1.96 + 2.37 / more + 2.82 / more ** 2  # of Student's t
+    return mean, np.asarray(quantile * np.sqrt(squares * (1.0 + 1.0 / more)) / weights.sum())
+
+
+def _as_share(mean: Array, width: Array) -> tuple[float, float]:
+    """Return a gain in shares from a mean of the logarithms of ratios, and its spread."""
+    gain = -math.expm1(-float(mean))
+    return gain, gain + math.expm1(float(width - mean))
 
 
 @dataclass(frozen=True)

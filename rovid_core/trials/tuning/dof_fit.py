@@ -13,11 +13,17 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.model.dofs import OWN
+from rovid_core.model.dofs import OWN, PARAMETERS
 from rovid_core.model.lowpass import weights
 from rovid_core.model.trajectory import Array, drag_at, midpoint_steps
 from rovid_core.settings.run import DofSettings, Scales, Settings
-from rovid_core.trials.tuning.cross_validation import Blocks, blocks, fold_bounds, FOLDS
+from rovid_core.trials.tuning.cross_validation import (
+    Blocks,
+    blocks,
+    FOLDS,
+    part_bounds,
+    time_of,
+)
 from rovid_core.trials.tuning.log import CommandedForce, Segment, TuningLog
 
 ITERATIONS, FROM_NEAR = 30, 6  # of Gauss and Newton at most; from what was found before, fewer
@@ -25,7 +31,31 @@ SETTLED = 1e-4  # relative change of the cost after which an iteration ends
 HUBER_LIMIT = 2.0  # residuals beyond this many median ones count less and less (Huber)
 MIN_INFORMATION = 1e-6  # of the largest: what the data do not show stays where it was
 MIN_TIME = 60.0  # [s] of steps, for less the blocks are too short to be predicted
+T95 = 2.4  # standard errors of a mean over 8 folds, for 95 % (Student's t)
 MIN_GAIN = 0.05  # a model has to be this much better than a constant velocity for a DOF to count
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The models of all candidates."""
+
+    theta: Array  # shape (candidates, 4 + k); scaled parameters, from all folds
+    # shape (candidates, FOLDS, 4 + k); the same from all folds but one
+    without: Array
+    # shape (candidates, FOLDS, parts); mean absolute error on each part of a fold of the model of
+    # the others [m/s or rad/s]
+    errors: Array
+
+    @property
+    def masses(self) -> Array:
+        """Return the masses, shape (candidates,), in a unit that is the same for all."""
+        return np.asarray(1.0 / self.theta[:, 0])
+
+    @property
+    def mass_widths(self) -> Array:
+        """Return half the widths of the masses' 95 % intervals, as the folds tell them."""
+        masses = 1.0 / self.without[:, :, 0]  # the jackknife
+        return np.asarray(T95 * (FOLDS - 1) / math.sqrt(FOLDS) * masses.std(axis=1, ddof=1))
 
 
 @dataclass
@@ -77,7 +107,8 @@ class OutputError:
             scales.bounds(), scales.coupling_bounds()))
 
     def fit(self, force: Array, measured: Array | None = None,
-            begin: Array | None = None) -> tuple[Array, Array]:
+            begin: Array | None = None,
+            active: NDArray[np.bool_] | None = None) -> Fit:
         """
         Fit and score all candidates.
 
@@ -89,13 +120,8 @@ class OutputError:
             Where the candidates differ in it.
         begin : ndarray, shape (4 + k,), optional
             Scaled parameters to begin with.
-
-        Returns
-        -------
-        theta : ndarray, shape (candidates, 4 + k)
-            Scaled parameters, from all blocks.
-        scores : ndarray, shape (candidates, FOLDS)
-            Mean absolute error on each block of the model of the others [m/s or rad/s].
+        active : ndarray of bool, shape (candidates, 4 + k), optional
+            Where the candidates differ in what they have of them.
 
         """
         force = force / self.scales.force
@@ -103,12 +129,14 @@ class OutputError:
         target = np.broadcast_to(
             target / self.scales.velocity, (len(target), *force.shape[1:]))
         count = force.shape[1]
-        theta = np.tile(self._first if begin is None else begin, (count, 1))
+        free = np.broadcast_to(self._active if active is None else active, (
+            count, len(self._active)))
+        theta = np.where(free, self._first if begin is None else begin, 0.0)
         start = target[:5].mean(axis=0)
         damping = np.full(count, 1e-2)
         kept = self._normal(theta, start, force, target, np.full(count, np.inf))
         for _ in range(ITERATIONS if begin is None else FROM_NEAR):
-            step, begins = self._step(theta, kept, damping)
+            step, begins = self._step(theta, free, kept, damping)
             trial = self._normal(theta + step, start + begins, force, target, kept.limit)
             better = trial.before <= kept.cost * (1.0 + SETTLED)
             settled = better & (trial.before >= kept.cost * (1.0 - SETTLED))
@@ -118,22 +146,24 @@ class OutputError:
             kept.replace(better, trial)
             if settled.all():
                 break
-        return theta, self._held_out(theta, start, kept, force, target)
+        without = self._without_each(theta, free, kept)
+        of_piece = without[:, self.blocks.fold].transpose(2, 0, 1)
+        return Fit(theta, without, self.score(of_piece, start, force, target))
 
     def score(self, theta: Array, start: Array, force: Array, target: Array) -> Array:
         """
-        Return the mean absolute error on each fold, shape (candidates, FOLDS) [m/s or rad/s].
+        Return the mean absolute error on each part of a fold [m/s or rad/s].
 
-        All is in typical sizes: ``theta`` of shape (4 + k, candidates, pieces or 1), ``start`` of
-        (candidates or 1, pieces), ``target`` of (steps, candidates or 1, pieces), and ``force``
-        likewise for each part of a step.
+        It has shape (candidates, FOLDS, parts). All is in typical sizes: ``theta`` of shape
+        (4 + k, candidates, pieces or 1), ``start`` of (candidates or 1, pieces), ``target`` of
+        (steps, candidates or 1, pieces), and ``force`` likewise for each part of a step.
         """
         errors, error = np.empty(target.shape), np.zeros(target.shape[1:])
         steps = self._steps(theta, start, force)
         for k in range(len(target)):
             mean = sum(next(steps)[0] for _ in range(self.blocks.parts)) / self.blocks.parts
             errors[k] = error = error + self.weights[k] * (mean - target[k] - error)
-        return self.blocks.by_fold(np.abs(errors)) * self.scales.velocity
+        return self.blocks.by_part(np.abs(errors)) * self.scales.velocity
 
     def _steps(self, theta: Array, start: Array, force: Array) -> Iterator[tuple[Array, Array]]:
         """Return the mean and the last velocity of each part of a step."""
@@ -154,17 +184,16 @@ class OutputError:
             found[i] = np.minimum(force, 0.0)
         return found
 
-    def _held_out(self, theta: Array, start: Array, normal: NormalEquations, force: Array,
-                  target: Array) -> Array:
-        """Take each block out by a Newton step, for sums over blocks can be taken apart."""
+    def _without_each(self, theta: Array, free: NDArray[np.bool_],
+                      normal: NormalEquations) -> Array:
+        """Take each fold out by a Newton step, for sums over pieces can be taken apart."""
         rest = (self.blocks.fold[:, None] != np.arange(FOLDS)).astype(float)  # (pieces, FOLDS)
-        own = np.empty((len(theta), FOLDS, theta.shape[1]))
+        found = np.empty((len(theta), FOLDS, theta.shape[1]))
         for fold in range(FOLDS):
-            own[:, fold] = theta + self._solved(
-                theta, np.einsum('cpij,p->cij', normal.inside, rest[:, fold]),
+            found[:, fold] = theta + self._solved(
+                theta, free, np.einsum('cpij,p->cij', normal.inside, rest[:, fold]),
                 np.einsum('cpi,p->ci', normal.slope, rest[:, fold]), np.full(len(theta), 1e-9))
-        of_piece = own[:, self.blocks.fold].transpose(2, 0, 1)
-        return self.score(of_piece, start, force, target)
+        return found
 
     def _normal(self, theta: Array, start: Array, force: Array, target: Array,
                 limit: Array) -> NormalEquations:
@@ -219,13 +248,15 @@ class OutputError:
                 whole, of_whole = np.zeros_like(start), np.zeros_like(slope)
         return errors, slopes
 
-    def _step(self, theta: Array, normal: NormalEquations, damping: Array) -> tuple[Array, Array]:
-        step = self._solved(theta, normal.inside.sum(axis=1), normal.slope.sum(axis=1), damping)
+    def _step(self, theta: Array, free: NDArray[np.bool_], normal: NormalEquations,
+              damping: Array) -> tuple[Array, Array]:
+        step = self._solved(
+            theta, free, normal.inside.sum(axis=1), normal.slope.sum(axis=1), damping)
         return step, -normal.right - np.einsum('cpi,ci->cp', normal.cross, step)
 
-    def _solved(self, theta: Array, inside: Array, slope: Array, damping: Array) -> Array:
-        """Return the Newton step inside the bounds."""
-        free = np.broadcast_to(self._active, theta.shape)
+    def _solved(self, theta: Array, free: NDArray[np.bool_], inside: Array, slope: Array,
+                damping: Array) -> Array:
+        """Return the Newton step inside the bounds, of the parameters that are ``free``."""
         diagonal = np.einsum('cii->ci', inside)
         most = diagonal.max(axis=1, keepdims=True)
         extra = damping[:, None] * diagonal + MIN_INFORMATION * most + 1e-12
@@ -247,8 +278,8 @@ class Dof:
     One DOF that is tuned with: ``settings`` have typical sizes from the data.
 
     Predictions are compared through a low-pass of ``cutoff`` [Hz]. ``possible`` are the names of
-    the couplings whose regressors are measured. Scores are mean absolute errors on held-out
-    blocks, shape (candidates, FOLDS) [m/s or rad/s].
+    the couplings whose regressors are measured. Errors are mean absolute ones on parts of
+    held-out folds, shape (candidates, FOLDS, parts) [m/s or rad/s].
     """
 
     def __init__(self, name: str, row: int, segments: list[Segment], blocks: Blocks,
@@ -266,29 +297,34 @@ class Dof:
 
     def fit_commands(self, candidates: Sequence[CommandedForce],
                      pair: tuple[float, float]) -> Array:
-        """Return the scores of a model for each way in which commands become a force."""
-        return self._fit([self.blocks.force(one, self.row, *pair) for one in candidates])
+        """Return the errors of a model for each way in which commands become a force."""
+        return self._fit([self.blocks.force(one, self.row, *pair) for one in candidates]).errors
 
-    def fit_with(self, commanded: CommandedForce, pair: tuple[float, float],
-                 settings: DofSettings) -> Array:
-        """Return the scores of a model with other terms or couplings."""
-        force = self.blocks.force(commanded, self.row, *pair)
-        return self.with_settings(settings).problem.fit(force[:, None])[1]
+    def fit_models(self, commanded: CommandedForce, pair: tuple[float, float],
+                   models: Sequence[DofSettings]) -> Array:
+        """Return the errors of models with other terms or couplings."""
+        names = tuple(dict.fromkeys(name for model in models for name in model.couplings))
+        active = np.array([[*[name in model.terms for name in PARAMETERS],
+                            *[name in model.couplings for name in names]] for model in models])
+        whole = self.with_settings(replace(self.settings, terms=PARAMETERS, couplings=names))
+        force = self.blocks.force(commanded, self.row, *pair)[:, None]
+        return whole.problem.fit(np.broadcast_to(
+            force, (len(force), len(models), force.shape[2])), active=active).errors
 
     def fit(self, commanded: CommandedForce, pairs: Sequence[tuple[float, float]],
-            measured: Array | None = None) -> Array:
-        """Return the scores of a model for each pair of delay and lag."""
+            measured: Array | None = None) -> Fit:
+        """Return a model for each pair of delay and lag."""
         return self._fit(
             [self.blocks.force(commanded, self.row, *pair) for pair in pairs], measured)
 
-    def _fit(self, forces: Sequence[Array], measured: Array | None = None) -> Array:
-        """Return the scores of a model for each force; what a fit begins with is found once."""
+    def _fit(self, forces: Sequence[Array], measured: Array | None = None) -> Fit:
+        """Return a model for each force; what a fit begins with is found once."""
         if self._begin is None:
-            self._begin = self.problem.fit(forces[0][:, None])[0][0]
+            self._begin = self.problem.fit(forces[0][:, None]).theta[0]
         force = np.stack(forces, 1)
         if measured is not None:
             force = np.broadcast_to(force, (len(force), *measured.shape[1:]))
-        return self.problem.fit(force, measured, self._begin)[1]
+        return self.problem.fit(force, measured, self._begin)
 
 
 def typical(blocks: Blocks, force: Array, settings: DofSettings) -> DofSettings:
@@ -299,14 +335,18 @@ def typical(blocks: Blocks, force: Array, settings: DofSettings) -> DofSettings:
 
 
 def dof_or_reason(log: TuningLog, seen: Settings, name: str, settings: DofSettings,
-                  commanded: CommandedForce) -> Dof | str:
-    """Return a DOF of a log that was read with ``seen``, or why nothing can be tuned with it."""
+                  commanded: CommandedForce, count: int) -> Dof | str:
+    """
+    Return a DOF of a log that was read with ``seen``, or why nothing can be tuned with it.
+
+    Each fold has ``count`` parts.
+    """
     segments = log.segments(name)
-    time = sum(int(s.ends[-1]) - s.start for s in segments) * 1e-9
+    time = time_of(segments)
     if time < MIN_TIME:
         # rounded down: of a minute the first fixes make no step
         return f'{math.floor(10.0 * time) / 10.0:g} s of steps, takes {MIN_TIME:.0f} s'
-    parts = blocks(segments, fold_bounds(segments))
+    parts = blocks(segments, part_bounds(segments, count))
     if parts is None:
         return f'an eighth of the log without steps, takes steps in each of {FOLDS} parts'
     row = seen.dofs.index(name)
@@ -319,8 +359,8 @@ def dof_or_reason(log: TuningLog, seen: Settings, name: str, settings: DofSettin
         return 'no motion'
     dof = Dof(name, row, segments, parts, typical(parts, force, settings), seen.cutoff,
               seen.couplings(name))
-    dof.error = float(dof.fit(commanded, [pair]).mean())
-    level = parts.measured - parts.by_fold(parts.measured).mean()
+    dof.error = float(np.nanmean(dof.fit(commanded, [pair]).errors))
+    level = parts.measured - np.nanmean(parts.by_part(parts.measured))
     still = float(np.abs(np.where(parts.valid, level, 0.0)).sum() / parts.valid.sum())
     if not dof.error < (1.0 - MIN_GAIN) * still:
         return 'a motion that its thrust does not explain'

@@ -19,13 +19,10 @@ from rovid_core.trials.tuning.cross_validation import (
     Change,
     Choice,
     choose,
-    fold_bounds,
-    FOLDS,
-    relative,
+    part_bounds,
     Stage,
-    WORTH,
 )
-from rovid_core.trials.tuning.dof_fit import Dof
+from rovid_core.trials.tuning.dof_fit import Dof, Fit
 from rovid_core.trials.tuning.log import (
     CommandedForce,
     Segment,
@@ -37,6 +34,7 @@ from rovid_core.trials.tuning.log import (
 from rovid_core.trials.tuning.timing import latencies, Pair, search_pairs
 
 HEADING = 'attitude.yaw_offset'
+LATENCY = 'position.latency'
 HEADING_STEP = math.radians(15.0)
 # Around the best so far the grid of ``HEADING_STEP`` is refined to this share.
 HEADING_FINER = (0.25, 0.0625, 0.0156)
@@ -55,13 +53,13 @@ def tune_heading(log: TuningLog, dofs: Sequence[Dof], commanded: CommandedForce,
         return None
     angles = [0.0, *(k * HEADING_STEP for k in range(-12, 12) if k)]
     scores = found.scores(angles)
-    choice = choose(scores, 0)
+    choice = choose([scores], 0)
     for share in HEADING_FINER:
         middle = angles[choice.index]
         new = [middle + k * share * HEADING_STEP for k in (-4, -3, -2, -1, 1, 2, 3, 4)]
         angles += new
         scores = np.concatenate([scores, found.scores(new)])
-        choice = choose(scores, 0)
+        choice = choose([scores], 0)
     turn = angles[choice.index] if choice.is_better else 0.0
     best = settings.yaw_offset + angles[choice.index]
     begin = settings.yaw_offset + math.remainder(best, 2.0 * math.pi) - best
@@ -95,6 +93,8 @@ def around_the_best(angles: Sequence[float], choice: Choice) -> list[float]:
 LATENCIES = (-0.35, -0.2, -0.1, 0.0, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0)
 # [s] how late the thrust may act by the clock of the attitude
 DELAYS = (-0.2, 0.0, 0.1, 0.2, 0.4, 0.8)
+TRIED = 9  # latencies of a range that are tried for what they do to the masses
+MASS_KNOWN = 0.1  # share to which a converged mass is known: what changes it less is not told
 
 
 def tune_latency(log: TuningLog, dofs: Sequence[Dof], commanded: CommandedForce,
@@ -110,16 +110,43 @@ def tune_latency(log: TuningLog, dofs: Sequence[Dof], commanded: CommandedForce,
         return None
     pairs, errors = search_pairs(
         (0.0, pair[0]), [*product(LATENCIES, DELAYS)], (LATENCIES, DELAYS), turned_dofs.late, done)
-    choice = choose(relative(errors, 0), 0)
-    late = pairs[choice.index][0] if choice.is_better and choice.gain > WORTH else 0.0
+    choice = choose(errors, 0)
+    late = pairs[choice.index][0] if choice.is_better else 0.0
     good = [late, *[pairs[i][0] for i in choice.as_good]]  # what stays is no worse
     name = 'position' if late >= 0.0 else 'attitude'
     change = latencies(settings, {name: abs(late)})
     if name == 'position':
-        known = change['position.latency']
-        change['position.latency'] = replace(
+        known = change[LATENCY]
+        change[LATENCY] = replace(
             known, low=known.before + min(good), high=known.before + max(good))
     return Stage(change, choice.gain, choice.spread)
+
+
+def latency_note(log: TuningLog, dofs: Sequence[Dof], commanded: CommandedForce,
+                 settings: Settings, pair: Pair, change: Change) -> str:
+    """
+    Return what a range of ``position.latency`` does to the masses, '' if they stay as they are.
+
+    ``change`` is that of the key; ``settings`` are those that the log was read with, and ``pair``
+    is delay and lag of the thrust [s], which narrow the range further.
+    """
+    found = _turned_dofs(log, dofs, commanded, settings, pair)
+    if found is None or not change.low < change.high:
+        return ''
+    known = settings.position.latency
+    lates = np.array([0.0, *np.linspace(change.low - known, change.high - known, TRIED)])
+    fits = found.fits(lates.tolist())
+    as_good = [0, *choose([fit.errors for fit in fits.values()], 0).as_good]
+    told = []
+    for name, fit in fits.items():
+        masses = fit.masses[as_good] / fit.masses[0] - 1.0
+        if np.abs(masses).max() > max(fit.mass_widths[0] / fit.masses[0], MASS_KNOWN):
+            told.append(f'the mass of {name} by {100.0 * masses.min():+.0f} to '
+                        f'{100.0 * masses.max():+.0f} %')
+    low, high = known + lates[as_good].min(), known + lates[as_good].max()
+    return '' if not told else (
+        f'{LATENCY}: {low:.2f} to {high:.2f} s predict this log alike, but change '
+        f'{" and ".join(told)}, which no interval has in it: measure the latency')
 
 
 def _turned_dofs(log: TuningLog, dofs: Sequence[Dof], commanded: CommandedForce,
@@ -140,34 +167,48 @@ class _Turned:
                  own: list[Dof | None], commanded: CommandedForce, pair: Pair) -> None:
         self._log, self._both, self._own = log, both, own
         self._commanded, self._pair = commanded, pair
-        self._bounds = fold_bounds(both[0])
+        self._bounds = part_bounds(
+            both[0], next(dof.blocks.count for dof in own if dof is not None))
 
     def scores(self, angles: Sequence[float]) -> Array:
-        """Return the error of both velocities together, shape (angles, FOLDS) [m/s]."""
-        return sum(self._scores([turned(*self._both, angle) for angle in angles],
-                                [self._pair]), np.zeros((len(angles), FOLDS)))
+        """Return the errors of both velocities together, shape (angles, FOLDS, parts) [m/s]."""
+        return self._scores([turned(*self._both, angle) for angle in angles], [self._pair])
 
     def late(self, pairs: Sequence[Pair]) -> list[Array]:
-        """Return the errors with later fixes, and a delay by the attitude's clock, by DOF."""
+        """Return the errors with later fixes, and a delay by the attitude's clock."""
         axes = {late: turned_by_time(self._log, *self._both, late) for late, _ in pairs}
-        return self._scores([axes[late] for late, _ in pairs],
-                            [(late + delay, self._pair[1]) for late, delay in pairs])
+        return [self._scores([axes[late] for late, _ in pairs],
+                             [(late + delay, self._pair[1]) for late, delay in pairs])]
+
+    def fits(self, lates: Sequence[float]) -> dict[str, Fit]:
+        """Return the models with later fixes [s], by DOF that has thrust."""
+        axes = [turned_by_time(self._log, *self._both, late) for late in lates]
+        pairs = [(late + self._pair[0], self._pair[1]) for late in lates]
+        return {dof.name: dof.fit(self._commanded, pairs, measured)
+                for dof, measured in zip(self._own, self._measured(axes)) if dof is not None}
+
+    def _measured(self, both: Sequence[tuple[list[Segment], list[Segment]]]) -> list[Array]:
+        """Return the velocities of surge and sway, shape (steps, candidates, pieces)."""
+        parts = [[blocks(segments, self._bounds) for segments in own] for own in zip(*both)]
+        return [np.stack([part.measured for part in own if part is not None], 1) for own in parts]
 
     def _scores(self, both: Sequence[tuple[list[Segment], list[Segment]]],
-                pairs: Sequence[Pair]) -> list[Array]:
-        """Return the errors of candidates by DOF, each of shape (candidates, FOLDS) [m/s]."""
-        parts = [[blocks(s, self._bounds) for s in one] for one in both]
+                pairs: Sequence[Pair]) -> Array:
+        """
+        Return the errors of candidates, shape (candidates, FOLDS, parts) [m/s].
+
+        They are summed over both: other axes move the motion from one to the other, and what has
+        none is predicted well.
+        """
         known = next(dof for dof in self._own if dof is not None)
         found = []
-        for i, dof in enumerate(self._own):
-            measured = np.stack([
-                part[i].measured for part in parts if part[i] is not None], 1)  # type: ignore
+        for dof, measured in zip(self._own, self._measured(both)):
             problem = (dof or known).problem
             if dof is not None:
-                found.append(dof.fit(self._commanded, pairs, measured))
+                found.append(dof.fit(self._commanded, pairs, measured).errors)
                 continue
             # without thrust there is no motion this way
             target = measured / problem.scales.velocity
             force = np.zeros((len(target) * problem.blocks.parts, 1, 1))
             found.append(problem.score(np.zeros((4, 1, 1)), 0.0 * target[0], force, target))
-        return found
+        return found[0] + found[1]

@@ -20,10 +20,8 @@ from rovid_core.trials.tuning.cross_validation import (
     Change,
     Choice,
     choose,
-    half_width,
-    relative,
+    gain_of,
     Stage,
-    WORTH,
 )
 from rovid_core.trials.tuning.dof_fit import Dof
 from rovid_core.trials.tuning.log import CommandedForce, TuningLog
@@ -31,37 +29,38 @@ from rovid_core.trials.tuning.log import CommandedForce, TuningLog
 # Of a large command: the dead-bands that are tried first.
 SHARES = (0.0, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3)
 LARGE = 0.95  # quantile of the sizes of the commands that counts as a large one
+REVERSE_KEY = 'thrusters.reverse'
 # Force of a negative command relative to that of the same positive one, tried first.
 REVERSE = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)
 # Then these are tried around the best one, in shares of the way to its neighbours.
 CURVE_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
 
 
-def tune_deadband(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
-                  pair: tuple[float, float]) -> tuple[Stage, ThrusterSettings]:
+def tune_curve(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
+               pair: tuple[float, float]) -> tuple[list[Stage], ThrusterSettings]:
     """
-    Find the dead-band, which all thrusters share; return also the thrusters with it.
+    Find dead-band and reverse thrust, which all thrusters share; return the thrusters with them.
 
-    ``pair`` is delay and lag of the thrust [s].
+    What gains more is taken first, for one can look like the other. ``pair`` is delay and lag of
+    the thrust [s].
     """
     sizes = np.abs((log.commands() - thrusters.offset) * thrusters.scale)
     large = float(np.quantile(sizes[sizes > 0.0], LARGE)) if (sizes > 0.0).any() else 1.0
-    return _tune_curve(_Candidates('deadband', log, dofs, thrusters, pair),
-                       [share * large for share in SHARES])
+    keys = {'deadband': [share * large for share in SHARES], 'reverse': REVERSE}
+    found: dict[str, Stage] = {}
+    while len(found) < len(keys):
+        stages = {key: _tune_key(_Candidates(key, log, dofs, thrusters, pair), first)
+                  for key, first in keys.items() if key not in found}
+        best = max(stages, key=lambda key: stages[key][0].gain - stages[key][0].spread)
+        found[best], changed = stages[best]
+        if changed == thrusters:
+            found.update({key: stage for key, (stage, _) in stages.items()})
+        thrusters = changed
+    return [found[key] for key in keys], thrusters
 
 
-def tune_reverse(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
-                 pair: tuple[float, float]) -> tuple[Stage, ThrusterSettings]:
-    """
-    Find how much less all thrusters push backwards; return also the thrusters with it.
-
-    ``pair`` is delay and lag of the thrust [s].
-    """
-    return _tune_curve(_Candidates('reverse', log, dofs, thrusters, pair), REVERSE)
-
-
-def _tune_curve(candidates: _Candidates,
-                first: Sequence[float]) -> tuple[Stage, ThrusterSettings]:
+def _tune_key(candidates: _Candidates,
+              first: Sequence[float]) -> tuple[Stage, ThrusterSettings]:
     """Try ``first``, then what lies around the best of them."""
     candidates.add([candidates.present, *first])
     grid = sorted(candidates.tried)
@@ -86,7 +85,7 @@ class _Candidates:
         self.key, self.present = key, float(getattr(thrusters, key))
         self._log, self._dofs, self._pair, self._thrusters = log, dofs, pair, thrusters
         self.tried: list[float] = []
-        self._scores: list[list[Array]] = [[] for _ in dofs]
+        self._errors: list[list[Array]] = [[] for _ in dofs]
 
     def thrusters(self, value: float) -> ThrusterSettings:
         """Return the thrusters with another value."""
@@ -96,7 +95,7 @@ class _Candidates:
     @property
     def choice(self) -> Choice:
         """Return the best one."""
-        return choose(relative([np.concatenate(parts) for parts in self._scores], 0), 0)
+        return choose([np.concatenate(parts) for parts in self._errors], 0)
 
     def add(self, values: Sequence[float]) -> None:
         """Fit and score models with further values."""
@@ -104,7 +103,7 @@ class _Candidates:
         if not new:
             return
         forces = [self._log.commanded(self.thrusters(value)) for value in new]
-        for parts, dof in zip(self._scores, self._dofs):
+        for parts, dof in zip(self._errors, self._dofs):
             parts.append(dof.fit_commands(forces, self._pair))
         self.tried += new
 
@@ -122,48 +121,41 @@ class ListChange:
     spread: float
 
 
-def tune_couplings(dof: Dof, commanded: CommandedForce,
-                   pair: tuple[float, float]) -> ListChange:
+def tune_couplings(dof: Dof, commanded: CommandedForce, pair: tuple[float, float],
+                   left_out: Sequence[str] = ()) -> ListChange:
     """
     Add couplings to a DOF, the best one first, as long as it clearly predicts better with it.
 
-    Those that it has stay. Weaker thrust in reverse is sought as one of the thrusters.
+    Those that it has stay, and none that is ``left_out`` is added.
     """
     before = after = dof.settings.couplings
-    scores = first = dof.fit_with(commanded, pair, dof.settings)
     while True:
-        sets = [(*after, name) for name in dof.possible
-                if name not in (*after, 'reverse_thrust')]
-        if not sets:
+        sets = [after, *((*after, name) for name in dof.possible
+                         if name not in (*after, *left_out))]
+        errors = dof.fit_models(commanded, pair, [
+            replace(dof.settings, couplings=names) for names in sets])
+        if after == before:
+            first = errors[0]
+        choice = choose([errors], 0)
+        if not choice.is_better:
             break
-        found = [dof.fit_with(commanded, pair, replace(dof.settings, couplings=names))
-                 for names in sets]
-        choice = choose(np.concatenate([scores, *found]), 0)
-        if not (choice.index and choice.gain > max(choice.spread, WORTH)):
-            break
-        after, scores = sets[choice.index - 1], found[choice.index - 1]
-    gains = (first[0] - scores[0]) / first[0].mean()
-    return ListChange(f'{dof.name}.couplings', before, after, float(gains.mean()),
-                      float(half_width(gains)))
+        after = sets[choice.index]
+    return ListChange(f'{dof.name}.couplings', before, after, *gain_of(first, errors[0]))
 
 
 def tune_terms(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -> ListChange:
     """
-    Choose the terms of a DOF; alpha always stays.
+    Add terms to a DOF that clearly predicts better with them.
 
-    They change only where the model clearly predicts held-out blocks better. A drag that one log
-    could do without is not zero: without it the others are wrong, and their intervals too narrow.
+    Those that it has stay. A drag that one log could do without is not zero: without it the others
+    are wrong, and their intervals too narrow.
     """
     before = dof.settings.terms
-    candidates = [before, *(
-        ('alpha', *others) for count in range(len(PARAMETERS))
-        for others in combinations(PARAMETERS[1:], count) if {'alpha', *others} != {*before})]
-    scores = np.concatenate([
-        dof.fit_with(commanded, pair, replace(dof.settings, terms=terms))
-        for terms in candidates])
-    cost = scores.mean(axis=1) * [1.0 + WORTH * len(terms) for terms in candidates]
-    best = int(np.where(np.isfinite(cost), cost, np.inf).argmin())
-    gains = (scores[0] - scores[best]) / scores[0].mean()
-    gain, spread = float(gains.mean()), float(half_width(gains))
-    return ListChange(
-        f'{dof.name}.terms', before, candidates[best] if gain > spread else before, gain, spread)
+    more = [name for name in PARAMETERS if name not in before]
+    candidates = [before, *((*before, *others) for count in range(1, len(more) + 1)
+                            for others in combinations(more, count))]
+    choice = choose([dof.fit_models(commanded, pair, [
+        replace(dof.settings, terms=terms) for terms in candidates])], 0)
+    return ListChange(f'{dof.name}.terms', before,
+                      candidates[choice.index] if choice.is_better else before,
+                      choice.gain, choice.spread)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from rovid_core.model.trajectory import Array
@@ -10,10 +11,9 @@ from rovid_core.settings.run import LEAST_WAIT, Settings
 from rovid_core.trials.tuning.cross_validation import (
     Change,
     choose,
+    gain_of,
     ParallelMap,
-    relative,
     Stage,
-    WORTH,
 )
 from rovid_core.trials.tuning.dof_fit import Dof
 from rovid_core.trials.tuning.log import CommandedForce
@@ -44,7 +44,7 @@ def search_pairs(present: Pair, first: Sequence[Pair],
     grids : tuple of 2 sequences of floats
         The values of that; beyond their ends nothing is tried.
     scores : callable
-        Returns the error of some pairs per DOF, each of shape (pairs, FOLDS).
+        Returns the errors of some pairs per DOF, each of shape (pairs, FOLDS, parts).
     done : callable
         Is told which share is done.
 
@@ -52,7 +52,7 @@ def search_pairs(present: Pair, first: Sequence[Pair],
     -------
     pairs : list of tuples of 2 floats
         All that were tried.
-    errors : list of ndarray, shape (pairs, FOLDS)
+    errors : list of ndarray, shape (pairs, FOLDS, parts)
         By DOF.
 
     """
@@ -60,7 +60,7 @@ def search_pairs(present: Pair, first: Sequence[Pair],
     found = list(scores(pairs))
     for k, finer in enumerate(FINER):
         done((k + 1) / (1 + len(FINER)))
-        best = pairs[choose(relative(found, 0), 0).index]
+        best = pairs[choose(found, 0).index]
         near = [_near(value, grid, finer) for value, grid in zip(best, grids)]
         new = [(a, b) for a in near[0] for b in near[1] if (a, b) not in pairs]
         found = [np.concatenate(both) for both in zip(found, scores(new))]
@@ -76,28 +76,41 @@ def _near(value: float, grid: Sequence[float], finer: float) -> list[float]:
             if grid[0] <= value + k * spacing <= max(grid[-1], value)]
 
 
+@dataclass(frozen=True)
+class Timing:
+    """What was found of delay and lag, which all thrusters share."""
+
+    stage: Stage
+    pair: Pair  # both, as they are to be used
+    # which input comes later than the others say, where one does; shown by the delays of the DOFs
+    late: Stage | None
+
+
 def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settings,
-                each: ParallelMap, done: Callable[[float], None]) -> tuple[Stage, Pair]:
+                each: ParallelMap, done: Callable[[float], None]) -> Timing:
     """
-    Find delay and lag, which all thrusters share; return also both as they are to be used.
+    Find delay and lag, which all thrusters share, and an input that comes late.
 
     A delay below 0 says that commands are stamped late: it becomes their latency.
     """
     present = (settings.thrusters.delay, settings.thrusters.time_constant)
     first = [(delay, lag) for delay in DELAYS for lag in LAGS
              if delay >= 0.0 or lag <= LARGEST_EARLY]
-    pairs, errors = search_pairs(
-        present, first, (DELAYS, LAGS), lambda new: each(
-            lambda k: dofs[k].fit(commanded, new), range(len(dofs))), done)
-    together = relative(errors, 0)
+
+    def scores(new: Sequence[Pair]) -> Sequence[Array]:
+        return each(lambda k: dofs[k].fit(commanded, new).errors, range(len(dofs)))
+
+    pairs, errors = search_pairs(present, first, (DELAYS, LAGS), scores, done)
     causal = np.array([pair[0] >= 0.0 for pair in pairs])
-    choice = choose(np.where(causal[:, None], together, np.inf), 0)
-    late = choose(together, choice.index)
+    choice = choose([np.where(causal[:, None, None], own, np.inf) for own in errors], 0)
+    late = choose(errors, choice.index)
     # late stamps show in all DOFs, but one under control may seem to answer before its thrust
-    if late.gain > max(late.spread, WORTH) and all(
-            error[late.index].mean() < error[choice.index].mean() for error in errors):
-        choice = choose(together, 0)
-    delay, lag = after = pairs[choice.index] if choice.is_better else present
+    if late.is_better and all(
+            gain_of(error[choice.index], error[late.index])[0] > 0.0 for error in errors):
+        choice = choose(errors, 0)
+    # a delay that one DOF clearly does not have is that of an input, and none of the thrust
+    better = choice.is_better and not choice.contradicted
+    delay, lag = after = pairs[choice.index] if better else present
     good = np.array([after, *[pairs[i] for i in choice.as_good]])
     low, high = np.maximum(good.min(axis=0), 0.0), np.maximum(good.max(axis=0), 0.0)
     total = good.sum(axis=1)
@@ -109,7 +122,63 @@ def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settin
             enumerate((('thrusters.delay', max(delay, 0.0)), ('thrusters.time_constant', lag)))}
     if delay < 0.0:
         keys.update(latencies(settings, {'thrusters': -delay}))
-    return Stage(keys, choice.gain, choice.spread, note), after
+    sources = [settings.source(dof.name) for dof in dofs]
+    return Timing(Stage(keys, choice.gain, choice.spread, note), after, late_input(
+        sources, pairs, errors, choice.index, settings, scores))
+
+
+def late_input(sources: Sequence[str], pairs: list[Pair], errors: list[Array], shared: int,
+               settings: Settings, scores: Callable[[Sequence[Pair]], Sequence[Array]],
+               ) -> Stage | None:
+    """
+    Find an input whose DOFs answer the thrust later than all others; None if there is none.
+
+    Thrusters have one delay: what comes to it in the DOFs of one input is that input's latency.
+    ``pairs`` of delay and lag have the ``errors`` of ``search_pairs``, and the one of index
+    ``shared`` suits all DOFs best. ``sources`` are the inputs by which the DOFs are measured.
+    """
+    if len({*sources}) < 2:
+        return None
+    found = [_Late(name, sources, pairs, errors, shared) for name in dict.fromkeys(sources)]
+    late = max(found, key=lambda late: late.choice.gain - late.choice.spread)
+    for finer in FINER:
+        if not late.choice.is_better:
+            return None
+        i, j = late.best
+        lags = _near(pairs[i][1], LAGS, finer)
+        new = [pair for pair in dict.fromkeys(
+            (delay, lag) for k in (i, j) for lag in lags
+            for delay in _near(pairs[k][0], DELAYS, finer) if delay >= 0.0) if pair not in pairs]
+        if new:
+            errors = [np.concatenate(both) for both in zip(errors, scores(new))]
+            pairs = pairs + new
+        late = _Late(late.name, sources, pairs, errors, shared)
+    choice = late.choice
+    if not choice.is_better:
+        return None
+    latency = late.latencies[choice.index]
+    keys = latencies(settings, {late.name: latency})
+    good = [latency, *[late.latencies[k] for k in choice.as_good]]
+    key = f'{late.name}.latency'
+    keys[key] = replace(keys[key], low=keys[key].before + min(good),
+                        high=keys[key].before + max(good))
+    return Stage(keys, choice.gain, choice.spread)
+
+
+class _Late:
+    """How well all is predicted if one input comes late."""
+
+    def __init__(self, name: str, sources: Sequence[str], pairs: Sequence[Pair],
+                 errors: Sequence[Array], shared: int) -> None:
+        self.name = name
+        cases = [(shared, shared), *[
+            (i, j) for i, (late, lag) in enumerate(pairs) for j, (delay, its) in enumerate(pairs)
+            if its == lag and late > delay >= 0.0]]
+        self.latencies = [pairs[i][0] - pairs[j][0] for i, j in cases]
+        own, others = np.array(cases).T
+        self.choice = choose([error[own if source == name else others]
+                              for error, source in zip(errors, sources)], 0)
+        self.best = cases[self.choice.index]
 
 
 def latencies(settings: Settings, more: dict[str, float]) -> dict[str, Change]:

@@ -5,7 +5,7 @@ That is heading offset, clocks, delay, lag, dead-band and reverse thrust, coupli
 
 The log is divided into blocks of time. What is found is that with which a model that output
 error fitted to the other blocks predicts a block best. Nothing is changed that does not gain
-more than chance; only a term is left out as soon as the model predicts as well without it.
+more than chance.
 """
 
 from __future__ import annotations
@@ -18,25 +18,34 @@ from typing import Any
 import numpy as np
 from rovid_core.model.dofs import OWN
 from rovid_core.model.trajectory import Array
-from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings
+from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings, ThrusterSettings
 from rovid_core.trials.tuning.cross_validation import (
+    Change,
     choose,
+    FOLDS,
     ParallelMap,
-    relative,
+    PART,
     Result,
     Stage,
+    time_of,
 )
 from rovid_core.trials.tuning.dof_fit import Dof, dof_or_reason
-from rovid_core.trials.tuning.heading import HEADING, tune_heading, tune_latency
+from rovid_core.trials.tuning.heading import (
+    HEADING,
+    LATENCY,
+    latency_note,
+    tune_heading,
+    tune_latency,
+)
 from rovid_core.trials.tuning.log import CommandedForce, TuningLog, turnable
 from rovid_core.trials.tuning.searches import (
     ListChange,
+    REVERSE_KEY,
     tune_couplings,
-    tune_deadband,
-    tune_reverse,
+    tune_curve,
     tune_terms,
 )
-from rovid_core.trials.tuning.timing import Pair, tune_thrust
+from rovid_core.trials.tuning.timing import Pair, Timing, tune_thrust
 
 UNUSED = DofSettings(1.0)  # a DOF that is only looked at
 DIGITS = 4  # what is written of a value; the data never tell more
@@ -107,46 +116,59 @@ def tune(read: Callable[[Settings], TuningLog], settings: Settings,
         Does the same work on many things.
 
     """
-    now = _read(read, settings)
+    now = _read(read, settings, settings.thrusters)
     done(0.05)
-    present = (settings.thrusters.delay, settings.thrusters.time_constant)
+    pair = (settings.thrusters.delay, settings.thrusters.time_constant)
     before = {dof.name: dof.error for dof in now.dofs}
     stages = []
+    # what the thrusters lack hides what is late, and the other way round: it is sought twice
+    _, rough = tune_curve(now.log, now.dofs, settings.thrusters, pair)
+    now = replace(now, commanded=now.log.commanded(rough))
     # with other headings the log is another one: it is read again
-    heading = tune_heading(now.log, now.dofs, now.commanded, settings, present)
+    heading = tune_heading(now.log, now.dofs, now.commanded, settings, pair)
     if heading is not None:
         stages.append(_rounded(heading))
         if _changes(heading):
-            now = _read(read, replace(settings, yaw_offset=stages[-1].keys[HEADING].after))
-    late = tune_latency(now.log, now.dofs, now.commanded, now.settings, present,
-                        lambda share: done(0.05 + 0.15 * share))
-    timed = _timed(now, present, each, lambda share: done(0.2 + 0.25 * share))
+            now = _read(read, replace(settings, yaw_offset=stages[-1].keys[HEADING].after), rough)
+    turns = tune_latency(now.log, now.dofs, now.commanded, now.settings, pair,
+                         lambda share: done(0.05 + 0.15 * share))
+    timed = _timed(now, pair, each, lambda share: done(0.2 + 0.25 * share))
+    latest = []
+    if turns is not None:
+        now, timed, stage = _if_better(read, now, timed, turns, rough, pair, each)
+        latest.append(stage)
+    late = timed.timing.late
     if late is not None:
-        stages.append(_rounded(late))
-        if _changes(late):
-            other = _read(read, _with_latencies(now.settings, stages[-1]))
-            found = _timed(other, present, each, lambda share: done(0.45 + 0.25 * share))
-            # of turns alone, slow fixes may want what all of the log does not
-            if _predicts_better(found, timed):
-                now, timed = other, found
-            else:
-                stages[-1] = _unchanged(late)
-    stages.append(_rounded(timed.stage))
-    coupled, pair = timed.dofs, timed.pair
-    thrusters = now.settings.thrusters
-    for search in (tune_deadband, tune_reverse):
-        stage, thrusters = search(now.log, coupled, thrusters, pair)
-        stages.append(_rounded(stage))
+        now, timed, stage = _if_better(read, now, timed, late, rough, pair, each)
+        if _changes(stage):
+            # turns tell less of a latency than the thrust does, where that tells it
+            latest = [one for one in latest if _changes(one)] + [stage]
+            turns = stage
+    stages += latest
+    stages.append(_rounded(timed.timing.stage))
+    done(0.7)
+    coupled, pair = timed.dofs, timed.timing.pair
+    found, thrusters = tune_curve(now.log, coupled, settings.thrusters, pair)
     done(0.8)
-    commanded = now.log.commanded(thrusters)
     # what the thrusters lacked hid some couplings, or looked like one
-    coupled, couplings = _with_couplings(now.dofs, commanded, pair, each)
+    first = _Models(now, thrusters, pair, each)
+    if thrusters.reverse != settings.thrusters.reverse:
+        # and what one DOF does in reverse looks like weaker thrusters
+        own = _Models(now, replace(thrusters, reverse=settings.thrusters.reverse), pair, each)
+        if choose([np.stack(both) for both in zip(first.errors, own.errors)], 0).is_better:
+            first = own
+            found = [_unchanged(stage) if REVERSE_KEY in stage.keys else stage for stage in found]
+    stages += [_rounded(stage) for stage in found]
+    coupled, couplings, commanded = first.dofs, first.couplings, first.commanded
+    if turns is not None and LATENCY in turns.keys:
+        note = latency_note(now.log, coupled, commanded, now.settings, pair, turns.keys[LATENCY])
+        stages = [replace(stage, note=note) if stage is latest[-1] else stage for stage in stages]
     done(0.9)
     terms = each(lambda k: tune_terms(coupled[k], commanded, pair), range(len(coupled)))
     errors = {}
     for dof, names in zip(coupled, terms):
         found_last = replace(dof.settings, terms=names.after)
-        error = dof.fit_with(commanded, pair, found_last).mean()
+        error = np.nanmean(dof.fit_models(commanded, pair, [found_last]))
         errors[dof.name] = (before.get(dof.name, math.nan), float(error))
     return Tuned(tuple(stages), (*couplings, *terms), errors, now.left_out)
 
@@ -162,13 +184,16 @@ class _Reading:
     left_out: Mapping[str, str]  # why each of the others is not
 
 
-def _read(read: Callable[[Settings], TuningLog], settings: Settings) -> _Reading:
-    """Read the log; TuningError if it tells nothing."""
+def _read(read: Callable[[Settings], TuningLog], settings: Settings,
+          thrusters: ThrusterSettings) -> _Reading:
+    """Read the log, for commands to such thrusters; TuningError if it tells nothing."""
     log = read(settings)
     if log.jumped:
         raise TuningError('time jumps back in it: take a part of it with --start and --duration')
-    seen, commanded = reading_settings(settings), log.commanded()
-    found = {name: dof_or_reason(log, seen, name, settings.dof[name], commanded)
+    seen, commanded = reading_settings(settings), log.commanded(thrusters)
+    longest = max(time_of(log.segments(name)) for name in settings.dofs)
+    count = max(1, round(longest / (FOLDS * PART)))
+    found = {name: dof_or_reason(log, seen, name, settings.dof[name], commanded, count)
              for name in settings.dofs}
     dofs = [dof for dof in found.values() if isinstance(dof, Dof)]
     left_out = {name: why for name, why in found.items() if isinstance(why, str)}
@@ -183,26 +208,40 @@ class _Timed:
     """What was found of delay and lag in a reading."""
 
     dofs: Sequence[Dof]  # with the couplings of the log
-    stage: Stage
-    pair: Pair
-    errors: Mapping[str, Array]  # shape (FOLDS,), by DOF, on held-out blocks [m/s or rad/s]
+    timing: Timing
+    errors: Mapping[str, Array]  # shape (FOLDS, parts), by DOF, on held-out folds [m/s or rad/s]
 
 
 def _timed(now: _Reading, present: Pair, each: ParallelMap,
            done: Callable[[float], None]) -> _Timed:
     """Find delay and lag in a reading."""
-    # what couplings explain hides the rest
-    dofs, _ = _with_couplings(now.dofs, now.commanded, present, each)
-    stage, pair = tune_thrust(dofs, now.commanded, now.settings, each, done)
-    return _Timed(dofs, stage, pair, {
-        dof.name: dof.fit(now.commanded, [pair])[0] for dof in dofs})
+    # what couplings explain hides the rest; but those of ``OWN`` would hide weaker thrusters
+    dofs, _ = _with_couplings(now.dofs, now.commanded, present, each, OWN)
+    timing = tune_thrust(dofs, now.commanded, now.settings, each, done)
+    return _Timed(dofs, timing, {
+        dof.name: dof.fit(now.commanded, [timing.pair]).errors[0] for dof in dofs})
+
+
+def _if_better(read: Callable[[Settings], TuningLog], now: _Reading, timed: _Timed, late: Stage,
+               thrusters: ThrusterSettings, present: Pair,
+               each: ParallelMap) -> tuple[_Reading, _Timed, Stage]:
+    """Read the log again with later inputs; return it and the stage as it was, or better."""
+    late = _rounded(late)
+    if not _changes(late):
+        return now, timed, late
+    other = _read(read, _with_latencies(now.settings, late), thrusters)
+    found = _timed(other, present, each, lambda share: None)
+    # of turns alone, slow fixes may want what all of the log does not
+    if _predicts_better(found, timed):
+        return other, found, late
+    return now, timed, _unchanged(late)
 
 
 def _predicts_better(new: _Timed, old: _Timed) -> bool:
     """Tell whether the DOFs of a reading are predicted better than those of another."""
     parts = [np.stack([error, new.errors[name]]) for name, error in old.errors.items()
              if name in new.errors]
-    return bool(parts) and choose(relative(parts, 0), 0).is_better
+    return bool(parts) and choose(parts, 0).is_better
 
 
 def _with_latencies(settings: Settings, stage: Stage) -> Settings:
@@ -215,10 +254,24 @@ def _with_latencies(settings: Settings, stage: Stage) -> Settings:
     return settings
 
 
-def _with_couplings(dofs: Sequence[Dof], commanded: CommandedForce, pair: Pair,
-                    each: ParallelMap) -> tuple[list[Dof], Sequence[ListChange]]:
+class _Models:
+    """The DOFs of a reading with the couplings that they want with some thrusters."""
+
+    def __init__(self, now: _Reading, thrusters: ThrusterSettings, pair: Pair, each: ParallelMap,
+                 left_out: Sequence[str] = ()) -> None:
+        self.commanded = now.log.commanded(thrusters)
+        self.dofs, self.couplings = _with_couplings(
+            now.dofs, self.commanded, pair, each, left_out)
+        # shape (FOLDS, parts), by DOF, on held-out folds [m/s or rad/s]
+        self.errors = each(lambda k: self.dofs[k].fit_models(
+            self.commanded, pair, [self.dofs[k].settings])[0], range(len(self.dofs)))
+
+
+def _with_couplings(
+        dofs: Sequence[Dof], commanded: CommandedForce, pair: Pair, each: ParallelMap,
+        left_out: Sequence[str] = ()) -> tuple[list[Dof], Sequence[ListChange]]:
     """Return the DOFs with the couplings that the log wants, and what that changes."""
-    found = each(lambda k: tune_couplings(dofs[k], commanded, pair), range(len(dofs)))
+    found = each(lambda k: tune_couplings(dofs[k], commanded, pair, left_out), range(len(dofs)))
     return [dof.with_settings(replace(dof.settings, couplings=names.after))
             for dof, names in zip(dofs, found)], found
 
@@ -230,9 +283,9 @@ def _changes(stage: Stage) -> dict[str, float | tuple[str, ...]]:
 
 
 def _unchanged(stage: Stage) -> Stage:
-    """Return a stage whose keys stay."""
+    """Return a stage whose keys stay; which values are as good is not known then."""
     return replace(stage, gain=0.0, spread=0.0, keys={
-        key: replace(change, after=change.before) for key, change in stage.keys.items()})
+        key: Change(change.before, change.before) for key, change in stage.keys.items()})
 
 
 def _rounded(stage: Stage) -> Stage:

@@ -11,7 +11,7 @@ from rovid_core.model.dofs import coupling_prior, DOFS
 from rovid_ros.discovery.ardusub import Motors
 from rovid_ros.discovery.candidates import Candidate
 from rovid_ros.discovery.moments import Misfit
-from rovid_ros.discovery.motion import answer, Motion, motion, Push, STEP
+from rovid_ros.discovery.motion import answer, Motion, motion, noise_of, Push, STEP
 from rovid_ros.discovery.signals import Array, Signal
 from rovid_ros.discovery.thrusters import (
     answers_to,
@@ -30,6 +30,7 @@ _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth an
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
 _LATENCIES = tuple(0.25 * k for k in range(1, 13))  # [s] of fixes that are tried
 _DELAYS = tuple(0.05 * k for k in range(13))  # [s] of the thrust
+_SPANS = range(1, 6)  # how much longer means of coarse fixes are than their rate asks for
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
 Choose = Callable[[str, list[Candidate]], Candidate]
@@ -111,11 +112,13 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
     if not len(moved.times):
         raise DiscoveryError(
             'have no time in common: ' + ', '.join(one.signal.topic for one in inputs.values()))
+    spans = max(_SPANS if moved.coarse else [1], key=lambda n: _told(inputs, frames, motors, n))
+    moved, heading = _moved(inputs, frames, [], spans)
     thrusters = find_thrusters(inputs['thrusters'], frames, moved, motors, guesses)
     late, likely = _latency(inputs, frames, thrusters, moved)
     if late:
         inputs['position'] = _earlier(inputs['position'], late)
-        moved, heading = _moved(inputs, frames, [])
+        moved, heading = _moved(inputs, frames, [], spans)
         thrusters = find_thrusters(inputs['thrusters'], frames, moved, motors, [])
         guesses.append(
             f'position.latency {late:g} s: what {inputs["position"].signal.topic} shows comes so '
@@ -199,6 +202,18 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
     return cases[best][1] if gained > found[best].by_chance() else 0.0, likely
 
 
+def _told(inputs: dict[str, Candidate], frames: str, motors: Motors | None, spans: int) -> float:
+    """
+    Return how much commands tell of the DOFs of coarse fixes: logarithms of standard errors.
+
+    Means over short spans are mostly noise, and those over long ones hardly show the motion.
+    """
+    moved, _ = _moved(inputs, frames, [], spans)
+    answers = answers_to(find_thrusters(inputs['thrusters'], frames, moved, motors, []), moved)
+    return math.fsum(math.log(max(abs(push.alphas[0]) / push.errors[0], 1.0))
+                     for dof, (push, _) in answers.items() if dof in moved.coarse)
+
+
 def _likeliest(found: Sequence[Misfit]) -> int:
     """Return which leaves least, of those with which forces push where they point."""
     # the other way at another time: thrust that comes and goes, or that answers to the motion
@@ -244,8 +259,8 @@ def _frames(signals: Sequence[Signal], inputs: Mapping[str, Candidate]) -> tuple
                    'and yaw and of their biases would change')
 
 
-def _moved(inputs: dict[str, Candidate], frames: str,
-           guesses: list[str]) -> tuple[Motion, bool]:
+def _moved(inputs: dict[str, Candidate], frames: str, guesses: list[str],
+           spans: int = 1) -> tuple[Motion, bool]:
     """Return the motion in forward-left-up, and whether it depends on the heading."""
     used = {name: one.signal for name, one in inputs.items()}
     angles = None
@@ -257,7 +272,7 @@ def _moved(inputs: dict[str, Candidate], frames: str,
             angles = 0.5 * math.pi - angles
     depth = inputs.get('depth')
     scale = float(depth.keys.get('scale', 1.0)) if depth else 1.0
-    moved = motion(used, angles, scale)
+    moved = motion(used, angles, scale, spans)
     velocities = dict(moved.velocities)
     if frames == 'ned':
         for dof in ('sway', 'yaw', *(() if depth else ('heave',))):
@@ -282,14 +297,15 @@ def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, t
     if both.sum() < _ENOUGH or np.std(up[both]) < _STILL:
         return heave
     alike = float(np.corrcoef(own[both], up[both])[0, 1])
-    noisy = np.std(up[both]) < 2.0 * _noise_of_rate(
-        inputs['position'].signal.values[:, 2], fixes.half)
+    half = fixes.halves['heave']
+    noisy = np.std(up[both]) < math.sqrt(2.0) * noise_of(
+        inputs['position'].signal.values[:, 2]) / half
     if abs(alike) < _ALIKE and not noisy:
         guesses.append(f'depth: {depth.signal.place} does not move as the position does, so the '
                        'position is used for heave')
         del inputs['depth']
         return np.asarray(np.interp(times, fixes.times, up))
-    if abs(alike) < SURE / math.sqrt(both.sum() * STEP / (2.0 * fixes.half)):
+    if abs(alike) < SURE / math.sqrt(both.sum() * STEP / (2.0 * half)):
         return heave  # so noisy that it does not even tell the direction
     if alike > 0.0:
         return heave
@@ -300,11 +316,6 @@ def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, t
     return -heave
 
 
-def _noise_of_rate(values: Array, half: float) -> float:
-    """Return the noise of rates of change over twice ``half`` [s], as it shows from fix to fix."""
-    return float(np.sqrt(np.mean(np.diff(values, 2)**2) / 6.0) / (math.sqrt(2.0) * half))
-
-
 def _fit(made: Discovery, moved: Motion) -> None:
     """Fit each DOF that is driven, for initial values of the right size."""
     answers = answers_to(made.thrusters, moved)
@@ -312,8 +323,8 @@ def _fit(made: Discovery, moved: Motion) -> None:
         push, force = answers[dof]
         alpha, error = float(push.alphas[0]), float(push.errors[0])
         velocity = moved.velocities[dof]
-        sign = 0 if abs(alpha) < SURE * error or push.explained < EXPLAINED else (
-            1 if alpha > 0.0 else -1)
+        sign = 0 if abs(alpha) < SURE * error or (
+            push.explained < EXPLAINED and dof not in moved.coarse) else 1 if alpha > 0.0 else -1
         strong = float(np.sqrt(np.mean(force * force)))
         fast = float(np.sqrt(np.nanmean(velocity * velocity)))
         if dof not in _DRIVEN or strong == 0.0:
@@ -326,9 +337,12 @@ def _fit(made: Discovery, moved: Motion) -> None:
             mass, quadratic, linear, _amplitude(force), _amplitude(velocity), push.explained,
             sign, _couplings(push))
     still = [dof for dof in moved.velocities if dof in _DRIVEN and dof not in answers]
-    if still:
-        made.guesses.append(f'{", ".join(still)}: left out, for the commands explain next to '
-                            'nothing of the motion in this log')
+    for dofs, why in (([dof for dof in still if dof not in moved.coarse],
+                       'the commands explain next to nothing of the motion in this log'),
+                      ([dof for dof in still if dof in moved.coarse],
+                       'the fixes are too coarse to tell what the commands do in this log')):
+        if dofs:
+            made.guesses.append(f'{", ".join(dofs)}: left out, for {why}')
     _leave_out_dependent(made)
     speeds = [float(np.nanpercentile(np.abs(moved.velocities[dof]), 99.0)) for dof in made.dofs]
     made.fastest = max(speeds, default=1.0)

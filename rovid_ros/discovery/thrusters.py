@@ -178,11 +178,12 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     patterns = patterns[sizes > _TOGETHER * sizes.max()].T
     together = commands / strength @ patterns
     made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
-    forces = held(signal.times + made.delay, together, moved.times, moved.half)
-    answers = {dof: push for dof in moved.velocities
-               if (push := answer(moved, dof, forces))}
-    told = {dof: push for dof, push in answers.items() if push.explained > EXPLAINED and np.any(
-        np.abs(push.alphas) > SURE * push.errors)}
+    answers = {dof: push for dof in moved.velocities if (push := answer(moved, dof, held(
+        signal.times + made.delay, together, moved.times, moved.halves[dof])))}
+    told = {dof: push for dof, push in answers.items() if np.any(
+        np.abs(push.alphas) > SURE * push.errors) and (
+            # of what is mostly noise no command explains much
+            push.explained > EXPLAINED or dof in moved.coarse)}
     if answers and not told:
         best = max(answers, key=lambda dof: answers[dof].explained)
         told = {best: answers[best]}
@@ -198,7 +199,7 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
 
 def force_of(made: Thrusters, dof: str, moved: Motion) -> Array:
     """Return the force on a DOF at the times of the motion."""
-    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.half)
+    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.halves[dof])
     return np.asarray(forces @ np.array(made.rows[dof]))
 
 

@@ -382,6 +382,52 @@ def noisy(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return log
 
 
+@pytest.mark.parametrize('seed', [1, 2])
+def test_coarse_fixes_are_looked_at_over_longer_spans(
+        seed: int, repository: Path, tmp_path: Path) -> None:
+    """Here one in a second, off by 30 cm: from one to the next the commands explain a tenth."""
+    settings = settings_from(load(repository / 'config' / 'lbl_slow.yaml'))
+    simulate_log(replace(
+        settings, position=replace(settings.position, latency=0.0),
+        simulation=replace(settings.simulation, position_noise=0.3)),
+        tmp_path / 'dive.mcap', 600.0, seed)
+    made = discover([tmp_path / 'dive.mcap'])
+    for dof in ('surge', 'sway'):
+        assert made.dofs[dof].sign == 1
+        assert made.dofs[dof].explained > 0.4
+        assert made.dofs[dof].mass < 2.0 * settings.simulation.dofs[dof].mass
+
+
+def test_outliers_of_coarse_fixes_are_no_speed(repository: Path, tmp_path: Path) -> None:
+    settings = settings_from(load(repository / 'config' / 'lbl_slow.yaml'))
+    log, dofs = tmp_path / 'dive.mcap', ('surge', 'sway')
+    simulate_log(replace(settings, simulation=replace(
+        settings.simulation, position_noise=0.3)), log, 600.0, 1)
+    with Log([log]) as opened:
+        signals = read_signals(opened, 0.0, None)
+    off = np.random.default_rng(0)
+    worse = [replace(one, values=one.values + 10.0 * off.normal(size=one.values.shape) * (
+        off.random((len(one.values), 1)) < 0.02)) if one.topic == '/usbl/fix' else one
+        for one in signals]
+    clean, made = [decide(candidates(one), one, lambda name, found: found[0])
+                   for one in (signals, worse)]
+    assert made.fastest == pytest.approx(clean.fastest, rel=0.1)
+    for dof in dofs:
+        assert made.dofs[dof].velocity == pytest.approx(clean.dofs[dof].velocity, rel=0.1)
+
+
+def test_what_coarse_fixes_do_not_tell_is_left_out_for_that(
+        repository: Path, tmp_path: Path) -> None:
+    settings = settings_from(load(repository / 'config' / 'jhurov.yaml'))
+    simulate_log(replace(settings, simulation=replace(
+        settings.simulation, position_rate=1.0, position_noise=8.0)),
+        tmp_path / 'dive.mcap', 120.0, 1)
+    made = discover([tmp_path / 'dive.mcap'])
+    assert 'surge' not in made.dofs
+    [line] = [one for one in made.guesses if 'too coarse' in one]
+    assert line.startswith('surge, sway: left out, for the fixes are too coarse')
+
+
 def test_fixes_that_are_mostly_noise_in_z_do_not_replace_a_depth(noisy: Path) -> None:
     with Log([noisy]) as opened:
         signals = read_signals(opened, 0.0, None)

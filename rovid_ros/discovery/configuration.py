@@ -85,8 +85,14 @@ def _input(made: Discovery, name: str) -> list[str]:
     candidate = made.inputs[name]
     signal = candidate.signal
     lines = [_line(4, f'{name}:', f'{signal.rate:.3g} Hz'), *_source(signal)]
+    comments = {'scale': '[m] z up = scale * value + offset'}
+    if name == 'position' and made.open_latency:
+        told = f'{made.open_latency} explains this log alike: measure it'
+        comments['latency'] = f'[s] a guess, {told}'
+        if 'latency' not in candidate.keys:
+            lines.append(f'      # latency: {told}')
     for key, value in candidate.keys.items():
-        comment = '[m] z up = scale * value + offset' if key == 'scale' else ''
+        comment = comments.get(key, '')
         text = f'{float(value):.8g}' if isinstance(value, float) else f'{value}'
         lines.append(_line(6, f'{key}: {_number(text)}', comment))
     if name == 'attitude' and made.yaw_offset:

@@ -69,6 +69,13 @@ class Discovery:
     guesses: list[str] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
 
+    @property
+    def open_latency(self) -> str:
+        """Return which latencies of the fixes explain the log alike, '' if it tells one."""
+        if len({*self.latencies}) < 2:
+            return ''
+        return f'{min(self.latencies):g} to {max(self.latencies):g} s'
+
 
 def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose: Choose,
            motors: Motors | None = None, frames: str = '') -> Discovery:
@@ -189,7 +196,7 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
     least = _likeliest(told)
     plane = {dof: row for dof, row in thrusters.rows.items() if dof in ('surge', 'sway')}
     cases = [(delay, 0.0) for delay, one in zip(_DELAYS, told)
-             if one.left < told[least].left + told[least].by_chance()]
+             if one.left < told[least].left + told[least].by_chance(SURE**2)]
     punctual = len(cases)
     cases += [(_DELAYS[least], late) for late in _LATENCIES]
     found = misfits_by([(replace(thrusters, rows=plane, delay=delay), _moved(
@@ -198,7 +205,7 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
     best = _likeliest(found)
     gained = min(one.left for one in found[:punctual]) - found[best].left
     likely = tuple([late for (_, late), one in zip(cases, found) if one.push > SURE and (
-        one.left < found[best].left + found[best].by_chance())])
+        one.left < found[best].left + found[best].by_chance(SURE**2))])
     return cases[best][1] if gained > found[best].by_chance() else 0.0, likely
 
 
@@ -429,10 +436,11 @@ def _say(made: Discovery) -> None:
     weak = [dof for dof, known in made.dofs.items() if known.sign == 0]
     if weak:
         made.guesses.append(f'{", ".join(weak)}: the log hardly says how the command moves it')
-    if len({*made.latencies}) > 1:
+    if made.open_latency:
         made.unknown.append(
-            f'how late the fixes are stamped: a position.latency of {min(made.latencies):g} to '
-            f'{max(made.latencies):g} s explains this log alike, so put in what you know of them')
+            f'how late the fixes are stamped: a position.latency of {made.open_latency} explains '
+            'this log alike. Measure it: masses may be wrong by 10 % with 0.25 s too little or '
+            'too much, which their intervals do not tell')
     if thrusters.how == 'wrench':
         made.unknown.append('whether the wrench is in newtons: all masses and drags are wrong by '
                             'the same factor')

@@ -20,6 +20,7 @@ from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.discovery.ardusub import allocation, FRAMES, motors
 from rovid_ros.discovery.candidates import candidates
+from rovid_ros.discovery.configuration import configuration
 from rovid_ros.discovery.decisions import decide
 from rovid_ros.discovery.signals import read_signals, Signal
 from rovid_ros.logs.log import Log
@@ -363,11 +364,51 @@ def test_fixes_that_are_stamped_late_show(
     assert made.inputs['position'].keys.get('latency') == (late and pytest.approx(late, abs=0.3))
     untold = [one for one in made.unknown if 'how late the fixes are stamped' in one]
     assert len(untold) == (1 if late else 0)
+    written = configuration(made, 'dive.mcap')
+    if late:
+        assert 'Measure it: masses may be wrong' in untold[0]
+        assert min(made.latencies) <= late <= max(made.latencies)
+        assert re.search(r'latency: .* # \[s\] a guess, .* explains this log alike: measure it',
+                         written)
+    else:
+        assert 'latency' not in written
 
 
 def test_fixes_that_are_noisy_are_not_late(noisy: Path) -> None:
     """Least squares take half a second and less drag for noise in the velocity."""
     assert 'latency' not in discover([noisy]).inputs['position'].keys
+
+
+@pytest.mark.parametrize('seed', [0, 1, 2])
+def test_yaw_that_hardly_moves_does_not_make_fixes_late(seed: int) -> None:
+    """The thrust of surge and sway lags by 0.3 s, which yaw, the only DOF without fixes, lacks."""
+    draw = np.random.default_rng(seed)
+    step, count = 0.05, 4000
+
+    def driven(size: float, lag: float) -> tuple[np.ndarray, np.ndarray]:
+        force = np.repeat(draw.choice([-1.0, 0.0, 1.0], count // 50), 50) * size
+        thrust, velocity, velocities = 0.0, 0.0, []
+        for told in force:
+            thrust += (told - thrust) * min(step / lag, 1.0)
+            velocity += step * (thrust - velocity - velocity * abs(velocity))
+            velocities.append(velocity)
+        return force, np.array(velocities)
+
+    (x, u), (y, v), (n, r) = driven(0.5, 0.3), driven(0.5, 0.3), driven(0.06, step)
+    times, zero, yaw = step * np.arange(count), np.zeros(count), step * np.cumsum(r)
+    way = step * np.cumsum((u + 1j * v) * np.exp(1j * yaw))
+    half = 0.5 * (yaw + draw.normal(0.0, 0.01, count))
+    fixes = np.column_stack([way.real, way.imag, zero])[::2]
+    fixes += draw.normal(0.0, 0.002, fixes.shape)
+    signals = [
+        Signal('/pose', 'geometry_msgs/msg/PoseStamped', 'pose.position', 'vector', times[::2],
+               fixes, rate=10.0),
+        Signal('/imu', 'sensor_msgs/msg/Imu', 'orientation', 'quaternion', times,
+               np.column_stack([zero, zero, np.sin(half), np.cos(half)]), rate=20.0),
+        Signal('/wrench', 'geometry_msgs/msg/WrenchStamped', 'wrench', 'wrench', times,
+               np.column_stack([x, y, zero, zero, zero, n]), rate=20.0)]
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    assert 'latency' not in made.inputs['position'].keys
 
 
 @pytest.fixture(scope='module')

@@ -448,7 +448,10 @@ def _say(made: Discovery) -> None:
         frame = thrusters.frame
         by = 'says the autopilot' if thrusters.sure_frame else (
             f'as in ArduSub, for there are {len(frame.factors)} motors and it explains the motion')
-        made.guesses.append(f'thrusters.allocation: frame {frame.name}, {by}')
+        turned = [str(k) for k, gain in enumerate(thrusters.chain.gain, start=1) if gain < 0.0]
+        which = '' if thrusters.sure_frame or not turned else (
+            f' with motor{"s" if turned[1:] else ""} {", ".join(turned)} reversed')
+        made.guesses.append(f'thrusters.allocation: frame {frame.name}{which}, {by}')
         levers = f'the levers are those of {frame.vehicle}' if frame.vehicle else (
             'the levers are guessed')
         made.unknown.append('thrust scale (a T200 near 12 V is taken) and allocation geometry '

@@ -92,6 +92,32 @@ def test_a_bluerov2_with_mavros_is_recognised(logs: dict[str, Path], repository:
     assert (found.thrusters.offset, found.thrusters.scale) == (1500.0, 0.0025)
 
 
+@pytest.mark.parametrize('turned, said', [
+    ((3,), 'with motor 3 reversed, as in ArduSub'),
+    ((1, 4), 'with motors 1, 4 reversed, as in ArduSub'),
+    (tuple(range(1, 9)), 'with motors 1, 2, 3, 4, 5, 6, 7, 8 reversed, as in ArduSub')])
+def test_a_frame_with_reversed_motors_is_recognised(
+        turned: tuple[int, ...], said: str, logs: dict[str, Path]) -> None:
+    with Log([logs['bluerov2_ardusub']]) as opened:
+        signals = read_signals(opened, 0.0, None)
+    other = []
+    for one in signals:
+        if one.topic == '/mavros/rc/out' and one.path == 'channels':
+            values = one.values.copy()
+            for motor in turned:
+                values[:, motor - 1] = 3000.0 - values[:, motor - 1]
+            one = replace(one, values=values)
+        other.append(one)
+    made, as_sent = [decide(candidates(one), one, lambda name, found: found[0])
+                     for one in (other, signals)]
+    assert made.thrusters.chain.gain == tuple(
+        [-1.0 if k in turned else 1.0 for k in range(1, 9)])
+    assert made.thrusters.rows == as_sent.thrusters.rows
+    assert f'frame vectored_6dof {said}' in ' '.join(made.guesses)
+    for dof, known in as_sent.dofs.items():  # what a motor has backwards it has forwards now
+        assert made.dofs[dof].mass == pytest.approx(known.mass, rel=0.2), dof
+
+
 def test_an_allocation_is_estimated(logs: dict[str, Path], repository: Path,
                                     initialised: Callable[[Path], Settings]) -> None:
     found = initialised(logs['jhurov'])

@@ -13,6 +13,7 @@ from rovid_core.ordering.cadence import PERIODS
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import IdentifierSettings, LEAST_GAP, Settings, WATCHING
 from rovid_core.velocity.attitude_history import normalised, rotation_between
+from rovid_ros.commands.check_upwards import Upwards
 from rovid_ros.config.input_topics import section, topics_of
 from rovid_ros.messages.converter import Converter
 
@@ -183,12 +184,15 @@ class Observation:
             (name, part): SampleStatistics(name, settings.max_speed, latency)
             for name, latency in settings.latencies().items()
             for part in range(len(topics_of(settings, name)))}
+        self.upwards = Upwards(settings)
         self.steps = 0  # estimates that the node would have published
 
     def add_message(self, topic: str, message: Any, receive_time: int) -> None:
         """Add a message; the topic is as configured, the receive time in ns."""
+        self.upwards.add_message(topic, message)
         for event in self.converter.events(topic, message, receive_time):
             for sample in event.samples:
+                self.upwards.add_sample(sample.input, event.time, sample.value)
                 self.samples[sample.input, sample.part].add_sample(
                     event.time, receive_time, sample.value)
             self.steps += len(self.stream.receive(event))
@@ -215,6 +219,8 @@ def check_data(seen: Observation, findings: Findings) -> None:
     warnings = seen.stream.take_warnings()
     for line in warnings:  # the likeliest cause of all that follows comes first
         findings.warning('data', line)
+    for finding in seen.upwards.warnings():
+        findings.warning(*finding)
     for (name, part), one in seen.samples.items():
         if one.count:
             topic = topics_of(seen.settings, name)[part]

@@ -216,6 +216,7 @@ class Observation:
 
 def check_data(seen: Observation, findings: Findings) -> None:
     """Say what an observation shows: of each input, of all together, and what is refused."""
+    _check_stamps(seen, findings)
     warnings = seen.stream.take_warnings()
     for line in warnings:  # the likeliest cause of all that follows comes first
         findings.warning('data', line)
@@ -250,6 +251,18 @@ def _summary(one: SampleStatistics) -> str:
                 f'{x:.4g}' for x in one.high)
     return (f'{one.count:,} samples at {one.rate:.3g} Hz, longest gap {one.longest_gap:.3g} s, '
             f'{stamps}{ranges}')
+
+
+def _check_stamps(seen: Observation, findings: Findings) -> None:
+    """Name the inputs whose clock is ahead: whatever its messages need, they come too early."""
+    for (name, part), one in seen.samples.items():
+        given = seen.settings.latencies()[name]
+        if one.count and one.high_lag + given < -NS:  # not by rounding
+            topic = topics_of(seen.settings, name)[part]
+            findings.warning(
+                f'{section(name)}.latency', f'all messages of {topic} are stamped '
+                f'{-one.high_lag:.2g} s or more after their receipt, which cannot be: its clock '
+                'is ahead', f'set that clock, or this to {-one.low_lag:.2g} or more')
 
 
 def _check_times(settings: Settings, subject: str, one: SampleStatistics,

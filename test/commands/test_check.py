@@ -358,6 +358,21 @@ def test_a_latency_that_is_given_is_no_wrong_clock(tmp_path: Path) -> None:
     assert outcome.document['inputs']['position']['lag_s'] == 0.0
 
 
+@pytest.mark.parametrize('topic, key', [('/imu', 'attitude'), ('/position', 'position')])
+def test_stamps_after_their_receipt_are_told_by_their_sign(
+        topic: str, key: str, tmp_path: Path, log: Path) -> None:
+    def ahead(message: Message) -> Message:
+        return shifted(message, 0.3) if message[0] == topic else message
+
+    other = rewritten(log, tmp_path / 'ahead.mcap', ahead)
+    first = findings(checked(tmp_path, logs=[other]), WARNING)[0]
+    assert first.subject == f'{key}.latency'
+    assert 'after their receipt, which cannot be' in first.text
+    assert first.advice == 'set that clock, or this to 0.3 or more'
+    outcome = checked(tmp_path, {f'{key}.latency': 0.3}, logs=[other])
+    assert not findings(outcome, WARNING), outcome.text
+
+
 def test_a_part_of_a_log(tmp_path: Path, log: Path) -> None:
     outcome = checked(tmp_path, logs=[log], start=5.0, duration=5.0)
     assert outcome.document['inputs']['position']['count'] == 50

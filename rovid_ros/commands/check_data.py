@@ -177,7 +177,7 @@ class Observation:
             settings = replace(
                 settings, identifier=replace(IdentifierSettings(), method=WATCHING[0]),
                 current=settings.current if settings.estimates_current else still)
-        self.stream = Stream(settings)
+        self.stream = Stream(settings, whole=all_at_hand)
         self.converter = Converter(settings, self.stream.reject)
         # by input and number of the topic
         self.samples: dict[tuple[str, int], SampleStatistics] = {

@@ -470,6 +470,8 @@ def test_coarse_fixes_are_looked_at_over_longer_spans(
         simulation=replace(settings.simulation, position_noise=0.3)),
         tmp_path / 'dive.mcap', 600.0, seed)
     made = discover([tmp_path / 'dive.mcap'])
+    # with 0.4 of the rate every second step would be clamped, for fixes do not come that evenly
+    assert 'cutoff: 0.36 ' in configuration(made, 'dive.mcap')
     for dof in ('surge', 'sway'):
         assert made.dofs[dof].sign == 1
         assert made.dofs[dof].explained > 0.4

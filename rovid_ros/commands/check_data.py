@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 import math
 from typing import Any, cast
 
+from rovid_core.inputs.configuration_check import AGREEING, TIME
 from rovid_core.inputs.refusals import REASONS
 from rovid_core.inputs.units_and_signs import look_like_pulse_widths
 from rovid_core.model.dofs import DOFS, Quaternion
@@ -234,7 +235,9 @@ def check_data(seen: Observation, findings: Findings) -> None:
     _check_commands(seen, findings)
     _check_together(seen, findings)
     _check_refused(seen, findings)
-    if seen.steps:
+    # of a model that pushes the wrong way nothing that it lacks makes sense
+    if seen.steps and not any(
+            line.endswith(AGREEING) and not line.startswith(TIME) for line in warnings):
         _check_models(seen, findings)
 
 

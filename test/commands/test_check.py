@@ -373,6 +373,15 @@ def test_stamps_after_their_receipt_are_told_by_their_sign(
     assert not findings(outcome, WARNING), outcome.text
 
 
+def test_nothing_is_said_of_models_that_push_the_wrong_way(tmp_path: Path) -> None:
+    log = tmp_path / 'dive.mcap'
+    simulate_log(settings_from(VALUES), log, 120.0, seed=1)
+    outcome = checked(tmp_path, {'thrusters.gain': [-40.0, -40.0, -55.0]}, logs=[log])
+    warned = findings(outcome, WARNING)
+    assert any('turn all signs' in one.text for one in warned), outcome.text
+    assert not [one for one in warned if one.subject in ('surge', 'heave', 'yaw')], outcome.text
+
+
 def test_a_part_of_a_log(tmp_path: Path, log: Path) -> None:
     outcome = checked(tmp_path, logs=[log], start=5.0, duration=5.0)
     assert outcome.document['inputs']['position']['count'] == 50

@@ -177,4 +177,5 @@ def _dof(dof: str, known: Known) -> list[str]:
         f'{text(known.quadratic_drag)}, linear_drag: {text(known.linear_drag)}, bias: 0.0}}',
         f'      typical: {{force: {text(known.force)}, velocity: {text(known.velocity)}}}'
         f'   # {unit[1]}, {unit[0]}',
-        *([f'      couplings: [{", ".join(known.couplings)}]'] if known.couplings else [])]
+        *([f'      couplings: [{", ".join(known.couplings)}]'] if known.couplings else []),
+        *([f'      dry_mass: {text(known.dry_mass)}'] if known.dry_mass else [])]

@@ -31,6 +31,7 @@ _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
 _LATENCIES = tuple(0.25 * k for k in range(1, 13))  # [s] of fixes that are tried
 _DELAYS = tuple(0.05 * k for k in range(13))  # [s] of the thrust
 _SPANS = range(1, 6)  # how much longer means of coarse fixes are than their rate asks for
+_DRY = 'dry mass'
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
 Choose = Callable[[str, list[Candidate]], Candidate]
@@ -52,6 +53,7 @@ class Known:
     explained: float  # share of its changes that the command explains
     sign: int  # 1 if it goes where it is pushed, -1 the other way, 0 if the log does not say
     couplings: tuple[str, ...] = ()
+    dry_mass: float = 0.0  # [kg or kg m^2]; 0: unknown
 
 
 @dataclass
@@ -75,6 +77,16 @@ class Discovery:
         if len({*self.latencies}) < 2:
             return ''
         return f'{min(self.latencies):g} to {max(self.latencies):g} s'
+
+    def know_dry(self, mass: float, inertia: float) -> None:
+        """Take the mass [kg] in air and the moment of inertia about z [kg m^2]; 0: unknown."""
+        for dof, known in self.dofs.items():
+            known.dry_mass = inertia if dof == 'yaw' else mass
+        lacking = [dof for dof, known in self.dofs.items() if not known.dry_mass]
+        if len(lacking) < len(self.dofs):
+            self.unknown = [f'{_DRY} of {", ".join(lacking)}{one.removeprefix(_DRY)}'
+                            if one.startswith(_DRY) else one for one in self.unknown
+                            if lacking or not one.startswith(_DRY)]
 
 
 def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose: Choose,
@@ -461,4 +473,4 @@ def _say(made: Discovery) -> None:
                             'this log; masses and drags are per unit of the command')
         made.unknown.append('thrust scale and allocation geometry: where the thrusters are and '
                             'what they push in newtons')
-    made.unknown.append('dry mass, which most formats of rovid export need')
+    made.unknown.append(f'{_DRY}, which most formats of rovid export need')

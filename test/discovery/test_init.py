@@ -588,6 +588,23 @@ def test_what_no_configuration_can_be_made_of(
         assert not there.exists()
 
 
+@pytest.mark.parametrize('given, dry, unknown', [
+    ([], {}, 'dry mass, which'), (['--dry-mass', '60'], {
+        'surge': 60.0, 'sway': 60.0, 'heave': 60.0}, 'dry mass of yaw, which'),
+    (['--dry-mass', '60', '--dry-inertia', '4.5'], {
+        'surge': 60.0, 'sway': 60.0, 'heave': 60.0, 'yaw': 4.5}, '')])
+def test_what_the_vehicle_weighs_can_be_told(
+        given: list[str], dry: dict[str, float], unknown: str, logs: dict[str, Path],
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    yaml = tmp_path / 'rov.yaml'
+    assert main(['init', str(logs['odometry_wrench']), '--output', str(yaml), *given]) == 0
+    found = settings_from(load(yaml)).dof
+    assert {dof: known.dry_mass for dof, known in found.items() if known.dry_mass} == dry
+    told = [line for line in capsys.readouterr().out.splitlines() if 'dry mass' in line]
+    assert len(told) == bool(unknown)
+    assert unknown in ' '.join(told)
+
+
 def test_a_configuration_is_not_written_over_another(
         logs: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, yaml = logs['odometry_wrench'], tmp_path / 'mine.yaml'

@@ -61,6 +61,12 @@ LAGS = (-4, -3, -2, -1, 1, 2, 3, 4)
 LEAST_LAG: Final = 1.0
 """[s] Less may be the thrusters themselves, and ``ekf`` finds it."""
 
+AGREEING = 'so the data would agree with each other, and as it is configured they do not'
+"""How the line ends that names a mistake."""
+
+TIME = 'thrusters.delay, or a latency'
+"""How it begins where the mistake is one of time, which leaves what a model says of use."""
+
 AXES = ('surge', 'sway', 'heave', 'yaw')
 """Whose motion is explained; roll and pitch are left to themselves on most vehicles."""
 
@@ -332,8 +338,7 @@ class ConfigurationCheck:
         self.active = False
         self._kept.clear()
         advice = dict.fromkeys([likeliest.advice, *same, *close])
-        self._warn(f'{"; or ".join(list(advice)[:MOST_NAMED])}: so the data would agree with '
-                   'each other, and as it is configured they do not')
+        self._warn(f'{"; or ".join(list(advice)[:MOST_NAMED])}: {AGREEING}')
 
     def _rows(self) -> _Rows | None:
         """Return the accelerations so far, None if they are too few."""
@@ -396,7 +401,7 @@ class ConfigurationCheck:
             apart = abs(lag) * rows.length
             if apart >= LEAST_LAG:
                 yield Mistake(
-                    f'thrusters.delay, or a latency: the motion is about {apart:g} s '
+                    f'{TIME}: the motion is about {apart:g} s '
                     f'{"later" if lag > 0 else "earlier"} than its thrust', is_, lag=lag)
 
     def _with_signs(self, axes: Sequence[str], thrusters: Sequence[int] | None = None) -> Array:

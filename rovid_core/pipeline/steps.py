@@ -76,6 +76,8 @@ class Pipeline:
     water : callable, optional
         Returns the current in the world [m/s] at a time [ns], where it is known beforehand;
         couplings are then those with velocities through the water.
+    whole : bool
+        Whether typical sizes are judged by all data, at their end: a DOF may be driven late.
 
     Attributes
     ----------
@@ -88,8 +90,10 @@ class Pipeline:
 
     def __init__(self, settings: Settings, reject: Callable[[str, str], None],
                  warn: Callable[[str], None], hint: Callable[[str], None],
-                 scorer: Scorer | None = None, water: Water | None = None) -> None:
+                 scorer: Scorer | None = None, water: Water | None = None,
+                 whole: bool = False) -> None:
         self._water = water
+        self._whole = whole
         self._hint = hint
         self._sizes_told = False
         self._settings = settings
@@ -222,7 +226,7 @@ class Pipeline:
         known = [dof.sizes for dof in self.dofs if dof.sizes.duration >= after]
         if known:
             self._sizes_told = True
-            advice = [line for sizes in known for line in sizes.advice(after >= LONG)]
+            advice = [line for sizes in known for line in sizes.advice(sizes.duration >= LONG)]
             if advice:
                 self._hint('typical sizes, which decide what is rest and what are enough data, '
                            f'are far off: set {", ".join(advice)}')
@@ -424,7 +428,7 @@ class Pipeline:
                     ) if self._sees_current else ((), ()))
         source.last = motion
         source.warn_if_clamped()
-        if not self._sizes_told:
+        if not (self._whole or self._sizes_told):
             self._compare_sizes(LONG)
         estimates.append(self.estimate(time, now, source.indices))
 

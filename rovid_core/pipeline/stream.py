@@ -71,6 +71,7 @@ class Stream:
     scorer : Scorer, optional
         Gets every step, to score the model afterwards.
     water : callable, optional
+    whole : bool
         As of a ``Pipeline``.
 
     Attributes
@@ -87,7 +88,8 @@ class Stream:
     """
 
     def __init__(self, settings: Settings, *, recorder: Recorder | None = None,
-                 scorer: Scorer | None = None, water: Water | None = None) -> None:
+                 scorer: Scorer | None = None, water: Water | None = None,
+                 whole: bool = False) -> None:
         self.settings = settings
         self.rejected: dict[tuple[str, str], int] = {}
         self.estimate: Estimate | None = None
@@ -101,7 +103,8 @@ class Stream:
             MAX_WARNINGS)
         self._hints: deque[str] = deque((), MAX_WARNINGS)
         self._pipeline = Pipeline(
-            settings, self.reject, self._warnings.append, self._hints.append, scorer, water)
+            settings, self.reject, self._warnings.append, self._hints.append, scorer, water,
+            whole)
         keys = [(name, 0) for name in self.inputs if name not in ('thrusters', 'reference')]
         keys += [('thrusters', part) for part in range(len(settings.thrusters.topics))]
         self._order = EventOrder(keys, settings.wait, settings.time_jump, self.reject,

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 import math
 from typing import Any, cast
 
+from rovid_core.inputs.configuration_check import AGREEING, TIME
 from rovid_core.inputs.refusals import REASONS
 from rovid_core.inputs.units_and_signs import look_like_pulse_widths
 from rovid_core.model.dofs import DOFS, Quaternion
@@ -13,6 +14,7 @@ from rovid_core.ordering.cadence import PERIODS
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import IdentifierSettings, LEAST_GAP, Settings, WATCHING
 from rovid_core.velocity.attitude_history import normalised, rotation_between
+from rovid_ros.commands.check_upwards import Upwards
 from rovid_ros.config.input_topics import section, topics_of
 from rovid_ros.messages.converter import Converter
 
@@ -176,19 +178,22 @@ class Observation:
             settings = replace(
                 settings, identifier=replace(IdentifierSettings(), method=WATCHING[0]),
                 current=settings.current if settings.estimates_current else still)
-        self.stream = Stream(settings)
+        self.stream = Stream(settings, whole=all_at_hand)
         self.converter = Converter(settings, self.stream.reject)
         # by input and number of the topic
         self.samples: dict[tuple[str, int], SampleStatistics] = {
             (name, part): SampleStatistics(name, settings.max_speed, latency)
             for name, latency in settings.latencies().items()
             for part in range(len(topics_of(settings, name)))}
+        self.upwards = Upwards(settings)
         self.steps = 0  # estimates that the node would have published
 
     def add_message(self, topic: str, message: Any, receive_time: int) -> None:
         """Add a message; the topic is as configured, the receive time in ns."""
+        self.upwards.add_message(topic, message)
         for event in self.converter.events(topic, message, receive_time):
             for sample in event.samples:
+                self.upwards.add_sample(sample.input, event.time, sample.value)
                 self.samples[sample.input, sample.part].add_sample(
                     event.time, receive_time, sample.value)
             self.steps += len(self.stream.receive(event))
@@ -212,9 +217,12 @@ class Observation:
 
 def check_data(seen: Observation, findings: Findings) -> None:
     """Say what an observation shows: of each input, of all together, and what is refused."""
+    _check_stamps(seen, findings)
     warnings = seen.stream.take_warnings()
     for line in warnings:  # the likeliest cause of all that follows comes first
         findings.warning('data', line)
+    for finding in seen.upwards.warnings():
+        findings.warning(*finding)
     for (name, part), one in seen.samples.items():
         if one.count:
             topic = topics_of(seen.settings, name)[part]
@@ -227,7 +235,9 @@ def check_data(seen: Observation, findings: Findings) -> None:
     _check_commands(seen, findings)
     _check_together(seen, findings)
     _check_refused(seen, findings)
-    if seen.steps:
+    # of a model that pushes the wrong way nothing that it lacks makes sense
+    if seen.steps and not any(
+            line.endswith(AGREEING) and not line.startswith(TIME) for line in warnings):
         _check_models(seen, findings)
 
 
@@ -244,6 +254,18 @@ def _summary(one: SampleStatistics) -> str:
                 f'{x:.4g}' for x in one.high)
     return (f'{one.count:,} samples at {one.rate:.3g} Hz, longest gap {one.longest_gap:.3g} s, '
             f'{stamps}{ranges}')
+
+
+def _check_stamps(seen: Observation, findings: Findings) -> None:
+    """Name the inputs whose clock is ahead: whatever its messages need, they come too early."""
+    for (name, part), one in seen.samples.items():
+        given = seen.settings.latencies()[name]
+        if one.count and one.high_lag + given < -NS:  # not by rounding
+            topic = topics_of(seen.settings, name)[part]
+            findings.warning(
+                f'{section(name)}.latency', f'all messages of {topic} are stamped '
+                f'{-one.high_lag:.2g} s or more after their receipt, which cannot be: its clock '
+                'is ahead', f'set that clock, or this to {-one.low_lag:.2g} or more')
 
 
 def _check_times(settings: Settings, subject: str, one: SampleStatistics,

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 import sys
 
-from rovid_ros.commands.arguments import add_logs, add_part
+from rovid_ros.commands.arguments import add_logs, add_part, positive
 from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.running import (
     check_written,
@@ -44,6 +44,10 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
                          help='parameter file to write (default: the name of the log)')
     command.add_argument('--ask', action='store_true',
                          help='ask on the terminal where several signals fit')
+    command.add_argument('--dry-mass', type=positive, metavar='KG', default=0.0,
+                         help='of the vehicle in air, which no log tells')
+    command.add_argument('--dry-inertia', type=positive, metavar='KG_M2', default=0.0,
+                         help='its moment of inertia about z in air')
     add_part(command)
 
 
@@ -54,6 +58,7 @@ def run(args: argparse.Namespace) -> None:
     if args.ask and not sys.stdin.isatty():
         raise CommandError('--ask: there is no terminal to ask on')
     made = discover(args.logs, args.start, args.duration, args.ask, args.prog)
+    made.know_dry(args.dry_mass, args.dry_inertia)
     names = ' '.join(map(str, args.logs))
     text = configuration(made, names)
     if output.is_file() and output.read_bytes() != text.encode():

@@ -211,7 +211,8 @@ def _thrusters(signal: Signal) -> Iterable[Candidate]:
     likely = ('thruster', 'thrusters', 'motor', 'motors', 'rc', 'rcou', 'out', 'pwm', 'servo',
               'esc', 'command', 'cmd', 'force', 'forces', 'effort', 'current', 'axes', 'actuator',
               'channels', 'thrust')
-    named = any(_THRUSTER.intersection(_words(name)) for name in signal.names)
+    named = any(_THRUSTER.intersection(_words(name)) for name in signal.names) or (
+        bool(words & _THRUSTER) and signal.path in ('effort', 'velocity'))
     if not words & set(likely) or words & {'imu', 'magnetometer', 'gps'} or (
             'states' in words and not named):
         return

@@ -14,7 +14,7 @@ from rovid_ros.discovery.thrusters import Thrusters
 _COMMENT = 35  # column where comments begin
 _WIDTH = 96
 _CUTOFF = 0.6  # [Hz] the default of velocity.cutoff
-_FASTEST = 0.4  # of the sample rate; a cutoff above it is lowered
+_FASTEST = 0.36  # of the sample rate: above 0.4 a cutoff is lowered, and the rate varies a little
 
 
 def configuration(made: Discovery, source: str) -> str:
@@ -85,8 +85,14 @@ def _input(made: Discovery, name: str) -> list[str]:
     candidate = made.inputs[name]
     signal = candidate.signal
     lines = [_line(4, f'{name}:', f'{signal.rate:.3g} Hz'), *_source(signal)]
+    comments = {'scale': '[m] z up = scale * value + offset'}
+    if name == 'position' and made.open_latency:
+        told = f'{made.open_latency} explains this log alike: measure it'
+        comments['latency'] = f'[s] a guess, {told}'
+        if 'latency' not in candidate.keys:
+            lines.append(f'      # latency: {told}')
     for key, value in candidate.keys.items():
-        comment = '[m] z up = scale * value + offset' if key == 'scale' else ''
+        comment = comments.get(key, '')
         text = f'{float(value):.8g}' if isinstance(value, float) else f'{value}'
         lines.append(_line(6, f'{key}: {_number(text)}', comment))
     if name == 'attitude' and made.yaw_offset:
@@ -171,4 +177,5 @@ def _dof(dof: str, known: Known) -> list[str]:
         f'{text(known.quadratic_drag)}, linear_drag: {text(known.linear_drag)}, bias: 0.0}}',
         f'      typical: {{force: {text(known.force)}, velocity: {text(known.velocity)}}}'
         f'   # {unit[1]}, {unit[0]}',
-        *([f'      couplings: [{", ".join(known.couplings)}]'] if known.couplings else [])]
+        *([f'      couplings: [{", ".join(known.couplings)}]'] if known.couplings else []),
+        *([f'      dry_mass: {text(known.dry_mass)}'] if known.dry_mass else [])]

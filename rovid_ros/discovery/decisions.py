@@ -11,7 +11,7 @@ from rovid_core.model.dofs import coupling_prior, DOFS
 from rovid_ros.discovery.ardusub import Motors
 from rovid_ros.discovery.candidates import Candidate
 from rovid_ros.discovery.moments import Misfit
-from rovid_ros.discovery.motion import answer, Motion, motion, Push, STEP
+from rovid_ros.discovery.motion import answer, Motion, motion, noise_of, Push, STEP
 from rovid_ros.discovery.signals import Array, Signal
 from rovid_ros.discovery.thrusters import (
     answers_to,
@@ -30,6 +30,8 @@ _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth an
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
 _LATENCIES = tuple(0.25 * k for k in range(1, 13))  # [s] of fixes that are tried
 _DELAYS = tuple(0.05 * k for k in range(13))  # [s] of the thrust
+_SPANS = range(1, 6)  # how much longer means of coarse fixes are than their rate asks for
+_DRY = 'dry mass'
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
 
 Choose = Callable[[str, list[Candidate]], Candidate]
@@ -51,6 +53,7 @@ class Known:
     explained: float  # share of its changes that the command explains
     sign: int  # 1 if it goes where it is pushed, -1 the other way, 0 if the log does not say
     couplings: tuple[str, ...] = ()
+    dry_mass: float = 0.0  # [kg or kg m^2]; 0: unknown
 
 
 @dataclass
@@ -67,6 +70,23 @@ class Discovery:
     fastest: float = 0.0  # [m/s or rad/s]
     guesses: list[str] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
+
+    @property
+    def open_latency(self) -> str:
+        """Return which latencies of the fixes explain the log alike, '' if it tells one."""
+        if len({*self.latencies}) < 2:
+            return ''
+        return f'{min(self.latencies):g} to {max(self.latencies):g} s'
+
+    def know_dry(self, mass: float, inertia: float) -> None:
+        """Take the mass [kg] in air and the moment of inertia about z [kg m^2]; 0: unknown."""
+        for dof, known in self.dofs.items():
+            known.dry_mass = inertia if dof == 'yaw' else mass
+        lacking = [dof for dof, known in self.dofs.items() if not known.dry_mass]
+        if len(lacking) < len(self.dofs):
+            self.unknown = [f'{_DRY} of {", ".join(lacking)}{one.removeprefix(_DRY)}'
+                            if one.startswith(_DRY) else one for one in self.unknown
+                            if lacking or not one.startswith(_DRY)]
 
 
 def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose: Choose,
@@ -111,11 +131,13 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
     if not len(moved.times):
         raise DiscoveryError(
             'have no time in common: ' + ', '.join(one.signal.topic for one in inputs.values()))
+    spans = max(_SPANS if moved.coarse else [1], key=lambda n: _told(inputs, frames, motors, n))
+    moved, heading = _moved(inputs, frames, [], spans)
     thrusters = find_thrusters(inputs['thrusters'], frames, moved, motors, guesses)
     late, likely = _latency(inputs, frames, thrusters, moved)
     if late:
         inputs['position'] = _earlier(inputs['position'], late)
-        moved, heading = _moved(inputs, frames, [])
+        moved, heading = _moved(inputs, frames, [], spans)
         thrusters = find_thrusters(inputs['thrusters'], frames, moved, motors, [])
         guesses.append(
             f'position.latency {late:g} s: what {inputs["position"].signal.topic} shows comes so '
@@ -186,7 +208,7 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
     least = _likeliest(told)
     plane = {dof: row for dof, row in thrusters.rows.items() if dof in ('surge', 'sway')}
     cases = [(delay, 0.0) for delay, one in zip(_DELAYS, told)
-             if one.left < told[least].left + told[least].by_chance()]
+             if one.left < told[least].left + told[least].by_chance(SURE**2)]
     punctual = len(cases)
     cases += [(_DELAYS[least], late) for late in _LATENCIES]
     found = misfits_by([(replace(thrusters, rows=plane, delay=delay), _moved(
@@ -195,8 +217,20 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
     best = _likeliest(found)
     gained = min(one.left for one in found[:punctual]) - found[best].left
     likely = tuple([late for (_, late), one in zip(cases, found) if one.push > SURE and (
-        one.left < found[best].left + found[best].by_chance())])
+        one.left < found[best].left + found[best].by_chance(SURE**2))])
     return cases[best][1] if gained > found[best].by_chance() else 0.0, likely
+
+
+def _told(inputs: dict[str, Candidate], frames: str, motors: Motors | None, spans: int) -> float:
+    """
+    Return how much commands tell of the DOFs of coarse fixes: logarithms of standard errors.
+
+    Means over short spans are mostly noise, and those over long ones hardly show the motion.
+    """
+    moved, _ = _moved(inputs, frames, [], spans)
+    answers = answers_to(find_thrusters(inputs['thrusters'], frames, moved, motors, []), moved)
+    return math.fsum(math.log(max(abs(push.alphas[0]) / push.errors[0], 1.0))
+                     for dof, (push, _) in answers.items() if dof in moved.coarse)
 
 
 def _likeliest(found: Sequence[Misfit]) -> int:
@@ -244,8 +278,8 @@ def _frames(signals: Sequence[Signal], inputs: Mapping[str, Candidate]) -> tuple
                    'and yaw and of their biases would change')
 
 
-def _moved(inputs: dict[str, Candidate], frames: str,
-           guesses: list[str]) -> tuple[Motion, bool]:
+def _moved(inputs: dict[str, Candidate], frames: str, guesses: list[str],
+           spans: int = 1) -> tuple[Motion, bool]:
     """Return the motion in forward-left-up, and whether it depends on the heading."""
     used = {name: one.signal for name, one in inputs.items()}
     angles = None
@@ -257,7 +291,7 @@ def _moved(inputs: dict[str, Candidate], frames: str,
             angles = 0.5 * math.pi - angles
     depth = inputs.get('depth')
     scale = float(depth.keys.get('scale', 1.0)) if depth else 1.0
-    moved = motion(used, angles, scale)
+    moved = motion(used, angles, scale, spans)
     velocities = dict(moved.velocities)
     if frames == 'ned':
         for dof in ('sway', 'yaw', *(() if depth else ('heave',))):
@@ -282,14 +316,15 @@ def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, t
     if both.sum() < _ENOUGH or np.std(up[both]) < _STILL:
         return heave
     alike = float(np.corrcoef(own[both], up[both])[0, 1])
-    noisy = np.std(up[both]) < 2.0 * _noise_of_rate(
-        inputs['position'].signal.values[:, 2], fixes.half)
+    half = fixes.halves['heave']
+    noisy = np.std(up[both]) < math.sqrt(2.0) * noise_of(
+        inputs['position'].signal.values[:, 2]) / half
     if abs(alike) < _ALIKE and not noisy:
         guesses.append(f'depth: {depth.signal.place} does not move as the position does, so the '
                        'position is used for heave')
         del inputs['depth']
         return np.asarray(np.interp(times, fixes.times, up))
-    if abs(alike) < SURE / math.sqrt(both.sum() * STEP / (2.0 * fixes.half)):
+    if abs(alike) < SURE / math.sqrt(both.sum() * STEP / (2.0 * half)):
         return heave  # so noisy that it does not even tell the direction
     if alike > 0.0:
         return heave
@@ -300,11 +335,6 @@ def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, t
     return -heave
 
 
-def _noise_of_rate(values: Array, half: float) -> float:
-    """Return the noise of rates of change over twice ``half`` [s], as it shows from fix to fix."""
-    return float(np.sqrt(np.mean(np.diff(values, 2)**2) / 6.0) / (math.sqrt(2.0) * half))
-
-
 def _fit(made: Discovery, moved: Motion) -> None:
     """Fit each DOF that is driven, for initial values of the right size."""
     answers = answers_to(made.thrusters, moved)
@@ -312,8 +342,8 @@ def _fit(made: Discovery, moved: Motion) -> None:
         push, force = answers[dof]
         alpha, error = float(push.alphas[0]), float(push.errors[0])
         velocity = moved.velocities[dof]
-        sign = 0 if abs(alpha) < SURE * error or push.explained < EXPLAINED else (
-            1 if alpha > 0.0 else -1)
+        sign = 0 if abs(alpha) < SURE * error or (
+            push.explained < EXPLAINED and dof not in moved.coarse) else 1 if alpha > 0.0 else -1
         strong = float(np.sqrt(np.mean(force * force)))
         fast = float(np.sqrt(np.nanmean(velocity * velocity)))
         if dof not in _DRIVEN or strong == 0.0:
@@ -326,9 +356,12 @@ def _fit(made: Discovery, moved: Motion) -> None:
             mass, quadratic, linear, _amplitude(force), _amplitude(velocity), push.explained,
             sign, _couplings(push))
     still = [dof for dof in moved.velocities if dof in _DRIVEN and dof not in answers]
-    if still:
-        made.guesses.append(f'{", ".join(still)}: left out, for the commands explain next to '
-                            'nothing of the motion in this log')
+    for dofs, why in (([dof for dof in still if dof not in moved.coarse],
+                       'the commands explain next to nothing of the motion in this log'),
+                      ([dof for dof in still if dof in moved.coarse],
+                       'the fixes are too coarse to tell what the commands do in this log')):
+        if dofs:
+            made.guesses.append(f'{", ".join(dofs)}: left out, for {why}')
     _leave_out_dependent(made)
     speeds = [float(np.nanpercentile(np.abs(moved.velocities[dof]), 99.0)) for dof in made.dofs]
     made.fastest = max(speeds, default=1.0)
@@ -415,10 +448,11 @@ def _say(made: Discovery) -> None:
     weak = [dof for dof, known in made.dofs.items() if known.sign == 0]
     if weak:
         made.guesses.append(f'{", ".join(weak)}: the log hardly says how the command moves it')
-    if len({*made.latencies}) > 1:
+    if made.open_latency:
         made.unknown.append(
-            f'how late the fixes are stamped: a position.latency of {min(made.latencies):g} to '
-            f'{max(made.latencies):g} s explains this log alike, so put in what you know of them')
+            f'how late the fixes are stamped: a position.latency of {made.open_latency} explains '
+            'this log alike. Measure it: masses may be wrong by 10 % with 0.25 s too little or '
+            'too much, which their intervals do not tell')
     if thrusters.how == 'wrench':
         made.unknown.append('whether the wrench is in newtons: all masses and drags are wrong by '
                             'the same factor')
@@ -426,7 +460,10 @@ def _say(made: Discovery) -> None:
         frame = thrusters.frame
         by = 'says the autopilot' if thrusters.sure_frame else (
             f'as in ArduSub, for there are {len(frame.factors)} motors and it explains the motion')
-        made.guesses.append(f'thrusters.allocation: frame {frame.name}, {by}')
+        turned = [str(k) for k, gain in enumerate(thrusters.chain.gain, start=1) if gain < 0.0]
+        which = '' if thrusters.sure_frame or not turned else (
+            f' with motor{"s" if turned[1:] else ""} {", ".join(turned)} reversed')
+        made.guesses.append(f'thrusters.allocation: frame {frame.name}{which}, {by}')
         levers = f'the levers are those of {frame.vehicle}' if frame.vehicle else (
             'the levers are guessed')
         made.unknown.append('thrust scale (a T200 near 12 V is taken) and allocation geometry '
@@ -436,4 +473,4 @@ def _say(made: Discovery) -> None:
                             'this log; masses and drags are per unit of the command')
         made.unknown.append('thrust scale and allocation geometry: where the thrusters are and '
                             'what they push in newtons')
-    made.unknown.append('dry mass, which most formats of rovid export need')
+    made.unknown.append(f'{_DRY}, which most formats of rovid export need')

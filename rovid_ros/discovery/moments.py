@@ -85,9 +85,9 @@ class Misfit(NamedTuple):
         """Return that of one DOF more."""
         return Misfit(min(self.push, one.push), self.left + one.left, self.freedom + one.freedom)
 
-    def by_chance(self) -> float:
-        """Return by how much more another that is as right may leave, once in twenty times."""
-        return LIKELY * max(self.left / max(self.freedom, 1), 1.0)
+    def by_chance(self, most: float = LIKELY) -> float:
+        """Return by how much more another that is as right may leave, if no more is chance."""
+        return most * max(self.left / max(self.freedom, 1), 1.0)
 
 
 def moments_of(moved: Motion, dof: str, force: Array) -> Moments | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+import math
 
 import numpy as np
 from rovid_core.model.dofs import COUPLINGS, DOFS
@@ -14,6 +15,7 @@ DELAYS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)  # [s] of the thrust that are tr
 _MOST_GAPS = 1000
 _FAR = 8.0  # times the median of the residuals: what misses by more is left out
 _FAST = 5.0  # times the speed that is seldom exceeded: no vehicle does
+_COARSE = 0.3  # of the speed that fixes show; where more is noise, they are coarse
 
 
 @dataclass(frozen=True)
@@ -27,8 +29,10 @@ class Motion:
         [s], with steps of ``STEP``.
     velocities : dict of str to array
         [m/s] or [rad/s] by DOF, of those that were measured; NaN across gaps.
-    half : float
-        Half of the span [s] over which velocities are means.
+    halves : dict of str to float
+        Half of the span [s] over which the velocity of each DOF is a mean.
+    coarse : frozenset of str
+        DOFs that are measured by fixes of whose speed much is noise.
     tilting : dict of str to array
         Rates of roll and pitch [rad/s], where an attitude says them.
     turned : array, optional
@@ -38,9 +42,10 @@ class Motion:
 
     times: Array
     velocities: Mapping[str, Array]
-    half: float
+    halves: Mapping[str, float]
     tilting: Mapping[str, Array] = field(default_factory=dict)
     turned: Array | None = None
+    coarse: frozenset[str] = frozenset()
 
     def coupled(self, dof: str) -> dict[str, Array]:
         """Return what the other motions may push a DOF with, by name of the coupling."""
@@ -69,12 +74,13 @@ class Push:
 
 
 def motion(used: Mapping[str, Signal], angles: Array | None = None,
-           depth_scale: float = 1.0) -> Motion:
+           depth_scale: float = 1.0, spans: int = 1) -> Motion:
     """
     Return the body velocities that follow from signals, by the name of their input.
 
     ``angles`` are heading [rad] in the world of the position, at the attitude's times, if the
-    attitude is not a quaternion of it; the body is taken to be level then.
+    attitude is not a quaternion of it; the body is taken to be level then. From coarse fixes,
+    means are taken over ``spans`` times as long as their rate asks for.
     """
     seen = [used[name] for name in ('position', 'depth', 'attitude', 'angular_velocity',
                                     'velocity', 'thrusters') if name in used]
@@ -85,6 +91,7 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
                    for name in ('position', 'depth', 'attitude', 'velocity') if name in used),
                   default=STEP)
     half = max(0.2, slowest)
+    halves, coarse = dict.fromkeys(DOFS, half), frozenset[str]()
     velocities: dict[str, Array] = {}
     tilting: dict[str, Array] = {}
     known, attitudes, turned = np.empty(0), np.empty((0, 4)), None
@@ -100,8 +107,14 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
         gyro = used['angular_velocity']
         velocities['yaw'] = _mean(gyro.times, gyro.values[:, 2], times, half)
     if 'position' in used:
-        fixes = used['position']
-        rates = [_rate(fixes.times, column, times, half) for column in fixes.values.T]
+        rates: list[Array] = []
+        for dofs, columns in ((('surge', 'sway'), (0, 1)), (('heave',), (2,))):
+            at_fixes, fixes = used['position'].times, used['position'].values[:, columns]
+            if _are_coarse(at_fixes, fixes, times, half):
+                at_fixes, fixes = _without_outliers(at_fixes, fixes)
+                halves.update(dict.fromkeys(dofs, spans * half))
+                coarse |= {*dofs}
+            rates += [_rate(at_fixes, column, times, halves[dofs[0]]) for column in fixes.T]
         velocities['heave'] = rates[2]
         if len(attitudes):
             at = np.array([np.interp(times, known, column) for column in attitudes.T])
@@ -113,8 +126,33 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
     if 'depth' in used:
         depth = used['depth']
         velocities['heave'] = _rate(depth.times, depth_scale * depth.values[:, 0], times, half)
-    return Motion(times, {dof: _plausible(v) for dof, v in velocities.items()}, half, tilting,
-                  turned)
+        halves['heave'], coarse = half, coarse - {'heave'}
+    return Motion(times, {dof: _plausible(v) for dof, v in velocities.items()}, halves, tilting,
+                  turned, coarse)
+
+
+def _are_coarse(times: Array, fixes: Array, grid: Array, half: float) -> bool:
+    """Return whether much of the speed that fixes show over twice ``half`` [s] is noise."""
+    if len(grid) == 0 or len(times) < 5:
+        return False
+    speeds = np.linalg.norm([_rate(times, column, grid, half) for column in fixes.T], axis=0)
+    speeds = speeds[speeds <= np.nanpercentile(speeds, 90.0)]  # without outliers
+    noise = math.hypot(*[noise_of(column) for column in fixes.T]) / (math.sqrt(2.0) * half)
+    return noise > _COARSE * math.sqrt(np.mean(speeds ** 2))
+
+
+def _without_outliers(times: Array, fixes: Array) -> tuple[Array, Array]:
+    """Return fixes without those that are far from where those around them are."""
+    around = np.median(np.lib.stride_tricks.sliding_window_view(fixes, 5, axis=0), axis=-1)
+    off = np.linalg.norm(fixes[2:-2] - around, axis=1)
+    good = np.pad(off <= _FAR * np.median(off), 2, constant_values=True)
+    return times[good], fixes[good]
+
+
+def noise_of(values: Array) -> float:
+    """Return the standard deviation of the noise of values, as it shows from one to the next."""
+    # of a normal distribution; outliers do not count
+    return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
 
 
 def _plausible(velocity: Array) -> Array:
@@ -215,7 +253,7 @@ class Windows:
 
     def __init__(self, moved: Motion, dof: str) -> None:
         velocity, coupled = moved.velocities[dof], moved.coupled(dof)
-        self.width = width = max(round(max(1.0, 2.0 * moved.half) / STEP), 1)
+        self.width = width = max(round(max(1.0, 2.0 * moved.halves[dof]) / STEP), 1)
         self.coupled = tuple(coupled)
         self.known = known = np.isfinite(velocity) & np.isfinite(
             sum(coupled.values(), np.zeros(len(velocity))))
@@ -293,7 +331,7 @@ def best_delay(moved: Motion, times: Array, commands: Mapping[str, Array]) -> fl
     ``commands`` are by DOF, a row per time [s] and a column each.
     """
     def explained(delay: float) -> float:
-        pushes = [answer(moved, dof, held(times + delay, columns, moved.times, moved.half))
+        pushes = [answer(moved, dof, held(times + delay, columns, moved.times, moved.halves[dof]))
                   for dof, columns in commands.items()]
         return sum(push.explained for push in pushes if push)
     return max(DELAYS, key=explained)

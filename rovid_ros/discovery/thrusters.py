@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import Any
@@ -24,6 +24,9 @@ PULSES = {'scale': 0.0025, 'limit': 1.0, 'deadband': 0.0625, 'model': 'polynomia
 SURE = 3.0  # standard errors
 EXPLAINED = 0.1  # share of a DOF's changes below which nothing is known of what drives it
 _SMALL = 0.15  # share of the strongest thruster of a DOF below which another does nothing
+# Of what an allocation from the data explains, a frame has to explain this share; one with motors
+# that are turned fits by chance more easily.
+_LIKE, _LIKE_TURNED = 0.5, 0.8
 _TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
 _SPEEDS = {'rpm', 'rps', 'speed', 'speeds'}  # of propellers
 
@@ -89,12 +92,25 @@ def find_thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Mot
     active = {k for k in columns if k in used}
     fitting = [frame for frame in (FRAMES[2], FRAMES[1], FRAMES[0])
                if pulses and len(frame.factors) == len(used) and active == set(used)]
-    for frame in fitting:
-        made = replace(from_data, how='frame', frame=frame, rows=allocation(frame))
-        ours, best = explained_by(made, moved), explained_by(from_data, moved)
-        if ours > 0.5 * best and ours > 0.1:
-            return with_delay(made, moved)
+    best = explained_by(from_data, moved)
+    for reversed_too, share in ((False, _LIKE), (True, _LIKE_TURNED)):
+        for frame in fitting:
+            rows = allocation(frame)
+            signs = _signs(from_data, rows) if reversed_too else gain
+            made = replace(from_data, how='frame', frame=frame, rows=rows,
+                           chain=replace(from_data.chain, gain=signs))
+            ours = explained_by(made, moved)
+            if ours > share * best and ours > EXPLAINED:
+                return with_delay(made, moved)
     return _without_idle(from_data, signal, used, guesses)
+
+
+def _signs(from_data: Thrusters, rows: Mapping[str, Sequence[float]]) -> tuple[float, ...]:
+    """Return for each thruster whether what it does in the data is as in these rows: 1 or -1."""
+    alike = np.zeros(len(from_data.chain.gain))
+    for dof, row in from_data.rows.items():
+        alike += np.array(row) * np.array(rows[dof]) / max(*map(abs, rows[dof]), 1e-9)
+    return tuple([-1.0 if one < 0.0 else 1.0 for one in alike.tolist()])
 
 
 def _forces_or_speeds(models: Sequence[Thrusters], moved: Motion,
@@ -178,11 +194,12 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     patterns = patterns[sizes > _TOGETHER * sizes.max()].T
     together = commands / strength @ patterns
     made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
-    forces = held(signal.times + made.delay, together, moved.times, moved.half)
-    answers = {dof: push for dof in moved.velocities
-               if (push := answer(moved, dof, forces))}
-    told = {dof: push for dof, push in answers.items() if push.explained > EXPLAINED and np.any(
-        np.abs(push.alphas) > SURE * push.errors)}
+    answers = {dof: push for dof in moved.velocities if (push := answer(moved, dof, held(
+        signal.times + made.delay, together, moved.times, moved.halves[dof])))}
+    told = {dof: push for dof, push in answers.items() if np.any(
+        np.abs(push.alphas) > SURE * push.errors) and (
+            # of what is mostly noise no command explains much
+            push.explained > EXPLAINED or dof in moved.coarse)}
     if answers and not told:
         best = max(answers, key=lambda dof: answers[dof].explained)
         told = {best: answers[best]}
@@ -198,7 +215,7 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
 
 def force_of(made: Thrusters, dof: str, moved: Motion) -> Array:
     """Return the force on a DOF at the times of the motion."""
-    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.half)
+    forces = held(made.signal.times + made.delay, made.forces(), moved.times, moved.halves[dof])
     return np.asarray(forces @ np.array(made.rows[dof]))
 
 

@@ -307,6 +307,37 @@ def test_what_the_data_give_away(
     assert any(says in line for line in lines), outcome.text
 
 
+@pytest.mark.parametrize('frames', ['enu', 'ned'])
+@pytest.mark.parametrize('gravity', [9.8, -9.8, 3.0])
+def test_the_accelerometer_beside_the_attitude_tells_the_frames(
+        frames: str, gravity: float, tmp_path: Path, log: Path) -> None:
+    def accelerated(message: Message) -> Message:
+        if message[0] == '/imu':
+            message[2]['linear_acceleration']['z'] = gravity
+        return message
+
+    outcome = checked(tmp_path, {'frames': frames}, logs=[
+        rewritten(log, tmp_path / 'other.mcap', accelerated)])
+    told = [str(one) for one in findings(outcome, WARNING) if 'accelerometer' in one.text]
+    if abs(gravity) < 7.0 or (gravity > 0.0) == (frames == 'enu'):
+        assert not told
+    else:
+        other = {'enu': 'ned', 'ned': 'enu'}[frames]
+        assert len(told) == 1
+        assert f'as with frames: {other}, but they are {frames}' in told[0]
+
+
+@pytest.mark.parametrize('scale', [1.0, -1.0])
+def test_a_dvl_that_moves_against_the_depth_is_told(scale: float, tmp_path: Path) -> None:
+    velocity = {'velocity.topic': '/dvl', 'velocity.type': 'geometry_msgs/msg/TwistStamped',
+                'velocity.field': 'twist.linear', 'position.topic': None, 'position.type': None,
+                'position.field': None}
+    simulate_log(settings_from(changed(velocity)), tmp_path / 'dvl.mcap', 60.0, seed=1)
+    outcome = checked(tmp_path, {**velocity, 'depth.scale': scale}, logs=[tmp_path / 'dvl.mcap'])
+    told = [one for one in findings(outcome, WARNING) if 'against the depth' in one.text]
+    assert [one.subject for one in told] == ([] if scale > 0.0 else ['velocity'])
+
+
 def test_a_thruster_that_drives_nothing_identified_may_rest(tmp_path: Path, log: Path) -> None:
     still = rewritten(log, tmp_path / 'still.mcap', without_vertical)
     outcome = checked(tmp_path, {'dofs': ['surge', 'yaw'], 'depth.topic': ''}, logs=[still])
@@ -325,6 +356,30 @@ def test_a_latency_that_is_given_is_no_wrong_clock(tmp_path: Path) -> None:
     outcome = checked(tmp_path, slow, logs=[log])
     assert not [one for one in findings(outcome, WARNING) if 'older than' in one.text]
     assert outcome.document['inputs']['position']['lag_s'] == 0.0
+
+
+@pytest.mark.parametrize('topic, key', [('/imu', 'attitude'), ('/position', 'position')])
+def test_stamps_after_their_receipt_are_told_by_their_sign(
+        topic: str, key: str, tmp_path: Path, log: Path) -> None:
+    def ahead(message: Message) -> Message:
+        return shifted(message, 0.3) if message[0] == topic else message
+
+    other = rewritten(log, tmp_path / 'ahead.mcap', ahead)
+    first = findings(checked(tmp_path, logs=[other]), WARNING)[0]
+    assert first.subject == f'{key}.latency'
+    assert 'after their receipt, which cannot be' in first.text
+    assert first.advice == 'set that clock, or this to 0.3 or more'
+    outcome = checked(tmp_path, {f'{key}.latency': 0.3}, logs=[other])
+    assert not findings(outcome, WARNING), outcome.text
+
+
+def test_nothing_is_said_of_models_that_push_the_wrong_way(tmp_path: Path) -> None:
+    log = tmp_path / 'dive.mcap'
+    simulate_log(settings_from(VALUES), log, 120.0, seed=1)
+    outcome = checked(tmp_path, {'thrusters.gain': [-40.0, -40.0, -55.0]}, logs=[log])
+    warned = findings(outcome, WARNING)
+    assert any('turn all signs' in one.text for one in warned), outcome.text
+    assert not [one for one in warned if one.subject in ('surge', 'heave', 'yaw')], outcome.text
 
 
 def test_a_part_of_a_log(tmp_path: Path, log: Path) -> None:

@@ -587,6 +587,18 @@ def test_a_dof_that_hardly_moves_yet_has_no_wrong_sizes(velocity, duration, told
     assert any('set surge.typical.force' in w for w in stream.take_warnings()) is told
 
 
+def test_sizes_of_a_whole_log_are_judged_at_its_end():
+    settings = surge_settings(DofSettings(300.0, typical_force=2000.0, typical_velocity=5.0))
+    for whole in (False, True):
+        stream = Stream(settings, whole=whole)
+        for event in events(settings, 310.0):
+            stream.receive(event)
+        early = [w for w in stream.take_warnings() if 'set surge.typical.force' in w]
+        stream.finish()
+        late = [w for w in stream.take_warnings() if 'set surge.typical.force' in w]
+        assert (len(early), len(late)) == ((0, 1) if whole else (1, 0))
+
+
 def test_w_is_published_where_the_truth_is_known():
     settings = surge_settings()
     assert math.isnan(feed(Stream(settings), events(settings))[-1].dofs[0].W)

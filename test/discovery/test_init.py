@@ -20,6 +20,7 @@ from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.discovery.ardusub import allocation, FRAMES, motors
 from rovid_ros.discovery.candidates import candidates
+from rovid_ros.discovery.configuration import configuration
 from rovid_ros.discovery.decisions import decide
 from rovid_ros.discovery.signals import read_signals, Signal
 from rovid_ros.logs.log import Log
@@ -91,6 +92,32 @@ def test_a_bluerov2_with_mavros_is_recognised(logs: dict[str, Path], repository:
     assert (found.thrusters.offset, found.thrusters.scale) == (1500.0, 0.0025)
 
 
+@pytest.mark.parametrize('turned, said', [
+    ((3,), 'with motor 3 reversed, as in ArduSub'),
+    ((1, 4), 'with motors 1, 4 reversed, as in ArduSub'),
+    (tuple(range(1, 9)), 'with motors 1, 2, 3, 4, 5, 6, 7, 8 reversed, as in ArduSub')])
+def test_a_frame_with_reversed_motors_is_recognised(
+        turned: tuple[int, ...], said: str, logs: dict[str, Path]) -> None:
+    with Log([logs['bluerov2_ardusub']]) as opened:
+        signals = read_signals(opened, 0.0, None)
+    other = []
+    for one in signals:
+        if one.topic == '/mavros/rc/out' and one.path == 'channels':
+            values = one.values.copy()
+            for motor in turned:
+                values[:, motor - 1] = 3000.0 - values[:, motor - 1]
+            one = replace(one, values=values)
+        other.append(one)
+    made, as_sent = [decide(candidates(one), one, lambda name, found: found[0])
+                     for one in (other, signals)]
+    assert made.thrusters.chain.gain == tuple(
+        [-1.0 if k in turned else 1.0 for k in range(1, 9)])
+    assert made.thrusters.rows == as_sent.thrusters.rows
+    assert f'frame vectored_6dof {said}' in ' '.join(made.guesses)
+    for dof, known in as_sent.dofs.items():  # what a motor has backwards it has forwards now
+        assert made.dofs[dof].mass == pytest.approx(known.mass, rel=0.2), dof
+
+
 def test_an_allocation_is_estimated(logs: dict[str, Path], repository: Path,
                                     initialised: Callable[[Path], Settings]) -> None:
     found = initialised(logs['jhurov'])
@@ -157,6 +184,17 @@ def test_what_is_measured_of_a_motor_is_no_command() -> None:
         signal = Signal(topic, 'std_msgs/msg/Float64', 'data', 'number', times,
                         np.sin(times)[:, np.newaxis], rate=5.0)
         assert ('thrusters' in candidates([signal])) is is_one
+
+
+@pytest.mark.parametrize(('topic', 'path', 'is_one'), [
+    ('/thrusters/joint_states', 'effort', True), ('/thruster_states', 'velocity', True),
+    ('/thruster_states', 'temperatures', False), ('/joint_states', 'effort', False)])
+def test_joints_may_be_thrusters_by_their_topic(topic: str, path: str, is_one: bool) -> None:
+    times = np.arange(0.0, 30.0, 0.2)
+    values = np.column_stack([np.sin(times), np.cos(times)])
+    found = candidates([Signal(topic, 'sensor_msgs/msg/JointState', path, 'array', times, values,
+                               ('port_main', 'fore_lateral'), rate=5.0)])
+    assert ('thrusters' in found) is is_one
 
 
 @pytest.mark.parametrize('frames', ['enu', 'ned'])
@@ -363,11 +401,51 @@ def test_fixes_that_are_stamped_late_show(
     assert made.inputs['position'].keys.get('latency') == (late and pytest.approx(late, abs=0.3))
     untold = [one for one in made.unknown if 'how late the fixes are stamped' in one]
     assert len(untold) == (1 if late else 0)
+    written = configuration(made, 'dive.mcap')
+    if late:
+        assert 'Measure it: masses may be wrong' in untold[0]
+        assert min(made.latencies) <= late <= max(made.latencies)
+        assert re.search(r'latency: .* # \[s\] a guess, .* explains this log alike: measure it',
+                         written)
+    else:
+        assert 'latency' not in written
 
 
 def test_fixes_that_are_noisy_are_not_late(noisy: Path) -> None:
     """Least squares take half a second and less drag for noise in the velocity."""
     assert 'latency' not in discover([noisy]).inputs['position'].keys
+
+
+@pytest.mark.parametrize('seed', [0, 1, 2])
+def test_yaw_that_hardly_moves_does_not_make_fixes_late(seed: int) -> None:
+    """The thrust of surge and sway lags by 0.3 s, which yaw, the only DOF without fixes, lacks."""
+    draw = np.random.default_rng(seed)
+    step, count = 0.05, 4000
+
+    def driven(size: float, lag: float) -> tuple[np.ndarray, np.ndarray]:
+        force = np.repeat(draw.choice([-1.0, 0.0, 1.0], count // 50), 50) * size
+        thrust, velocity, velocities = 0.0, 0.0, []
+        for told in force:
+            thrust += (told - thrust) * min(step / lag, 1.0)
+            velocity += step * (thrust - velocity - velocity * abs(velocity))
+            velocities.append(velocity)
+        return force, np.array(velocities)
+
+    (x, u), (y, v), (n, r) = driven(0.5, 0.3), driven(0.5, 0.3), driven(0.06, step)
+    times, zero, yaw = step * np.arange(count), np.zeros(count), step * np.cumsum(r)
+    way = step * np.cumsum((u + 1j * v) * np.exp(1j * yaw))
+    half = 0.5 * (yaw + draw.normal(0.0, 0.01, count))
+    fixes = np.column_stack([way.real, way.imag, zero])[::2]
+    fixes += draw.normal(0.0, 0.002, fixes.shape)
+    signals = [
+        Signal('/pose', 'geometry_msgs/msg/PoseStamped', 'pose.position', 'vector', times[::2],
+               fixes, rate=10.0),
+        Signal('/imu', 'sensor_msgs/msg/Imu', 'orientation', 'quaternion', times,
+               np.column_stack([zero, zero, np.sin(half), np.cos(half)]), rate=20.0),
+        Signal('/wrench', 'geometry_msgs/msg/WrenchStamped', 'wrench', 'wrench', times,
+               np.column_stack([x, y, zero, zero, zero, n]), rate=20.0)]
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    assert 'latency' not in made.inputs['position'].keys
 
 
 @pytest.fixture(scope='module')
@@ -380,6 +458,54 @@ def noisy(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         simulation=replace(settings.simulation, position_rate=10.0, position_noise=0.02)),
         log, 300.0, 1)
     return log
+
+
+@pytest.mark.parametrize('seed', [1, 2])
+def test_coarse_fixes_are_looked_at_over_longer_spans(
+        seed: int, repository: Path, tmp_path: Path) -> None:
+    """Here one in a second, off by 30 cm: from one to the next the commands explain a tenth."""
+    settings = settings_from(load(repository / 'config' / 'lbl_slow.yaml'))
+    simulate_log(replace(
+        settings, position=replace(settings.position, latency=0.0),
+        simulation=replace(settings.simulation, position_noise=0.3)),
+        tmp_path / 'dive.mcap', 600.0, seed)
+    made = discover([tmp_path / 'dive.mcap'])
+    # with 0.4 of the rate every second step would be clamped, for fixes do not come that evenly
+    assert 'cutoff: 0.36 ' in configuration(made, 'dive.mcap')
+    for dof in ('surge', 'sway'):
+        assert made.dofs[dof].sign == 1
+        assert made.dofs[dof].explained > 0.4
+        assert made.dofs[dof].mass < 2.0 * settings.simulation.dofs[dof].mass
+
+
+def test_outliers_of_coarse_fixes_are_no_speed(repository: Path, tmp_path: Path) -> None:
+    settings = settings_from(load(repository / 'config' / 'lbl_slow.yaml'))
+    log, dofs = tmp_path / 'dive.mcap', ('surge', 'sway')
+    simulate_log(replace(settings, simulation=replace(
+        settings.simulation, position_noise=0.3)), log, 600.0, 1)
+    with Log([log]) as opened:
+        signals = read_signals(opened, 0.0, None)
+    off = np.random.default_rng(0)
+    worse = [replace(one, values=one.values + 10.0 * off.normal(size=one.values.shape) * (
+        off.random((len(one.values), 1)) < 0.02)) if one.topic == '/usbl/fix' else one
+        for one in signals]
+    clean, made = [decide(candidates(one), one, lambda name, found: found[0])
+                   for one in (signals, worse)]
+    assert made.fastest == pytest.approx(clean.fastest, rel=0.1)
+    for dof in dofs:
+        assert made.dofs[dof].velocity == pytest.approx(clean.dofs[dof].velocity, rel=0.1)
+
+
+def test_what_coarse_fixes_do_not_tell_is_left_out_for_that(
+        repository: Path, tmp_path: Path) -> None:
+    settings = settings_from(load(repository / 'config' / 'jhurov.yaml'))
+    simulate_log(replace(settings, simulation=replace(
+        settings.simulation, position_rate=1.0, position_noise=8.0)),
+        tmp_path / 'dive.mcap', 120.0, 1)
+    made = discover([tmp_path / 'dive.mcap'])
+    assert 'surge' not in made.dofs
+    [line] = [one for one in made.guesses if 'too coarse' in one]
+    assert line.startswith('surge, sway: left out, for the fixes are too coarse')
 
 
 def test_fixes_that_are_mostly_noise_in_z_do_not_replace_a_depth(noisy: Path) -> None:
@@ -460,6 +586,23 @@ def test_what_no_configuration_can_be_made_of(
         error = capsys.readouterr().err
         assert says in error and error.count('\n') == 1
         assert not there.exists()
+
+
+@pytest.mark.parametrize('given, dry, unknown', [
+    ([], {}, 'dry mass, which'), (['--dry-mass', '60'], {
+        'surge': 60.0, 'sway': 60.0, 'heave': 60.0}, 'dry mass of yaw, which'),
+    (['--dry-mass', '60', '--dry-inertia', '4.5'], {
+        'surge': 60.0, 'sway': 60.0, 'heave': 60.0, 'yaw': 4.5}, '')])
+def test_what_the_vehicle_weighs_can_be_told(
+        given: list[str], dry: dict[str, float], unknown: str, logs: dict[str, Path],
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    yaml = tmp_path / 'rov.yaml'
+    assert main(['init', str(logs['odometry_wrench']), '--output', str(yaml), *given]) == 0
+    found = settings_from(load(yaml)).dof
+    assert {dof: known.dry_mass for dof, known in found.items() if known.dry_mass} == dry
+    told = [line for line in capsys.readouterr().out.splitlines() if 'dry mass' in line]
+    assert len(told) == bool(unknown)
+    assert unknown in ' '.join(told)
 
 
 def test_a_configuration_is_not_written_over_another(

@@ -71,9 +71,6 @@ UNEXPLAINED, MANY_BLOCKS = 3.0, 12
 CORRELATION = (0.6, 0.75)
 """Of innovations, up to which a model may be used: to begin with, and while it is."""
 
-HELD_FIT = (0.5, 0.35)
-"""Fit of the prediction without corrections from which it may, likewise."""
-
 
 class ExtendedKalman(Identifier):
     """

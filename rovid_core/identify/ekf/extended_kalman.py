@@ -44,7 +44,7 @@ from rovid_core.identify.ekf.filter_bank import (
 )
 from rovid_core.identify.ekf.normalised_model import CHANGE, FilterUncertainty, NormalisedModel
 from rovid_core.identify.ekf.saved_steps import read_step
-from rovid_core.identify.ekf.single.free_prediction import predicted
+from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.unmodelled import Unmodelled
@@ -72,9 +72,6 @@ UNEXPLAINED, MANY_BLOCKS = 3.0, 12
 
 CORRELATION = (0.6, 0.75)
 """Of innovations, up to which a model may be used: to begin with, and while it is."""
-
-HELD_FIT = (0.5, 0.35)
-"""Fit of the prediction without corrections from which it may, likewise."""
 
 
 class ExtendedKalman(Identifier):

@@ -131,7 +131,7 @@ class Member:
         filter.keep_inside(self._bounds)
         if not (adapt and self.blocks.add(found.told, found.given + added, found.psi, dt)):
             return 0
-        self.prediction.end_block(filter)
+        self.prediction.end_block(filter, innovations.noise)
         return BLOCK
 
     def learn(self, span: Measurement, used: bool) -> list[float]:
@@ -165,7 +165,7 @@ class Member:
         added = found.given * (size / HUBER - 1.0) if size > HUBER else 0.0
         filter.update_motion(found, added)
         if used and self.blocks.add(found.told, found.given + added, found.psi, span.dt):
-            self.prediction.end_block(filter)
+            self.prediction.end_block(filter, innovations.noise)
         return [size]
 
     def settle(self) -> None:

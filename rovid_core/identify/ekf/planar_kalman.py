@@ -43,7 +43,6 @@ from rovid_core.identify.ekf.extended_kalman import (
     CORRELATION,
     FIRST_NOISE,
     FORGET,
-    HELD_FIT,
     IDLE,
     LARGEST,
     MANY_BLOCKS,
@@ -58,7 +57,7 @@ from rovid_core.identify.ekf.planar.prior import PlanarModel
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.planar.turning import Turning
 from rovid_core.identify.ekf.saved_steps import read_planar_step
-from rovid_core.identify.ekf.single.free_prediction import predicted
+from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.estimate import Current

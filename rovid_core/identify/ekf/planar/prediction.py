@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-import math
 from typing import Any
 
 from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.planar.member import PlanarMeasurement, Recent
-from rovid_core.identify.ekf.single.free_prediction import fit_of, KEPT, SPAN
+from rovid_core.identify.ekf.single.free_prediction import BlockFits, SPAN
 from rovid_core.identify.ekf.single.linearised_filter import floats
 
 
@@ -28,18 +27,21 @@ class PlanarPrediction:
     Attributes
     ----------
     fits : list of 2 floats
-        1 - rms(error) / std(measured) of the velocity of surge and sway over the last blocks,
-        without what the noise of the fixes has in both.
+        1 - rms(error) / std(measured) of the velocity of surge and sway over the last blocks with
+        motion, without what the noise of the fixes has in both.
 
     """
 
     def __init__(self, rows: tuple[Row, Row], size: int) -> None:
         self._model = PlanarFilter(rows, [0.0] * size, [0.0] * size)
         self._noise = 0.0
-        self._blocks: list[list[float]] = []
-        self._sums = [0.0] * 8
-        self.fits = [-math.inf] * 2
+        self._fits = BlockFits(clean=True), BlockFits(clean=True)
         self.interrupt()
+
+    @property
+    def fits(self) -> list[float]:
+        """Return how well the model predicts surge and sway."""
+        return [one.fit for one in self._fits]
 
     def interrupt(self) -> None:
         """Wait for the end of the block: the path begins anew."""
@@ -74,32 +76,23 @@ class PlanarPrediction:
         self._mark = now
 
     def _add(self, model: Sequence[float], measured: Sequence[float], noise: float) -> None:
-        for k, (a, b) in enumerate(zip(model, measured)):
-            i = 4 * k
-            self._sums[i] += 1.0
-            self._sums[i + 1] += (a - b)**2 - noise
-            self._sums[i + 2] += b
-            self._sums[i + 3] += b * b - noise
+        for one, a, b in zip(self._fits, model, measured):
+            one.add(a, b, noise)
 
     def end_block(self, filter: PlanarFilter, noise: float) -> None:
         """Take the fit of the block and begin the next one at the state of a filter."""
-        self._blocks = [*self._blocks, self._sums][-KEPT:]
-        self._sums = [0.0] * 8
+        for one in self._fits:
+            one.end_block()
         self._noise = noise
-        self._compare()
         self._model.theta = filter.theta
         self._model.motion[:] = filter.motion
         self._mark, self._runs = [], True
-
-    def _compare(self) -> None:
-        sums = [math.fsum(column) for column in zip(*self._blocks)]
-        self.fits = [fit_of(*sums[:4]), fit_of(*sums[4:])]
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'theta': self._model.theta.tolist(), 'motion': self._model.motion.tolist(),
                 'runs': self._runs, 'mark': self._mark, 'noise': self._noise,
-                'sums': list(self._sums), 'blocks': [list(sums) for sums in self._blocks]}
+                'fits': [one.state() for one in self._fits]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -107,9 +100,7 @@ class PlanarPrediction:
                              'motion': state['motion']})
         self._runs, self._mark = bool(state['runs']), floats(state['mark'], len(state['mark']))
         self._noise, = floats([state['noise']], 1)
-        self._sums = floats(state['sums'], 8)
-        self._blocks = [floats(sums, 8) for sums in state['blocks']]
+        for one, fits in zip(self._fits, state['fits']):
+            one.restore(fits)
         if len(self._mark) not in (0, 5):
             raise ValueError('a prediction that does not fit')
-        if self._blocks:
-            self._compare()

@@ -19,6 +19,9 @@ LEAST_STEP: Final = 0.15
 KEPT: Final = 6
 """Blocks that the fit is taken over."""
 
+HELD_FIT: Final = (0.5, 0.35)
+"""Fit above which a model comes into use, and above which it stays in use."""
+
 
 def predicted(fit: float) -> str:
     """Return what is said of a fit that does not suffice."""
@@ -27,15 +30,65 @@ def predicted(fit: float) -> str:
     return f'without corrections it predicts {100.0 * max(fit, 0.0):.0f} % of the motion'
 
 
-def fit_of(count: float, error: float, total: float, square: float) -> float:
+class BlockFits:
     """
-    Return 1 - rms(error) / std(measured) of velocities, -inf where they do not vary.
+    How well velocities are predicted over the last blocks in which there was any motion.
 
-    ``error`` is the sum of the squared errors, ``total`` and ``square`` are those of what was
-    measured and of its squares.
+    Parameters
+    ----------
+    clean : bool
+        Whether what the noise of the measurements has in errors and velocities is taken off.
+
+    Attributes
+    ----------
+    fit : float
+        1 - rms(error) / std(measured), -inf where there was no motion yet.
+
     """
-    variance = square - total * total / count if count else 0.0
-    return 1.0 - math.sqrt(max(error, 0.0) / variance) if variance > 0.0 else -math.inf
+
+    def __init__(self, clean: bool) -> None:
+        self._clean = clean
+        self.fit = -math.inf
+        self._sums = [0.0] * 5
+        self._blocks: list[list[float]] = []
+
+    def add(self, model: float, measured: float, noise: float) -> None:
+        """Compare a velocity with the measured one, whose noise has a variance."""
+        sums, error = self._sums, model - measured
+        sums[0] += 1.0
+        sums[1] += error * error
+        sums[2] += measured
+        sums[3] += measured * measured
+        sums[4] += noise
+
+    def end_block(self) -> None:
+        """Take the fit; a block that tells nothing of it is left out."""
+        _, error, _, square, noise = self._sums
+        # noise that a perfect model cannot predict leaves it less than the fit that is asked
+        if max(error, square) * (1.0 - HELD_FIT[0])**2 > noise:
+            self._blocks = [*self._blocks, self._sums][-KEPT:]
+            self._compare()
+        self._sums = [0.0] * 5
+
+    def _compare(self) -> None:
+        count, error, total, square, noise = [math.fsum(column) for column in zip(*self._blocks)]
+        if self._clean:
+            error, square = max(error - noise, 0.0), square - noise
+        variance = square - total * total / count
+        self.fit = 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'sums': list(self._sums), 'blocks': [list(sums) for sums in self._blocks]}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        self._sums = floats(state['sums'], 5)
+        self._blocks = [floats(row, 5) for row in state['blocks']]
+        if self._blocks:
+            if not all(row[0] > 0.0 for row in self._blocks):
+                raise ValueError('a prediction that does not fit')
+            self._compare()
 
 
 class FreePrediction:
@@ -50,20 +103,23 @@ class FreePrediction:
     Attributes
     ----------
     fit : float
-        1 - rms(error) / std(measured) of the velocity over the last blocks.
+        1 - rms(error) / std(measured) of the velocity over the last blocks with motion.
 
     """
 
     def __init__(self, own: tuple[int, int]) -> None:
         self._thrust, self._drag = own
         self._has_own = own != NONE_OWN
-        self.fit = -math.inf
+        self._fits, self._noise = BlockFits(clean=False), 0.0
         self._theta: list[float] = []
         self._time = -1.0  # [s] of the last comparison
         self._motion = (0.0, 0.0)
         self._mark: list[float] = []  # time, path of the model, measured path
-        self._sums = [0.0] * 4
-        self._blocks: list[list[float]] = []
+
+    @property
+    def fit(self) -> float:
+        """Return how well the model predicts."""
+        return self._fits.fit
 
     def interrupt(self) -> None:
         """Wait for the end of the block: the path begins anew."""
@@ -89,13 +145,14 @@ class FreePrediction:
         if span.value is None:
             return
         if span.i:
-            self._add(v, span.value)
+            self._fits.add(v, span.value, self._noise * self._noise)
         elif not self._mark:
             self._mark = [span.end, x, span.value]
         elif span.end - self._mark[0] >= SPAN:
             time, model, measured = self._mark
             dt = span.end - time
-            self._add((x - model) / dt, (span.value - measured) / dt)
+            noise = self._noise / dt
+            self._fits.add((x - model) / dt, (span.value - measured) / dt, 2.0 * noise * noise)
             self._mark = [span.end, x, span.value]
 
     def _moved(self, recent: DelayedForce, start: float, h: float,
@@ -123,38 +180,25 @@ class FreePrediction:
     def _of(self, i: int) -> float:
         return self._theta[i] if i >= 0 else 0.0
 
-    def _add(self, model: float, measured: float) -> None:
-        sums, error = self._sums, model - measured
-        sums[0] += 1.0
-        sums[1] += error * error
-        sums[2] += measured
-        sums[3] += measured * measured
-
-    def end_block(self, filter: LinearisedFilter) -> None:
+    def end_block(self, filter: LinearisedFilter, noise: float) -> None:
         """Take the fit of the block and begin the next one at the state of a filter."""
-        self._blocks = [*self._blocks, self._sums][-KEPT:]
-        self._sums = [0.0] * 4
-        self._compare()
+        self._fits.end_block()
+        self._noise = noise
         self._theta, self._motion = filter.theta, filter.motion[:2]
         self._mark, self._time = [], -1.0
-
-    def _compare(self) -> None:
-        self.fit = fit_of(*[math.fsum(column) for column in zip(*self._blocks)])
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'theta': self._theta, 'motion': list(self._motion), 'mark': self._mark,
-                'at': self._time, 'sums': list(self._sums), 'blocks': self._blocks}
+                'at': self._time, 'noise': self._noise, 'fits': self._fits.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         self._theta = floats(state['theta'], len(state['theta']))
         x, v = floats(state['motion'], 2)
-        self._motion, self._sums = (x, v), floats(state['sums'], 4)
+        self._motion = (x, v)
         self._mark = floats(state['mark'], len(state['mark']))
-        self._time, = floats([state['at']], 1)
-        self._blocks = [floats(row, 4) for row in state['blocks']]
+        self._time, self._noise = floats([state['at'], state['noise']], 2)
+        self._fits.restore(state['fits'])
         if 0 < len(self._theta) < 5 or len(self._mark) not in (0, 3):
             raise ValueError('a prediction that does not fit')
-        if self._blocks:
-            self._compare()

@@ -477,6 +477,17 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'a_lag_of_the_thrusters_is_found_and_goes_on_with_the_same_bits',
          ('surge and sway find no lag', 'self._bank.follow_lag(', 'False and bool(')),
+    *_of('rovid_core/identify/ekf/single/free_prediction.py', 'test/core/test_ekf_honesty.py '
+         'blocks_without_motion_tell_nothing_of_the_fit',
+         ('the fit is that of noise where nothing moves',
+          'if max(error, square) * (1.0 - HELD_FIT[0])**2 > noise:', 'if True:'),
+         ('a motion that was predicted and did not come is forgotten',
+          'max(error, square) *', 'square *'),
+         ('a motion that came and was not predicted is forgotten',
+          'if max(error, square) * (1.0', 'if not self._blocks and square * (1.0')),
+    *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
+         'a_lag_is_said_in_seconds_up_to_what_a_configuration_takes',
+         ('a lag is said in minutes', 'if lag > LONGEST_LAG:', 'if False:')),
     *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
          'the_force_behind_a_lag_is_that_of_short_steps',
          ('a lag moves the way by the impulse that was asked for',

@@ -14,7 +14,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import described
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member
-from rovid_core.identify.ekf.single.free_prediction import predicted
+from rovid_core.identify.ekf.single.free_prediction import BlockFits, KEPT, predicted
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
@@ -146,6 +146,29 @@ def test_what_no_thruster_has_is_not_named_as_its_fault(name, otherwise):
     assert 'of the thrusters of about' in described(Missing(name, -0.5, 0.1), theta, SCALES)
     said = described(Missing(name, 0.5, 0.1), theta, SCALES)
     assert said.startswith(f'10 % of the error follows {otherwise}')
+
+
+@pytest.mark.parametrize(('coefficient', 'said'), [
+    (-2.0, 'a lag of the thrusters of about 0.30 s'), (-200.0, 'more slowly than thrusters do')])
+def test_a_lag_is_said_in_seconds_up_to_what_a_configuration_takes(coefficient, said):
+    assert said in described(Missing('lag', coefficient, 0.1), (1.0, -0.5, -0.1, 0.0, 0.0), SCALES)
+
+
+@pytest.mark.parametrize(('still', 'model', 'least', 'most'), [
+    (0.001, 0.0, 0.89, 0.91),  # hovering, and a model that says so: nothing was learned
+    (0.001, 0.5, -inf, 0.2),  # a motion that was predicted and did not come
+    (0.5, 0.0, -inf, 0.5)])  # one that came and was not predicted
+def test_blocks_without_motion_tell_nothing_of_the_fit(still, model, least, most):
+    fits = BlockFits(clean=False)
+    for block in range(1 + KEPT):
+        speed, predicted_speed = (0.5, 0.45) if block == 0 else (still, model)
+        for sign in (1.0, -1.0) * 20:
+            fits.add(sign * predicted_speed, sign * speed, 0.01**2)
+        fits.end_block()
+    assert least < fits.fit < most
+    again = BlockFits(clean=False)
+    again.restore(json.loads(json.dumps(fits.state())))
+    assert again.fit == fits.fit
 
 
 def test_white_innovations_keep_the_gate_narrow_and_large_ones_widen_it():

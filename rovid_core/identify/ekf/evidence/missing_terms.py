@@ -17,6 +17,7 @@ from rovid_core.identify.last_minute import DEAD_BAND, KEYS, lacking, UNTOLD_DEA
 from rovid_core.model.dofs import RESTORING
 from rovid_core.settings.run import Scales
 
+LONGEST_LAG = 10.0  # [s] that thrusters.time_constant takes
 COUPLING_MISSING = 'without that coupling nothing else can be judged'
 """Why a model may not be used that ``is_coupling`` says something of."""
 
@@ -62,6 +63,9 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
             return (f'{_percent(missing)} of the error follows quick changes of the thrust, which '
                     'move it more than the model says')
         lag = math.sqrt(square_of_lag(missing, alpha))
+        if lag > LONGEST_LAG:
+            return (f'{_percent(missing)} of the error follows the thrust more slowly than '
+                    'thrusters do: is what is measured smoothed?')
         said = f'a lag of the thrusters of about {lag:.2f} s'
     elif missing.name == 'current':
         # it is dragged along at the slope of the drag at half of the typical velocity

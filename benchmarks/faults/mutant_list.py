@@ -446,7 +446,9 @@ MUTANTS = [
          ('a latency that is found is not waited for',
           'if 0.0 <= settings.max_wait < wait', 'if 0.0 <= settings.max_wait < 0.0'),
          ('commands that are late have a delay below 0',
-          'if delay < 0.0:', 'if delay < -9.0:'),
+          'if delay < 0.0:', 'if delay < -9.0:')),
+    *_of('rovid_core/trials/tuning/timing.py', 'test/core/test_tuning.py '
+         'commands_are_late_only_where_no_dof_says_otherwise',
          ('one DOF that answers early makes late commands', 'late.is_better and all(',
           'late.is_better and any(')),
     *_of('rovid_core/trials/tuning/cross_validation.py', 'test/core/test_tuning.py '

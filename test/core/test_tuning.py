@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 import re
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,9 +17,10 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.force_history import ForceHistory
-from rovid_core.trials.tuning.cross_validation import choose, part_bounds
+from rovid_core.trials.tuning.cross_validation import choose, FOLDS, part_bounds
 from rovid_core.trials.tuning.heading import around_the_best
 from rovid_core.trials.tuning.log import CommandedForce, TuningLog
+from rovid_core.trials.tuning.timing import tune_thrust
 from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningError
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
@@ -256,6 +258,21 @@ def test_finds_how_late_commands_are_stamped(surge: Settings) -> None:
 
 def test_one_input_that_is_stamped_early_makes_no_late_commands(diver: Settings) -> None:
     assert tune(log_of(diver, 90.0, late={'depth': -0.4}), diver).changes() == {}
+
+
+@pytest.mark.parametrize(('other', 'delay'), [(0.97, 0.35), (1.03, 0.0)])
+def test_commands_are_late_only_where_no_dof_says_otherwise(
+        surge: Settings, other: float, delay: float) -> None:
+    """One under control may answer before its thrust; another, unclearly, may say no."""
+    def answering(share: float) -> Any:
+        random = np.random.default_rng(1).normal(0.0, 0.2, (FOLDS, 4))
+        return SimpleNamespace(name='surge', fit=lambda commanded, pairs: SimpleNamespace(
+            errors=np.array([np.exp(random - random.mean()) * share if early == (-0.35, 0.0)
+                             else np.ones((FOLDS, 4)) for early in pairs])))
+
+    found = tune_thrust([answering(0.3), answering(other)], None, surge,
+                        lambda do, items: [do(k) for k in items], lambda share: None)
+    assert found.pair == (-delay, 0.0)
 
 
 def test_couplings_with_a_velocity_that_no_dof_is_identified_from() -> None:

@@ -35,7 +35,7 @@ TOPIC, INPUT = '/sharps/position', 'position'
 
 READ = 'rovid_ros/logs/log.py', 'Log.messages'
 SAMPLE = 'rovid_core/pipeline/steps.py', 'Pipeline.add_sample'
-WRITE = 'rovid_ros/commands/replay.py', '_Replay._write_topics'
+WRITE = 'rovid_ros/results/outputs.py', 'Outputs.encoded'
 """Where the three parts of the route begin: file and function."""
 
 Call = tuple[str, str]
@@ -127,6 +127,8 @@ def main() -> None:
         routes = {f'the estimate of {method}': typical(trace(log, CONFIG, method))
                   for method in ('ekf', 'aid')}
         written = typical(trace(log, CONFIG, 'ekf', '--output', str(output)))
+    if WRITE not in written:
+        sys.exit(f'{": ".join(WRITE)} is not called any more')
     print(table(('one position message, from the log to', 'calls', 'files', 'changes of file'), [
         (name, *figures(route)) for name, route in
         (*routes.items(), ('the output topics of an estimate of ekf', written))]))

@@ -55,7 +55,6 @@ NO_UNCERTAINTY = KnownUncertainty()
 Interval = tuple[float, float]
 Z95 = 1.959963984540054  # half the width of a Gaussian's 95 % interval, in standard deviations
 UNBOUNDED: Interval = (-math.inf, math.inf)
-POSITIVE: Interval = (0.0, math.inf)
 
 
 def intervals(parameters: Sequence[float], covariance: Sequence[float]) -> dict[str, Interval]:
@@ -69,18 +68,20 @@ def intervals(parameters: Sequence[float], covariance: Sequence[float]) -> dict[
     """
     if len(covariance) != 16 or not all(map(math.isfinite, (*parameters, *covariance))):
         return {}
-    found: dict[str, Interval] = {}
+    lumped: dict[str, Interval] = {}
+    ratios: dict[str, Interval] = {}
     alpha, alpha_variance = parameters[0], covariance[0]
     for i, name in enumerate(PARAMETERS):
-        variance = covariance[5 * i]
+        theta, variance = parameters[i], covariance[5 * i]
         if variance > 0.0:
             half = Z95 * math.sqrt(variance)
-            found[name] = (parameters[i] - half, parameters[i] + half)
+            lumped[name] = theta - half, theta + half
             # the mass is 1 / alpha, that is -(-1) / alpha
-            top = (parameters[i], variance, covariance[i]) if i else (-1.0, 0.0, 0.0)
-            pieces = _fieller(*top, alpha, alpha_variance)
-            found[PHYSICAL[i]] = _cut(pieces, UNBOUNDED if i == 3 else POSITIVE)
-    return {name: found[name] for name in (*PARAMETERS, *PHYSICAL) if name in found}
+            ratio = (_fieller(theta, variance, covariance[i], alpha, alpha_variance) if i
+                     else _fieller(-1.0, 0.0, 0.0, alpha, alpha_variance))
+            ratios[PHYSICAL[i]] = _cut(ratio, -math.inf if i == 3 else 0.0)
+    lumped.update(ratios)
+    return lumped
 
 
 def physical_std(parameters: Sequence[float], covariance: Sequence[float]) -> Four:
@@ -121,8 +122,8 @@ def _fieller(theta: float, theta_variance: float, covariance: float, alpha: floa
     return [(low, high)] if a >= 0.0 else [(-math.inf, low), (high, math.inf)]
 
 
-def _cut(pieces: Sequence[Interval], physical: Interval) -> Interval:
-    """Return the hull of the physical part of some intervals, or of all if there is none."""
-    inside = [(max(low, physical[0]), min(high, physical[1])) for low, high in pieces]
-    inside = [(low, high) for low, high in inside if low < high] or list(pieces)
-    return (min(low for low, _ in inside), max(high for _, high in inside))
+def _cut(pieces: Sequence[Interval], lowest: float) -> Interval:
+    """Return the hull of what is above ``lowest`` of some intervals, or of all if nothing is."""
+    inside = [(max(low, lowest), high) for low, high in pieces if low < high and lowest < high]
+    inside = inside or list(pieces)
+    return inside[0][0], inside[-1][1]

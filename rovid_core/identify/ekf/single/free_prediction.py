@@ -19,7 +19,7 @@ LEAST_STEP: Final = 0.15
 KEPT: Final = 6
 """Blocks that the fit is taken over."""
 
-HELD_FIT: Final = (0.5, 0.35)
+HELD_FIT = (0.5, 0.35)  # mypyc would take a Final tuple of floats to be missing
 """Fit above which a model comes into use, and above which it stays in use."""
 
 

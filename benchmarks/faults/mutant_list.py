@@ -487,6 +487,13 @@ MUTANTS = [
           'max(error, square) *', 'square *'),
          ('a motion that came and was not predicted is forgotten',
           'if max(error, square) * (1.0', 'if not self._blocks and square * (1.0')),
+    *_of('rovid_core/identify/ekf/evidence/clocks.py', 'test/core/test_ekf_honesty.py '
+         'clocks_are_judged_by_delay_and_lag_together',
+         ('a lag makes a delay look early', 'verdict.theta[k] + lag', 'verdict.theta[k]')),
+    *_of('rovid_ros/discovery/thrusters.py',
+         'test/discovery/test_init.py a_frame_with_reversed_motors_is_recognised',
+         ('a frame that a part of the DOFs speaks for is taken as it stands',
+          'found, most = made, ours + EXPLAINED', 'found, most = made, 9.0')),
     *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
          'a_lag_is_said_in_seconds_up_to_what_a_configuration_takes',
          ('a lag is said in minutes', 'if lag > LONGEST_LAG:', 'if False:')),

@@ -230,4 +230,4 @@ class _Drift:
 
 
 def _percent(share: float) -> str:
-    return f'{100.0 * share:.0f} %' if share < 10.0 else 'more than 1000 %'
+    return f'{math.ceil(100.0 * share - 1e-6)} %' if share < 10.0 else 'more than 1000 %'

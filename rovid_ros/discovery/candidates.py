@@ -15,7 +15,8 @@ PWM = (1000.0, 2000.0)  # [us] servo pulses, and what a controller makes of them
 NEUTRAL = 1500.0  # [us]
 _PASCAL = 1.0 / (1000.0 * 9.80665)  # [m/Pa] of fresh water
 _ATMOSPHERE = 101325.0  # [Pa]
-_THRUSTER = {'thruster', 'thrusters', 'thrust', 'motor', 'motors', 'propeller', 'propellers'}
+_THRUSTER = {'thruster', 'thrusters', 'thrust', 'motor', 'motors', 'prop', 'propeller',
+             'propellers'}
 _SIDES = {'left', 'right', 'port', 'starboard', 'front', 'rear', 'fore', 'aft', 'bow', 'stern',
           'center', 'middle', 'lateral', 'vertical', 'horizontal'}
 _MEASURED = {'temperature', 'temp', 'voltage', 'vel', 'velocity', 'pos', 'position', 'angle'}
@@ -210,7 +211,7 @@ def _thrusters(signal: Signal) -> Iterable[Candidate]:
     words = signal.words
     likely = ('thruster', 'thrusters', 'motor', 'motors', 'rc', 'rcou', 'out', 'pwm', 'servo',
               'esc', 'command', 'cmd', 'force', 'forces', 'effort', 'current', 'axes', 'actuator',
-              'channels', 'thrust')
+              'actuators', 'channels', 'thrust')
     named = any(_THRUSTER.intersection(_words(name)) for name in signal.names) or (
         bool(words & _THRUSTER) and signal.path in ('effort', 'velocity'))
     if not words & set(likely) or words & {'imu', 'magnetometer', 'gps'} or (

@@ -359,7 +359,7 @@ def _fit(made: Discovery, moved: Motion) -> None:
     for dofs, why in (([dof for dof in still if dof not in moved.coarse],
                        'the commands explain next to nothing of the motion in this log'),
                       ([dof for dof in still if dof in moved.coarse],
-                       'the fixes are too coarse to tell what the commands do in this log')):
+                       'the fixes show little but noise, too little to tell what commands do')):
         if dofs:
             made.guesses.append(f'{", ".join(dofs)}: left out, for {why}')
     _leave_out_dependent(made)

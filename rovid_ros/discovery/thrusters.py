@@ -93,6 +93,7 @@ def find_thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Mot
     fitting = [frame for frame in (FRAMES[2], FRAMES[1], FRAMES[0])
                if pulses and len(frame.factors) == len(used) and active == set(used)]
     best = explained_by(from_data, moved)
+    found, most = None, EXPLAINED
     for reversed_too, share in ((False, _LIKE), (True, _LIKE_TURNED)):
         for frame in fitting:
             rows = allocation(frame)
@@ -100,9 +101,9 @@ def find_thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Mot
             made = replace(from_data, how='frame', frame=frame, rows=rows,
                            chain=replace(from_data.chain, gain=signs))
             ours = explained_by(made, moved)
-            if ours > share * best and ours > EXPLAINED:
-                return with_delay(made, moved)
-    return _without_idle(from_data, signal, used, guesses)
+            if ours > max(share * best, most):
+                found, most = made, ours + EXPLAINED  # the next has to be clearly better
+    return with_delay(found, moved) if found else _without_idle(from_data, signal, used, guesses)
 
 
 def _signs(from_data: Thrusters, rows: Mapping[str, Sequence[float]]) -> tuple[float, ...]:
@@ -141,9 +142,10 @@ def _without_idle(made: Thrusters, signal: Signal, used: Sequence[int],
 
     def of(values: Sequence[Any]) -> tuple[Any, ...]:
         return tuple([values[k] for k in active])
-    idle = ', '.join(str(used[k] + 1) for k in range(len(used)) if k not in active)
+    idle = ', '.join(made.chain.names[k] if made.chain.names else f'number {used[k] + 1}'
+                     for k in range(len(used)) if k not in active)
     guesses.append(f'thrusters: left out, for they move nothing that is measured in this log: '
-                   f'{idle} of {len(used)}')
+                   f'{idle}, of {len(used)} in all')
     path = signal.path if made.chain.names else _path(signal, of(used))
     return replace(
         made, signal=part(made.signal, active, path, made.signal.shape),

@@ -7,7 +7,8 @@ import re
 
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.evidence.block_fit import Missing
+from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
+from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
 from rovid_core.identify.ekf.evidence.f_distribution import f_tail
 from rovid_core.identify.ekf.evidence.innovations import Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import described
@@ -257,6 +258,23 @@ def test_what_loses_the_vehicle_before_there_is_a_verdict_counts_after_a_change_
     assert not any(bank.is_lost_often(lost, time) for time in (1.0, 2.0, 3.0))
     bank.begin_anew(10.0)
     assert [bank.is_lost_often(lost, time) for time in (11.0, 12.0, 13.0)] == [False, False, True]
+
+
+def test_a_change_is_news_for_a_minute_and_then_said_as_what_the_numbers_are_of():
+    bank = FilterBank(lambda force: Member(
+        TRUTH, (0.1, 0.1, 0.1, 0.1), [(0, 0.1, 10.0)], force, 0.01))
+    assert bank.said_of_change(30.0) == ''
+    bank.begin_anew(100.0)
+    assert bank.said_of_change(112.0).startswith('the vehicle changed 12 s ago')
+    assert bank.said_of_change(400.0) == 'all is of the last 5 min, since a change of the vehicle'
+
+
+@pytest.mark.parametrize(('wanted', 'lag', 'said'), [
+    (-0.1, 0.0, 'clocks disagree'), (-0.1, 0.25, ''), (0.5, 0.25, 'clocks disagree')])
+def test_clocks_are_judged_by_delay_and_lag_together(wanted, lag, said):
+    found = clocks_in_doubt(Verdict([[1e-6]], 1.0, None, 12, [wanted], ()), 0, lag)
+    assert found.startswith(said)
+    assert bool(found) is bool(said)
 
 
 @pytest.mark.parametrize('name', ['exact', 'dead-band 3 N', 'unknown force 1 N', 'lag 0.15 s'])

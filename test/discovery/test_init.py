@@ -95,6 +95,7 @@ def test_a_bluerov2_with_mavros_is_recognised(logs: dict[str, Path], repository:
 @pytest.mark.parametrize('turned, said', [
     ((3,), 'with motor 3 reversed, as in ArduSub'),
     ((1, 4), 'with motors 1, 4 reversed, as in ArduSub'),
+    ((5, 8), 'with motors 5, 8 reversed, as in ArduSub'),  # surge and sway are right as they are
     (tuple(range(1, 9)), 'with motors 1, 2, 3, 4, 5, 6, 7, 8 reversed, as in ArduSub')])
 def test_a_frame_with_reversed_motors_is_recognised(
         turned: tuple[int, ...], said: str, logs: dict[str, Path]) -> None:
@@ -195,6 +196,14 @@ def test_joints_may_be_thrusters_by_their_topic(topic: str, path: str, is_one: b
     found = candidates([Signal(topic, 'sensor_msgs/msg/JointState', path, 'array', times, values,
                                ('port_main', 'fore_lateral'), rate=5.0)])
     assert ('thrusters' in found) is is_one
+
+
+def test_a_propeller_beside_a_rudder_is_a_thruster() -> None:
+    times = np.arange(0.0, 30.0, 0.2)
+    values = np.column_stack([np.sin(times), np.cos(times)])
+    assert 'thrusters' in candidates([Signal(
+        '/actuators/joint_states', 'sensor_msgs/msg/JointState', 'velocity', 'array', times,
+        values, ('prop', 'rudder'), rate=5.0)])
 
 
 @pytest.mark.parametrize('frames', ['enu', 'ned'])
@@ -369,7 +378,7 @@ def test_thrusters_that_do_nothing_are_left_out(
         data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, yaml = data / 'bluerov_pool' / 'yaw_2.bag', tmp_path / 'rov.yaml'
     assert main(['init', str(log), '--output', str(yaml)]) == 0
-    assert re.search(r'thrusters: left out, .*: 1, 2 of 4$', capsys.readouterr().out, re.M)
+    assert re.search(r'thrusters: left out, .*: number 1, number 2, of 4 in all$', capsys.readouterr().out, re.M)
     assert main(['check', str(yaml)]) == 0
     assert 'WARNING' not in capsys.readouterr().out
 
@@ -504,8 +513,8 @@ def test_what_coarse_fixes_do_not_tell_is_left_out_for_that(
         tmp_path / 'dive.mcap', 120.0, 1)
     made = discover([tmp_path / 'dive.mcap'])
     assert 'surge' not in made.dofs
-    [line] = [one for one in made.guesses if 'too coarse' in one]
-    assert line.startswith('surge, sway: left out, for the fixes are too coarse')
+    [line] = [one for one in made.guesses if 'little but noise' in one]
+    assert line.startswith('surge, sway: left out, for the fixes show little but noise')
 
 
 def test_fixes_that_are_mostly_noise_in_z_do_not_replace_a_depth(noisy: Path) -> None:

@@ -40,7 +40,6 @@ from rovid_core.identify.ekf.filter_bank import (
     LOST,
     Member,
     OUTLIER,
-    SAID,
 )
 from rovid_core.identify.ekf.normalised_model import CHANGE, FilterUncertainty, NormalisedModel
 from rovid_core.identify.ekf.saved_steps import read_step
@@ -231,10 +230,7 @@ class ExtendedKalman(Identifier):
     @property
     def note(self) -> str:
         """Return what the filter has to say of the vehicle and its model, '' if nothing."""
-        said = []
-        since = self._time - self._bank.changed_at
-        if since < SAID:
-            said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
+        said = [self._bank.said_of_change(self._time)]
         if self._clocks:
             said.append(self._clocks)
         if self._lag:
@@ -250,7 +246,7 @@ class ExtendedKalman(Identifier):
                 verdict.covariance[ALPHA][ALPHA] > (
                     self.converged_share * self._bank.best.filter.theta[ALPHA])**2):
             said += [UNTOLD[name] for name in verdict.untold]
-        return '; '.join(said)
+        return '; '.join(filter(None, said))
 
     @property
     def _clocks(self) -> str:

@@ -34,7 +34,7 @@ MARGIN = 10.0
 """By which -2 log of the likelihood has to be lower before the model is taken to be wrong."""
 
 SAID = 60.0
-"""[s] after a change in which it is said."""
+"""[s] after a change in which it is news."""
 
 LOSSES, LOST_WITHIN, RIGHT = 3, 30.0, 2.0
 """Losses of the vehicle within so many seconds that mean a change of one that was understood."""
@@ -416,6 +416,15 @@ class FilterBank(Generic[M]):
         # a filter that is not the best one tells only while it understands the vehicle
         return True in [member.blocks.has_changed(math.inf if member is self.best else SCATTERED)
                         for member in ended]
+
+    def said_of_change(self, time: float) -> str:
+        """Return what is to be said of the last change of the vehicle, '' if there was none."""
+        since = time - self.changed_at
+        if self.changed_at <= 0.0:
+            return ''
+        return (f'the vehicle changed {since:.0f} s ago: its parameters are found anew'
+                if since < SAID else
+                f'all is of the last {since / 60.0:.0f} min, since a change of the vehicle')
 
     def begin_anew(self, changed_at: float) -> None:
         """Begin with new members at the noise of before the vehicle changed."""

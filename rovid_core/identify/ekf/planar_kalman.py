@@ -48,7 +48,7 @@ from rovid_core.identify.ekf.extended_kalman import (
     MANY_BLOCKS,
     UNEXPLAINED,
 )
-from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER, SAID
+from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty
 from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS
 from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement, PlanarMember
@@ -442,10 +442,7 @@ class PlanarKalman:
 
     def note(self, k: int) -> str:
         """Return what the filter has to say of surge (0) or sway (1), '' if nothing."""
-        said = []
-        since = self._time - self._bank.changed_at
-        if since < SAID:
-            said.append(f'the vehicle changed {since:.0f} s ago: its parameters are found anew')
+        said = [self._bank.said_of_change(self._time)]
         if self.current.advice:
             said.append(why_not_known(self.current))
         if self._clocks(k):
@@ -463,7 +460,7 @@ class PlanarKalman:
             limit = (self.rows[DOFS[k]].converged_share * self._bank.best.filter.theta.item(i))**2
             said += [UNTOLD[name] for dof, name in map(str.split, verdict.untold)
                      if dof == DOFS[k] and verdict.covariance[i][i] > limit]
-        return '; '.join(said)
+        return '; '.join(filter(None, said))
 
     def _missing(self, k: int) -> Missing | None:
         """Return what the model of surge (0) or sway (1) lacks."""

@@ -33,14 +33,14 @@ def clocks_in_doubt(verdict: Verdict | None, k: int, lag: float) -> str:
     # what the model lacks may look like a delay
     if verdict is None or verdict.missing is not None:
         return ''
-    wanted, std = verdict.theta[k], math.sqrt(verdict.covariance[k][k])
-    early, late = DELAYS[0] - wanted, wanted + lag - DELAYS[1]
+    wanted, std = verdict.theta[k] + lag, math.sqrt(verdict.covariance[k][k])
+    early, late = DELAYS[0] - wanted, wanted - DELAYS[1]
     if early > BEYOND * std:
         return (f'clocks disagree: thrust acts about {-wanted:.2g} s sooner than its stamps and '
                 'thrusters.delay say: lower that, or raise thrusters.latency')
     if late > BEYOND * std:
-        return (f'clocks disagree: motion is stamped about {wanted + lag:.2g} s after its thrust: '
-                'raise the latency of what measures it, or thrusters.delay')
+        return (f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust: raise '
+                'the latency of what measures it, or thrusters.delay')
     for beyond, bound, key in zip((early, late), DELAYS, (
             'thrusters.delay and thrusters.latency', 'thrusters.delay')):
         if beyond > AT_BOUND * std:

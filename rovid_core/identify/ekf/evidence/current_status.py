@@ -52,4 +52,5 @@ def why_not_known(current: Current) -> str:
         return f'the current is {current.status}: {current.advice}'
     if current.status == 'known':
         return ''
-    return f'the current is known to {100.0 * max(current.std):.0f} cm/s'
+    return (f'the current is known to {100.0 * max(current.std):.1f} cm/s, not yet to '
+            f'{100.0 * KNOWN:g} cm/s: drive longer, on several headings')

@@ -7,8 +7,8 @@ The paper's score: simulate the model with the logged thrust and compare the vel
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 import numpy as np
 from rovid_core.model.dofs import DOFS
@@ -22,8 +22,7 @@ from rovid_core.trials.spilling_table import BLOCK, SpillingTable
 from rovid_core.trials.water import LogWater
 
 
-@dataclass(frozen=True)
-class Score:
+class Score(NamedTuple):
     """
     How well a model predicts the velocity.
 

@@ -116,6 +116,13 @@ class AttitudeHistory:
             return None
         return self.at(min(max(time, self._times[0]), self._times[-1]))
 
+    def known_rotation(self, start: int, end: int) -> Vector | None:
+        """Return the rotation [rad] from one attitude to the next, None of any other times."""
+        times, i = self._times, bisect_left(self._times, end)
+        if 0 < i < len(times) and times[i] == end and times[i - 1] == start:
+            return self._rotations[i]
+        return None
+
     def at(self, time: int) -> Quaternion:
         """Return the attitude at a ``time`` for which ``missing`` is ''."""
         i = bisect_left(self._times, time)

@@ -32,6 +32,7 @@ from rovid_core.velocity.attitude_history import (
 
 LINEAR, ANGULAR = 'uvw', 'pqr'
 OF_ATTITUDE = (*RESTORING, *HEADING)
+FACTORS = (*LINEAR, *ANGULAR, *OF_ATTITUDE, '')  # the last one is 1
 NO_PRODUCTS = (*OF_ATTITUDE, *OWN)
 
 
@@ -118,6 +119,8 @@ class Needed(NamedTuple):
         Whether the attitude itself.
     early : tuple of str
         Those that need no linear velocity.
+    factors : tuple of (int, int)
+        Where the two factors of each stand in ``FACTORS``.
 
     """
 
@@ -126,6 +129,7 @@ class Needed(NamedTuple):
     turns: bool
     points: bool
     early: tuple[str, ...]
+    factors: tuple[tuple[int, int], ...]
 
 
 class CouplingRegressors:
@@ -231,7 +235,10 @@ class CouplingRegressors:
             known = self._known_needs[names] = Needed(
                 bool(letters & set(LINEAR)), turns and not by_attitude, by_attitude, points,
                 tuple([name for name in names if name in OF_ATTITUDE
-                       or not set(name) & set(LINEAR)]))
+                       or not set(name) & set(LINEAR)]),
+                tuple([(FACTORS.index(name if name in OF_ATTITUDE else name[0]),
+                        FACTORS.index('' if name in OF_ATTITUDE else name[1:]))
+                       for name in names]))
         return known
 
     def mean(self, names: tuple[str, ...], start: int, end: int,
@@ -254,22 +261,19 @@ class CouplingRegressors:
             [m/s rad/s and so on]; sin(roll) cos(pitch) and sin(pitch) have no unit.
 
         """
-        values: dict[str, float] = {}
         needed = self._needed(names)
+        linear = rates = up = ahead = (0.0, 0.0, 0.0)
         if needed.linear:
-            values['u'], values['v'], values['w'] = self._linear_from(
-                start, measured).mean(start, end)
+            linear = self._linear_from(start, measured).mean(start, end)
         if needed.rates:
-            values['p'], values['q'], values['r'] = self._rates.mean(start, end)
+            rates = self._rates.mean(start, end)
         elif needed.turns:
-            values['p'], values['q'], values['r'] = self._mean_rates(start, end)
+            rates = self._mean_rates(start, end)
         if needed.points:
             q = self._attitude.at((start + end) // 2)
             up, ahead = rotate_back(q, (0.0, 0.0, 1.0)), rotate(q, (1.0, 0.0, 0.0))
-            values['sin_roll'], values['sin_pitch'] = up[1], -up[0]
-            values['cos_heading'], values['sin_heading'] = ahead[0], ahead[1]
-        return tuple([values[name] if name in OF_ATTITUDE else _product(values, name)
-                      for name in names])
+        values = (*linear, *rates, up[1], -up[0], ahead[0], ahead[1], 1.0)
+        return tuple([values[i] * values[j] for i, j in needed.factors])
 
     def as_known(self, names: tuple[str, ...], start: int, end: int) -> tuple[float, ...]:
         """
@@ -289,7 +293,8 @@ class CouplingRegressors:
         return tuple([values.get(name, 0.0) for name in names])
 
     def _mean_rates(self, start: int, end: int) -> Vector:
-        x, y, z = rotation_between(self._attitude.at(start), self._attitude.at(end))
+        x, y, z = self._attitude.known_rotation(start, end) or rotation_between(
+            self._attitude.at(start), self._attitude.at(end))
         dt = (end - start) * NS
         return (x / dt, y / dt, z / dt)
 
@@ -324,10 +329,3 @@ def own_regressors(own: Sequence[tuple[int, str]], motions: tuple[Motion, Motion
                 one = other = 0.5 * (one + other)
         found.append((one, other))
     return found
-
-
-def _product(values: dict[str, float], name: str) -> float:
-    product = 1.0
-    for letter in name:
-        product *= values[letter]
-    return product

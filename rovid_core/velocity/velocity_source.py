@@ -223,7 +223,8 @@ class VelocitySource:
         """
         (start, a), (end, b) = last, new
         if self.input == 'attitude':
-            x, y, z = rotation_between(a, b)  # type: ignore[arg-type]
+            x, y, z = self._shared.attitude.known_rotation(start, end) or rotation_between(
+                a, b)  # type: ignore[arg-type]
             return (x / dt, y / dt, z / dt), ()
         if self.input == 'depth':
             up = (b[0] - a[0]) / dt

@@ -346,7 +346,7 @@ def _restore_recorded(log: Log, player: Player) -> None:
     state = log.metadata[RECORD].get('state')
     if state:
         try:
-            player.stream.restore(json.loads(state))
+            player.restore(json.loads(state))
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
             raise CommandError(f'the state that the recording began with: {error}') from None
 

@@ -76,28 +76,25 @@ def run(args: argparse.Namespace) -> None:
     print(f'next      rovid replay {" ".join(map(str, args.logs))} {files}')
 
 
-class _MotionStream(Stream):
-    """A stream for its velocities: what a recorded node did with its identifier is left out."""
+class TuningPlayer(PipelinePlayer):
+    """
+    The pipeline, which keeps what is needed to predict the log with other settings.
+
+    It is for the velocities: what a recorded node did with its identifier is left out.
+    """
+
+    def __init__(self, settings: Settings, water: LogWater | None = None) -> None:
+        self.scores = self.log = TuningLog(settings, water)
+        self.stream = Stream(settings, recorder=self.log, scorer=self.log,
+                             water=None if water is None else water.at)
+        self.converter = Converter(settings, self.stream.reject)
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Begin anew: the state of an identifier is of no use here."""
 
-    def control(self, name: str, value: str) -> list[Estimate]:
+    def repeat_control(self, name: str, value: str) -> list[Estimate]:
         """Do a control again only if it is about time."""
-        return super().control(name, value) if name in ('time_jump', 'interrupt') else []
-
-    def change(self, settings: Settings, told: str) -> None:
-        """Stay with the settings that are tuned."""
-
-
-class TuningPlayer(PipelinePlayer):
-    """The pipeline, which keeps what is needed to predict the log with other settings."""
-
-    def __init__(self, settings: Settings, water: LogWater | None = None) -> None:
-        self.scores = self.log = TuningLog(settings, water)
-        self.stream = _MotionStream(settings, recorder=self.log, scorer=self.log,
-                                    water=None if water is None else water.at)
-        self.converter = Converter(settings, self.stream.reject)
+        return super().repeat_control(name, value) if name in ('time_jump', 'interrupt') else []
 
 
 def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,

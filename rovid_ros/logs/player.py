@@ -29,6 +29,9 @@ class Player(Protocol):
     def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
         """Return what makes the data that ``add_message`` needs, of the messages of a topic."""
 
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Begin where the node began when it recorded the log."""
+
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message; return the estimates that it released."""
 
@@ -53,6 +56,9 @@ class PipelinePlayer:
     def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
         """Return what makes events of the messages of a topic."""
         return Unpacker(self.converter, topic, wire, decode).events
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        self.stream.restore(state)
 
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message, as events; return the estimates that it released."""

@@ -56,6 +56,9 @@ class NodePlayer:
         """Return the decoder: the node converts by itself."""
         return lambda data, time: decode(data)
 
+    def restore(self, state: Mapping[str, Any]) -> None:
+        self.stream.restore(state)
+
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message when it is due; return the estimates that it released."""
         self._wait(message.time)

@@ -125,6 +125,17 @@ def test_warns_of_the_settings_in_use_alone(
     assert told == ['the clock of an input']
 
 
+def test_what_a_recorded_node_did_with_its_identifier_is_left_out(folder: Path) -> None:
+    player = command.TuningPlayer(settings_from(load(folder / 'mine.yaml')))
+    player.restore({'version': 'of a node'})
+    for name, value in (('enable', 'false'), ('parameters', '{"surge.initial.mass": 2.0}'),
+                        ('reset', '')):
+        assert player.repeat_control(name, value) == []
+    assert player.stream.adapting
+    player.repeat_control('time_jump', '')
+    assert player.log.jumped
+
+
 def test_where_nothing_gains_it_says_so() -> None:
     stays = Stage({'thrusters.delay': Change(0.1, 0.1)}, gain=0.01, spread=0.02)
     said = tuned_text(Tuned((stays,), (), {}, {}))

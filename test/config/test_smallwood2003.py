@@ -8,7 +8,6 @@ from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.sensors import simulate
-from rovid_core.trials.score import ScoreLog
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 
@@ -16,11 +15,10 @@ CONFIG = Path(__file__).parents[2] / 'config'
 DURATION = 120.0  # [s]
 
 
-class PaperIdentifier(ScoreLog):
+class PaperIdentifier:
     """Eq. 7, 8 and 11 by Euler, on the steps that the pipeline makes."""
 
     def __init__(self, settings: Settings) -> None:
-        super().__init__(settings)
         a, gains = settings.identifier.feedback_gain, settings.identifier.adaptation_gains
         self.a = a
         self.gains = {d: gains[4 * i:4 * i + 4] for i, d in enumerate(settings.dofs)}
@@ -31,13 +29,11 @@ class PaperIdentifier(ScoreLog):
     def begin_run(self, dof: str, time: int, velocity: float,
                   axis: tuple[float, ...] = ()) -> None:
         """Begin at a measured velocity."""
-        super().begin_run(dof, time, velocity, axis)
         self.v_hat[dof] = velocity
 
     def add_step(self, dof: str, span: tuple[int, int, int], step: Step,
                  axes: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())) -> None:
         """Make a step."""
-        super().add_step(dof, span, step, axes)
         v_hat, theta = self.v_hat[dof], self.theta[dof]
         dv = v_hat - step.velocity[0]
         phi = [step.force[1], v_hat * abs(v_hat), v_hat, 1.0]
@@ -45,6 +41,18 @@ class PaperIdentifier(ScoreLog):
         self.v_hat[dof] = v_hat + step.dt * rate
         self.theta[dof] = [
             p - step.dt * g * dv * x for p, g, x in zip(theta, self.gains[dof], phi)]
+
+    def begin_anew(self, dof: str) -> None:
+        raise AssertionError(f'{dof} begins anew')
+
+    def add_current(self, time: int, x: float, y: float) -> None:
+        raise AssertionError('a current in still water')
+
+    def add_reference(self, time: int, value: tuple[float, ...]) -> None:
+        """Take nothing from it."""
+
+    def set_cutoff(self, cutoff: float) -> None:
+        raise AssertionError('another cutoff')
 
 
 def test_it_is_the_paper_s_equations_at_every_step() -> None:

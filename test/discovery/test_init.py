@@ -378,7 +378,8 @@ def test_thrusters_that_do_nothing_are_left_out(
         data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, yaml = data / 'bluerov_pool' / 'yaw_2.bag', tmp_path / 'rov.yaml'
     assert main(['init', str(log), '--output', str(yaml)]) == 0
-    assert re.search(r'thrusters: left out, .*: number 1, number 2, of 4 in all$', capsys.readouterr().out, re.M)
+    assert re.search(r'thrusters: left out, .*: number 1, number 2, of 4 in all$',
+                     capsys.readouterr().out, re.M)
     assert main(['check', str(yaml)]) == 0
     assert 'WARNING' not in capsys.readouterr().out
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import fsum, inf, log, sqrt
 from statistics import median
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.evidence.innovations import CLIPPED, HUBER, Innovations
@@ -15,13 +15,13 @@ from rovid_core.identify.ekf.saved_steps import finite_number
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.samples import PlanarStep, Step
 
-PERIOD = 20.0
+PERIOD: Final = 20.0
 """[s] of motion after which all of it is gone through again."""
 
-LONGEST = 5.9 * PERIOD
+LONGEST: Final = 5.9 * PERIOD
 """[s] after which the filter goes on by itself."""
 
-NEVER = 1e9
+NEVER: Final = 1e9
 """[s] of motion that it never takes."""
 
 KNOWN = 0.2
@@ -33,7 +33,9 @@ The same of every parameter, relative to alpha, from which a pass that leads to 
 was is the last one: it follows the data as well as a pass over all of them does.
 """
 
-USED, OUTLIER, UNLEARNED = range(3)
+USED: Final = 0
+OUTLIER: Final = 1
+UNLEARNED: Final = 2
 """What a step is: a measurement, one that does not count, one that tells the motion alone."""
 
 PASSES = 5

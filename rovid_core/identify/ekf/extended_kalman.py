@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import (
@@ -60,10 +60,10 @@ FIRST_NOISE = 0.02
 LARGEST = 1e4
 """In typical forces and velocities; what is larger is a mistake."""
 
-FORGET = 5.0
+FORGET: Final = 5.0
 """[s] over which the thrust's mean square is taken."""
 
-IDLE = 10.0
+IDLE: Final = 10.0
 """[s] without thrust after which the start does not keep what goes on."""
 
 UNEXPLAINED, MANY_BLOCKS = 3.0, 12

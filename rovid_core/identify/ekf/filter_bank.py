@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 import math
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import BatchStart, Learner, LONGEST, PASSES
@@ -30,16 +30,23 @@ from rovid_core.identify.ekf.single.measurements import Measurement
 from rovid_core.identify.ekf.unmodelled import UNMODELLED, Unmodelled
 from rovid_core.model.dofs import OWN
 
-MARGIN = 10.0
+MARGIN: Final = 10.0
 """By which -2 log of the likelihood has to be lower before the model is taken to be wrong."""
 
-SAID = 60.0
+SAID: Final = 60.0
 """[s] after a change in which it is news."""
 
-LOSSES, LOST_WITHIN, RIGHT = 3, 30.0, 2.0
-"""Losses of the vehicle within so many seconds that mean a change of one that was understood."""
+LOSSES: Final = 3
+LOST_WITHIN: Final = 30.0
+RIGHT: Final = 2.0
+"""
+Losses of the vehicle within so many seconds that mean a change of one that was understood: one
+whose blocks scatter less than that.
+"""
 
-OUTLIER, LOST, BLOCK = range(1, 4)
+OUTLIER: Final = 1
+LOST: Final = 2
+BLOCK: Final = 3
 """What comes of a measurement: it does not count, the vehicle is lost, a block is complete."""
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,14 @@ from rovid_core.model.dofs import HEADING
 
 Array = NDArray[np.float64]
 
-BLOCK = 10.0
+BLOCK: Final = 10.0
 """[s] of a block."""
 
-LARGEST_COUNT, SINGLE = 48, 8
+LARGEST_COUNT: Final = 48
+SINGLE: Final = 8
 """Blocks that are kept, and how many of the newest are never joined."""
 
-PENDING = 64
+PENDING: Final = 64
 """Measurements that are added up at once."""
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 import math
-from typing import Any
+from typing import Any, Final
 
 from rovid_core.identify.last_minute import DEAD_BAND
 
-KEPT = 4.0
+KEPT: Final = 4.0
 """[s] that are kept, at least."""
 
 

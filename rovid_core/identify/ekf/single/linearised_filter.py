@@ -255,7 +255,8 @@ class LinearisedFilter:
 
         ``transition`` is what a push, and what a velocity, makes of the velocity and the path.
         """
-        (x, v, f), (s, b, keep) = motion, transition
+        x, v, f = motion
+        s, b, keep = transition
         p00, p01, p02, p11, p12, p22 = self.covariance
         if self.force_std:
             e = math.exp(-h / FORCE_TIME)

@@ -387,10 +387,11 @@ def test_thrusters_that_do_nothing_are_left_out(
 # --- vehicles whose axes move together ----------------------------------------------------
 
 
-def test_the_rough_model_counts_with_couplings(tmp_path: Path) -> None:
-    assert main(['simulate', '--example', 'auv', '--duration', '120', '--seed', '3',
-                 '--output', str(tmp_path / 'auv.mcap')]) == 0
-    made = discover([tmp_path / 'auv.mcap'])
+def test_the_rough_model_counts_with_couplings_and_fixes_in_time_are_not_late(
+        tmp_path: Path) -> None:
+    made = discover([example(tmp_path, 'auv', 120, 3)])
+    assert 'latency' not in configuration(made, 'dive.mcap')
+    assert not any('how late the fixes are stamped' in one for one in made.unknown)
     assert made.dofs['surge'].couplings == ('vr',)
     assert 'uv' in made.dofs['yaw'].couplings
     # without couplings they come out 1.7 to 4 times as large
@@ -399,14 +400,18 @@ def test_the_rough_model_counts_with_couplings(tmp_path: Path) -> None:
         assert 0.5 < known.mass / truth[dof].mass < 1.6, dof
 
 
-@pytest.mark.parametrize('example, seconds, late', [
-    ('lbl_rov', 300, 1.5), ('bluerov2', 60, None), ('auv', 300, None)])
-def test_fixes_that_are_stamped_late_show(
-        example: str, seconds: int, late: float | None, tmp_path: Path) -> None:
-    log = tmp_path / 'dive.mcap'
-    assert main(['simulate', '--example', example, '--duration', str(seconds), '--seed', '5',
+def example(folder: Path, name: str, seconds: int, seed: int) -> Path:
+    """Return a log of an example."""
+    log = folder / 'dive.mcap'
+    assert main(['simulate', '--example', name, '--duration', str(seconds), '--seed', str(seed),
                  '--output', str(log)]) == 0
-    made = discover([log])
+    return log
+
+
+@pytest.mark.parametrize('name, seconds, late', [('lbl_rov', 120, 1.5), ('bluerov2', 60, None)])
+def test_fixes_that_are_stamped_late_show(
+        name: str, seconds: int, late: float | None, tmp_path: Path) -> None:
+    made = discover([example(tmp_path, name, seconds, 5)])
     # in steps of 0.25 s, and roughly
     assert made.inputs['position'].keys.get('latency') == (late and pytest.approx(late, abs=0.3))
     untold = [one for one in made.unknown if 'how late the fixes are stamped' in one]
@@ -466,34 +471,20 @@ def noisy(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     simulate_log(replace(
         settings, position=replace(settings.position, latency=0.0),
         simulation=replace(settings.simulation, position_rate=10.0, position_noise=0.02)),
-        log, 300.0, 1)
+        log, 100.0, 1)
     return log
 
 
 @pytest.mark.parametrize('seed', [1, 2])
-def test_coarse_fixes_are_looked_at_over_longer_spans(
+def test_coarse_fixes_are_looked_at_over_longer_spans_and_their_outliers_are_no_speed(
         seed: int, repository: Path, tmp_path: Path) -> None:
     """Here one in a second, off by 30 cm: from one to the next the commands explain a tenth."""
     settings = settings_from(load(repository / 'config' / 'lbl_slow.yaml'))
     simulate_log(replace(
         settings, position=replace(settings.position, latency=0.0),
         simulation=replace(settings.simulation, position_noise=0.3)),
-        tmp_path / 'dive.mcap', 600.0, seed)
-    made = discover([tmp_path / 'dive.mcap'])
-    # with 0.4 of the rate every second step would be clamped, for fixes do not come that evenly
-    assert 'cutoff: 0.36 ' in configuration(made, 'dive.mcap')
-    for dof in ('surge', 'sway'):
-        assert made.dofs[dof].sign == 1
-        assert made.dofs[dof].explained > 0.4
-        assert made.dofs[dof].mass < 2.0 * settings.simulation.dofs[dof].mass
-
-
-def test_outliers_of_coarse_fixes_are_no_speed(repository: Path, tmp_path: Path) -> None:
-    settings = settings_from(load(repository / 'config' / 'lbl_slow.yaml'))
-    log, dofs = tmp_path / 'dive.mcap', ('surge', 'sway')
-    simulate_log(replace(settings, simulation=replace(
-        settings.simulation, position_noise=0.3)), log, 600.0, 1)
-    with Log([log]) as opened:
+        tmp_path / 'dive.mcap', 300.0, seed)
+    with Log([tmp_path / 'dive.mcap']) as opened:
         signals = read_signals(opened, 0.0, None)
     off = np.random.default_rng(0)
     worse = [replace(one, values=one.values + 10.0 * off.normal(size=one.values.shape) * (
@@ -501,8 +492,13 @@ def test_outliers_of_coarse_fixes_are_no_speed(repository: Path, tmp_path: Path)
         for one in signals]
     clean, made = [decide(candidates(one), one, lambda name, found: found[0])
                    for one in (signals, worse)]
+    # with 0.4 of the rate every second step would be clamped, for fixes do not come that evenly
+    assert 'cutoff: 0.36 ' in configuration(clean, 'dive.mcap')
     assert made.fastest == pytest.approx(clean.fastest, rel=0.1)
-    for dof in dofs:
+    for dof in ('surge', 'sway'):
+        assert clean.dofs[dof].sign == 1
+        assert clean.dofs[dof].explained > 0.4
+        assert clean.dofs[dof].mass < 2.0 * settings.simulation.dofs[dof].mass
         assert made.dofs[dof].velocity == pytest.approx(clean.dofs[dof].velocity, rel=0.1)
 
 

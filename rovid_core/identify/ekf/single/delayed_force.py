@@ -215,7 +215,7 @@ class DelayedForce:
         """
         start -= delay
         end -= delay
-        times, means, slopes = self._times, self._means, self._slopes
+        times, means, slopes, bend = self._times, self._means, self._slopes, self.bend
         newest = len(means) - 1
         i = self._span(start)
         reverse, reverse_moment, cut, cut_moment = 0.0, 0.0, 0.0, 0.0
@@ -232,7 +232,8 @@ class DelayedForce:
             if force < 0.0:
                 reverse += force * length
                 reverse_moment += force * length * left
-            part = DEAD_BAND * force / max(abs(force), self.bend) * length
+            size = abs(force)
+            part = DEAD_BAND * force / (size if size > bend else bend) * length
             cut += part
             cut_moment += part * left
             if stop == end:

@@ -172,8 +172,9 @@ class LinearisedFilter:
             Those that are only watched.
 
         """
-        for one, regressor in zip(self._couplings, couplings):
-            one.push = regressor
+        if self._couplings:
+            for one, regressor in zip(self._couplings, couplings):
+                one.push = regressor
         if any(watched) or self._pushed is self._columns:
             self._pushed = self._columns
             for column, regressor in zip(self._watched, watched):
@@ -199,8 +200,9 @@ class LinearisedFilter:
         # a straight line with the same integral and the same way; this is half its rise
         du = alpha * (3.0 * force - 6.0 * moment / (h * h))
         u = alpha * force + self._delta.value + f
-        for one, regressor in zip(self._couplings, couplings):
-            u += one.value * regressor
+        if self._couplings:
+            for one, regressor in zip(self._couplings, couplings):
+                u += one.value * regressor
         goes_back = v < 0.0
         if self._has_own:
             astern, _ = recent.bent(start, end, delay)

@@ -62,33 +62,41 @@ class BlockFits:
         sums[4] += noise
 
     def end_block(self) -> None:
-        """Take the fit; a block that tells nothing of it is left out."""
-        _, error, _, square, noise = self._sums
-        # noise that a perfect model cannot predict leaves it less than the fit that is asked
-        if max(error, square) * (1.0 - HELD_FIT[0])**2 > noise:
+        """Take the fit; what tells nothing of it is left out."""
+        # without the noise all blocks are to be had, or those of much noise would be left out less
+        if self._clean or self._tells(self._sums):
             self._blocks = [*self._blocks, self._sums][-KEPT:]
-            self._compare()
+            total = [math.fsum(column) for column in zip(*self._blocks)]
+            if self._tells(total):
+                self.fit = self._fit(*total)
         self._sums = [0.0] * 5
 
-    def _compare(self) -> None:
-        count, error, total, square, noise = [math.fsum(column) for column in zip(*self._blocks)]
+    def _tells(self, sums: list[float]) -> bool:
+        """Tell whether there is a motion, or one was predicted."""
+        count, error, _, square, noise = sums
+        # noise leaves the square of a still vehicle within two standard deviations, and a model
+        # that is perfect with less fit than is asked
+        most = 1.0 + 2.0 * math.sqrt(2.0 / count) if self._clean and count else (
+            1.0 / (1.0 - HELD_FIT[0])**2)
+        return max(error, square) > most * noise
+
+    def _fit(self, count: float, error: float, total: float, square: float,
+             noise: float) -> float:
         if self._clean:
             error, square = max(error - noise, 0.0), square - noise
         variance = square - total * total / count
-        self.fit = 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf
+        return 1.0 - math.sqrt(error / variance) if variance > 0.0 else -math.inf
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return {'sums': list(self._sums), 'blocks': [list(sums) for sums in self._blocks]}
+        return {'fit': self.fit if math.isfinite(self.fit) else None, 'sums': list(self._sums),
+                'blocks': [list(sums) for sums in self._blocks]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
+        self.fit, = [-math.inf] if state['fit'] is None else floats([state['fit']], 1)
         self._sums = floats(state['sums'], 5)
         self._blocks = [floats(row, 5) for row in state['blocks']]
-        if self._blocks:
-            if not all(row[0] > 0.0 for row in self._blocks):
-                raise ValueError('a prediction that does not fit')
-            self._compare()
 
 
 class FreePrediction:

@@ -280,7 +280,7 @@ def test_a_change_is_news_for_a_minute_and_then_said_as_what_the_numbers_are_of(
     assert bank.said_of_change(30.0) == ''
     bank.begin_anew(100.0)
     assert bank.said_of_change(112.0).startswith('the vehicle changed 12 s ago')
-    assert bank.said_of_change(400.0) == 'all is of the last 5 min, since a change of the vehicle'
+    assert bank.said_of_change(400.0).startswith('all is of the last 5 min')
 
 
 @pytest.mark.parametrize(('wanted', 'lag', 'said'), [

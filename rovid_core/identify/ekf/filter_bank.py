@@ -431,7 +431,7 @@ class FilterBank(Generic[M]):
             return ''
         return (f'the vehicle changed {since:.0f} s ago: its parameters are found anew'
                 if since < SAID else
-                f'all is of the last {since / 60.0:.0f} min, since a change of the vehicle')
+                f'all is of the last {since / 60.0:.0f} min, since the vehicle seemed to change')
 
     def begin_anew(self, changed_at: float) -> None:
         """Begin with new members at the noise of before the vehicle changed."""

@@ -230,4 +230,5 @@ class _Drift:
 
 
 def _percent(share: float) -> str:
+    # rounded up: what is not yet known to 10 % is not said to be
     return f'{math.ceil(100.0 * share - 1e-6)} %' if share < 10.0 else 'more than 1000 %'

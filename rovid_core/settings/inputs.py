@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+LONGEST_LAG = 10.0  # [s] of the thrusters
+
 
 class SettingsError(ValueError):
     """

@@ -8,6 +8,7 @@ from typing import Any
 
 from rovid_core.identify import METHODS
 from rovid_core.model.dofs import COUPLINGS, DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
+from rovid_core.settings.inputs import LONGEST_LAG
 from rovid_core.settings.run import (
     CurrentSettings,
     DofSettings,
@@ -231,7 +232,7 @@ def _thrusters() -> list[Key]:
         key('table_command', 'commands of the table, increasing'),
         key('table_force', 'forces of the table, times k', 'N'),
         key('delay', 'dead time from the command to the force', 's', 0.0, 10.0),
-        key('time_constant', 'first-order lag of the force; 0: none', 's', 0.0, 10.0),
+        key('time_constant', 'first-order lag of the force; 0: none', 's', 0.0, LONGEST_LAG),
         key('hold', 'force between two commands: the previous one, or linear between both',
             choices=('previous', 'linear')),
         key('timeout', 'an older command is stale; 0: it holds for ever', 's', 0.0, 3600.0,

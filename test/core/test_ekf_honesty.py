@@ -173,6 +173,14 @@ def test_hovering_tells_nothing_of_the_fit(clean, still, model, least, most):
     assert again.fit == fits.fit
 
 
+@pytest.mark.parametrize('sums', [[0.0, 1.0, 0.0, 1.0, 0.0], [9.0, -1.0, 0.0, 1.0, 0.0]])
+def test_sums_of_a_damaged_state_are_refused(sums):
+    for state in ({'fit': None, 'sums': sums, 'blocks': []},
+                  {'fit': 0.8, 'sums': [0.0] * 5, 'blocks': [sums]}):
+        with pytest.raises(ValueError, match='prediction that does not fit'):
+            BlockFits(False).restore(state)
+
+
 def test_coarse_fixes_tell_the_fit_whatever_their_noise_is():
     """Of each block alone it hides the motion; those in which it happens to be large are all."""
     random, found = np.random.default_rng(0), []

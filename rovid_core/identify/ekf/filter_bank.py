@@ -38,11 +38,10 @@ SAID: Final = 60.0
 
 LOSSES: Final = 3
 LOST_WITHIN: Final = 30.0
+"""Losses of the vehicle within so many seconds that mean a change of one that was understood."""
+
 RIGHT: Final = 2.0
-"""
-Losses of the vehicle within so many seconds that mean a change of one that was understood: one
-whose blocks scatter less than that.
-"""
+"""Scatter of the blocks, and growth of the noise, below which a vehicle is understood."""
 
 OUTLIER: Final = 1
 LOST: Final = 2
@@ -264,7 +263,7 @@ class FilterBank(Generic[M]):
     number : int
         Of the best member.
     changed_at : float
-        Time at which the vehicle changed last [s].
+        Time at which the vehicle changed last [s], 0 if it never did.
     confirmed : bool
         Whether going through all data again, not for the first time, led to where the best member
         was already.
@@ -275,7 +274,7 @@ class FilterBank(Generic[M]):
         self._new = new
         self.members = [new(unmodelled) for unmodelled in UNMODELLED]
         self.number = 0
-        self.changed_at = -SAID
+        self.changed_at = 0.0
         self.confirmed = False
         self._losses: list[float] = []
         self._noises = [math.inf for _ in UNMODELLED]  # least before a change

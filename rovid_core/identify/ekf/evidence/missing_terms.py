@@ -15,9 +15,9 @@ from rovid_core.identify.ekf.single.linearised_filter import (
 )
 from rovid_core.identify.last_minute import DEAD_BAND, KEYS, lacking, UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import RESTORING
+from rovid_core.settings.inputs import LONGEST_LAG
 from rovid_core.settings.run import Scales
 
-LONGEST_LAG = 10.0  # [s] that thrusters.time_constant takes
 COUPLING_MISSING = 'without that coupling nothing else can be judged'
 """Why a model may not be used that ``is_coupling`` says something of."""
 

@@ -63,7 +63,7 @@ class BlockFits:
 
     def end_block(self) -> None:
         """Take the fit; what tells nothing of it is left out."""
-        # without the noise all blocks are to be had, or those of much noise would be left out less
+        # where noise is taken off, to keep the blocks that it made large would leave some of it in
         if self._clean or self._tells(self._sums):
             self._blocks = [*self._blocks, self._sums][-KEPT:]
             total = [math.fsum(column) for column in zip(*self._blocks)]
@@ -97,6 +97,9 @@ class BlockFits:
         self.fit, = [-math.inf] if state['fit'] is None else floats([state['fit']], 1)
         self._sums = floats(state['sums'], 5)
         self._blocks = [floats(row, 5) for row in state['blocks']]
+        for count, error, _, square, noise in (self._sums, *self._blocks):
+            if min(count, error, square, noise) < 0.0 or count == 0.0 < max(error, square):
+                raise ValueError('a prediction that does not fit')
 
 
 class FreePrediction:

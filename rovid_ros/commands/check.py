@@ -35,6 +35,7 @@ from rovid_ros.commands.running import (
     check_written,
     CommandError,
     print_written,
+    printing,
     source_of,
     UsageError,
 )
@@ -93,10 +94,10 @@ def run(args: argparse.Namespace) -> None:
     check_written([args.json], [*args.logs, *args.params_file.paths])
     outcome = check(args.params_file, args.logs, start=args.start or 0.0, duration=args.duration,
                     live=args.live, timeout=args.timeout or 5.0, namespace=args.namespace)
-    print(outcome.text)
-    if args.json:
-        write_json(args.json, outcome.document)
-        print_written(args.json)
+    with printing(outcome.text):
+        if args.json:
+            write_json(args.json, outcome.document)
+    print_written(args.json)
     if outcome.errors:
         raise CommandError(f'{args.params_file.files}: {outcome.verdict}')
     print(outcome.verdict)

@@ -21,6 +21,7 @@ from rovid_ros.commands.running import (
     CommandError,
     located_errors,
     print_written,
+    printing,
     read_settings,
     warn,
 )
@@ -58,12 +59,12 @@ def run(args: argparse.Namespace) -> None:
         trials = read_trials(args.logs, validate, settings, partial(warn, args.prog),
                              start=args.start, duration=args.duration)
     models = compare(trials, settings, in_parallel_with_progress)
-    print(comparison_text(models, trials, settings))
-    if args.json:
-        write_json(args.json, document(models))
-    if args.report:
-        from rovid_ros.report.report import write_report  # what draws is needed only here
-        write_report(args.report, report_data(models, trials, settings))
+    with printing(comparison_text(models, trials, settings)):
+        if args.json:
+            write_json(args.json, document(models))
+        if args.report:
+            from rovid_ros.report.report import write_report  # what draws is needed only here
+            write_report(args.report, report_data(models, trials, settings))
     print_written(args.report, args.json)
 
 

@@ -43,6 +43,7 @@ from rovid_ros.commands.running import (
     CommandError,
     located_errors,
     print_written,
+    printing,
     read_settings,
     UsageError,
     warn,
@@ -99,12 +100,12 @@ def run(args: argparse.Namespace) -> None:
             args.dofs, args.duration, args.max_force, args.max_speed, args.room, args.factor))
     for line in proposal.warnings:
         warn(args.prog, line)
-    print(plan_text(proposal, args.params_file))
-    if args.output:
-        write_text(args.output, profile_csv(proposal, settings) if args.output.suffix == '.csv'
-                   else profile_yaml(proposal))
-    if args.json:
-        write_json(args.json, document(proposal))
+    with printing(plan_text(proposal, args.params_file)):
+        if args.output:
+            write_text(args.output, profile_csv(proposal, settings)
+                       if args.output.suffix == '.csv' else profile_yaml(proposal))
+        if args.json:
+            write_json(args.json, document(proposal))
     print_written(args.output, args.json)
 
 

@@ -34,6 +34,7 @@ from rovid_ros.commands.running import (
     located_errors,
     locked,
     print_written,
+    printing,
     read_settings,
     read_values,
     UsageError,
@@ -100,12 +101,11 @@ def _run(args: argparse.Namespace, settings: Settings) -> None:
         result = replay(
             args.logs, settings, player, output=args.output, topics=topics, start=args.start,
             duration=args.duration, state=begin, warn=partial(warn_on_stderr, args.prog))
-    if args.state:
-        print(f'begins from {args.state}\n' if begin else
-              f'begins from the initial values, as {args.state} was not there\n')
-    print(report(result))  # first: it is not lost where the JSON cannot be written
-    if args.json:
-        write_json(args.json, result.document())
+    told = '' if not args.state else f'begins from {args.state}\n\n' if begin else (
+        f'begins from the initial values, as {args.state} was not there\n\n')
+    with printing(told + report(result)):
+        if args.json:
+            write_json(args.json, result.document())
     place = place_for(args.state, player.stream) if args.state else None
     if place:  # last: a replay that fails can be run again from the same state
         if sys.stdout is not None:

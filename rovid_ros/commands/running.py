@@ -242,6 +242,19 @@ def check_written(written: Sequence[Path | None], read: Sequence[Path | None]) -
         seen.append(place)
 
 
+@contextmanager
+def printing(text: str) -> Iterator[None]:
+    """
+    Print a text when the files that belong to it are written, or cannot be.
+
+    So neither is lost where the other fails: a disk that is full, a reader that left.
+    """
+    try:
+        yield
+    finally:
+        print(text)
+
+
 def print_written(*paths: Path | None) -> None:
     """Say which files were written."""
     for path in filter(None, paths):

@@ -24,6 +24,7 @@ from rovid_ros.commands.running import (
     locked,
     print_written,
     printable,
+    printing,
     read_settings,
     read_values,
     UsageError,
@@ -87,12 +88,12 @@ def run(args: argparse.Namespace) -> None:
         finished = _survey(args, dives, settings, Journal(kept, given))
     rows = [row for path in dives for row in finished[path]]
     data = survey_data(rows)
-    print(survey_text(data))
-    if args.output:
-        WRITERS[args.output.suffix](args.output, rows)
-    if args.report:
-        from rovid_ros.report.survey import write_survey  # what draws is needed only here
-        write_survey(args.report, data)
+    with printing(survey_text(data)):
+        if args.output:
+            WRITERS[args.output.suffix](args.output, rows)
+        if args.report:
+            from rovid_ros.report.survey import write_survey  # what draws is needed only here
+            write_survey(args.report, data)
     print_written(args.output, args.report)
     if data['failed']:
         raise CommandError(f'{len(data["failed"])} of {len(dives)} dives gave nothing')

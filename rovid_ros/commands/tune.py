@@ -26,6 +26,7 @@ from rovid_ros.commands.running import (
     CommandError,
     located_errors,
     print_written,
+    printing,
     read_settings,
     warn,
 )
@@ -62,15 +63,15 @@ def run(args: argparse.Namespace) -> None:
     with located_errors(args.params_file):
         tuned = tune_logs(args.logs, settings, start=args.start, duration=args.duration,
                           warn=partial(warn, args.prog))
-    print(tuned_text(tuned))
     changes = tuned.changes()
-    write_text(args.output, edited(source.paths[-1], changes))
-    read_settings(replace(source, paths=(*source.paths[:-1], args.output)))
+    with printing(tuned_text(tuned)):
+        write_text(args.output, edited(source.paths[-1], changes))
+        read_settings(replace(source, paths=(*source.paths[:-1], args.output)))
+        if args.json:
+            write_json(args.json, tuned_document(tuned))
     for rule in source.overrides:
         if changes.keys() & override(rule):
             warn(args.prog, f'-p {rule} wins over what {args.output} says: leave it out')
-    if args.json:
-        write_json(args.json, tuned_document(tuned))
     print_written(args.output, args.json)
     files = ' '.join(f'--params-file {path}' for path in (*source.paths[:-1], args.output))
     print(f'next      rovid replay {" ".join(map(str, args.logs))} {files}')

@@ -446,10 +446,12 @@ def test_a_second_signal_names_the_file() -> None:
     assert [signal.getsignal(number) for number in numbers] == before
 
 
-def test_a_reader_that_leaves_is_no_error(
-        config: Path, log: Path, child: dict[str, str]) -> None:
+def test_a_reader_that_leaves_is_no_error_and_costs_no_file(
+        config: Path, log: Path, tmp_path: Path, child: dict[str, str]) -> None:
+    written = tmp_path / 'out.json'
     process = subprocess.Popen(
-        command('replay', log, '--params-file', config, '--duration', 3), env=child,
+        command('replay', log, '--params-file', config, '--json', written),
+        env={**child, 'PYTHONUNBUFFERED': '1'},  # as a longer text would be written at once
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     process.stdout.close()
@@ -457,6 +459,7 @@ def test_a_reader_that_leaves_is_no_error(
     assert process.stderr.read() == ''
     process.stderr.close()
     assert process.wait(timeout=60) == 141
+    assert 'surge' in json.loads(written.read_text())['dofs']
 
 
 def test_a_recorded_dive_is_identified(

@@ -28,8 +28,8 @@ COMPILE = os.environ.get('ROVID_COMPILE', '') not in ('', '0')
 # Not on the way of a message, or not possible: mypyc compiles no exception, no class that inherits
 # the attributes of a Protocol, and what it compiles has no subclass that is interpreted.
 INTERPRETED = (
-    'rovid_core/identify/ekf/divergence.py', 'rovid_core/identify/method.py',
-    'rovid_core/settings/', 'rovid_core/simulation/', 'rovid_core/trials/')
+    'rovid_core/identify/method.py', 'rovid_core/settings/', 'rovid_core/simulation/',
+    'rovid_core/trials/')
 # Of rovid_ros and the score, what is on the way of a message to its estimate and to the file.
 ALSO_COMPILED = (
     'rovid_core/trials/score.py', 'rovid_core/trials/spilling_table.py',

@@ -489,7 +489,7 @@ MUTANTS = [
           'if self._tells(total):', 'if self._tells(total) and not self.fit > 0.0:'),
          ('coarse fixes of a motion tell nothing',
           'math.sqrt(2.0 / count) if', '9.0 if')),
-    *_of('rovid_core/identify/ekf/evidence/clocks.py', 'test/core/test_ekf_honesty.py '
+    *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
          'clocks_are_judged_by_delay_and_lag_together',
          ('a lag makes a delay look early', 'verdict.theta[k] + lag', 'verdict.theta[k]')),
     *_of('rovid_ros/discovery/thrusters.py',

@@ -1,4 +1,4 @@
-"""What every identification method is given, and what it has to do."""
+"""What every identification method is given and has to do, and how it tells that it diverged."""
 
 from __future__ import annotations
 
@@ -108,3 +108,7 @@ class Identifier(Protocol):
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Continue from ``state``; raise ValueError if it does not fit."""
+
+
+class DivergenceError(ArithmeticError):
+    """Why a method cannot go on: the state of its filter means nothing any more."""

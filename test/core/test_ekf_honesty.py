@@ -8,11 +8,10 @@ import re
 import numpy as np
 import pytest
 from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
-from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
-from rovid_core.identify.ekf.evidence.f_distribution import f_tail
 from rovid_core.identify.ekf.evidence.innovations import Innovations
-from rovid_core.identify.ekf.evidence.missing_terms import described
+from rovid_core.identify.ekf.evidence.missing_terms import clocks_in_doubt, described
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, KEPT, predicted

@@ -8,11 +8,11 @@ from math import fsum, inf, log, sqrt
 from statistics import median
 from typing import Any, Final, Generic, Protocol, TypeVar
 
-from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.evidence.innovations import CLIPPED, HUBER, Innovations
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.normalised_model import Unmodelled
 from rovid_core.identify.ekf.saved_steps import finite_number
-from rovid_core.identify.ekf.unmodelled import Unmodelled
+from rovid_core.identify.method import DivergenceError
 from rovid_core.model.samples import PlanarStep, Step
 
 PERIOD: Final = 20.0

@@ -25,9 +25,9 @@ from rovid_core.identify.ekf.batch_start import (
     USED,
 )
 from rovid_core.identify.ekf.evidence.block_fit import Verdict
-from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
 from rovid_core.identify.ekf.evidence.innovations import SOON
 from rovid_core.identify.ekf.evidence.missing_terms import (
+    clocks_in_doubt,
     COUPLING_MISSING,
     described,
     is_coupling,
@@ -41,12 +41,16 @@ from rovid_core.identify.ekf.filter_bank import (
     Member,
     OUTLIER,
 )
-from rovid_core.identify.ekf.normalised_model import CHANGE, FilterUncertainty, NormalisedModel
+from rovid_core.identify.ekf.normalised_model import (
+    CHANGE,
+    FilterUncertainty,
+    NormalisedModel,
+    Unmodelled,
+)
 from rovid_core.identify.ekf.saved_steps import read_step
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier

@@ -10,11 +10,11 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 import numpy as np
 from rovid_core.identify.ekf.batch_start import BatchStart, Learner, LONGEST, PASSES
 from rovid_core.identify.ekf.evidence.block_fit import Verdict
-from rovid_core.identify.ekf.evidence.clocks import DELAYS
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import square_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import SCATTERED
+from rovid_core.identify.ekf.normalised_model import DELAYS, UNMODELLED, Unmodelled
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import FreePrediction
 from rovid_core.identify.ekf.single.linearised_filter import (
@@ -27,7 +27,6 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     POSITION,
 )
 from rovid_core.identify.ekf.single.measurements import Measurement
-from rovid_core.identify.ekf.unmodelled import UNMODELLED, Unmodelled
 from rovid_core.model.dofs import OWN
 
 MARGIN: Final = 10.0

@@ -1,12 +1,16 @@
-"""Parameters in typical forces and velocities: what filters begin with and say of them."""
+"""
+What filters begin with, in typical forces and velocities, and say of their parameters.
+
+Beside the parameters that is what they take to move the vehicle besides its model: filters that
+believe in something else each run side by side.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 import math
-from typing import cast
+from typing import cast, NamedTuple
 
-from rovid_core.identify.ekf.evidence.clocks import DELAYS
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA
 from rovid_core.model.dofs import Four, OWN, RESTORING
 from rovid_core.model.trajectory import Array
@@ -18,8 +22,45 @@ CHANGE = 0.5
 MAX_COUPLING = 100.0
 """Largest coupling, in the standard deviations that it has before any data."""
 
+DELAYS = (-0.05, 0.6)
+"""Range of the delay [s]; far below 0 the force would have to be known ahead."""
+
 DELAY_STD = 0.15
 """[s] of the guess that there is none: thrusters and clocks are seldom later than twice that."""
+
+
+class Unmodelled(NamedTuple):
+    """
+    What a filter takes to move the vehicle besides its model.
+
+    Attributes
+    ----------
+    force_std : float
+        Stationary standard deviation of an unknown acceleration that goes on for seconds, in
+        typical accelerations.
+    slip : float
+        Standard deviation of what the path moves by itself from one fix to the next, over that of
+        a fix. The model's velocity is then off by white noise, and the most likely parameters are
+        those whose simulated velocity has the least squares of errors: output error.
+
+    """
+
+    force_std: float
+    slip: float
+
+    @property
+    def is_there(self) -> bool:
+        """Tell whether it takes the model to be wrong."""
+        return self.force_std > 0.0 or self.slip > 0.0
+
+
+UNMODELLED = (Unmodelled(0.0, 0.0), Unmodelled(0.05, 0.0), Unmodelled(0.0, 3.0))
+"""
+Nothing; an unknown force; a model that is not quite right.
+
+A larger force explains everything and leaves the model only what is fast. From a slip of 1 on the
+noise of the fixes hardly counts beside it, and a larger one changes little.
+"""
 
 
 class NormalisedModel:

@@ -25,7 +25,6 @@ from rovid_core.identify.ekf.batch_start import (
     USED,
 )
 from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
-from rovid_core.identify.ekf.evidence.clocks import clocks_in_doubt
 from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
     unseen_current,
@@ -33,6 +32,7 @@ from rovid_core.identify.ekf.evidence.current_status import (
 )
 from rovid_core.identify.ekf.evidence.innovations import SOON
 from rovid_core.identify.ekf.evidence.missing_terms import (
+    clocks_in_doubt,
     COUPLING_MISSING,
     described,
     is_coupling,
@@ -49,7 +49,7 @@ from rovid_core.identify.ekf.extended_kalman import (
     UNEXPLAINED,
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
-from rovid_core.identify.ekf.normalised_model import FilterUncertainty
+from rovid_core.identify.ekf.normalised_model import FilterUncertainty, Unmodelled
 from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS
 from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement, PlanarMember
 from rovid_core.identify.ekf.planar.prediction import PlanarPrediction
@@ -59,7 +59,6 @@ from rovid_core.identify.ekf.planar.turning import Turning
 from rovid_core.identify.ekf.saved_steps import read_planar_step
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
-from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.samples import PlanarStart, PlanarStep

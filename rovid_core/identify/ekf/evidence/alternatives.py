@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 from rovid_core.identify.ekf.evidence.block_fit import Regression, Verdict
-from rovid_core.identify.ekf.evidence.f_distribution import f_tail
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.planar.layout import AXES
 
 FALSE_ALARM = 1e-5

@@ -1,11 +1,12 @@
-"""What a missing regressor is called, how large it is, and what to do about it."""
+"""What is wrong with a model, in words: a regressor that it lacks, or clocks that disagree."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 import math
 
-from rovid_core.identify.ekf.evidence.block_fit import Missing
+from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
+from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.identify.ekf.single.linearised_filter import (
     ALPHA,
     BETA,
@@ -20,6 +21,19 @@ from rovid_core.settings.run import Scales
 
 COUPLING_MISSING = 'without that coupling nothing else can be judged'
 """Why a model may not be used that ``is_coupling`` says something of."""
+
+UNTOLD = {
+    'reverse_thrust': 'weaker thrust in reverse cannot be told from the mass yet: push both ways',
+    'reverse_drag': 'other drag in reverse cannot be told from the mass yet: move both ways',
+    'dead_band': UNTOLD_DEAD_BAND,
+    'lag': 'a lag of the thrusters cannot be told from the mass yet: change the thrust more often'}
+"""What to do about a term that a log does not tell, by its name."""
+
+AT_BOUND, BEYOND = 1.0, 2.0
+"""
+Standard deviations that the data have to want the delay out of its range, for it to be said that
+it stands at the end of it, and for that by how much it is out: its 95 % interval is then.
+"""
 
 
 def is_coupling(missing: Missing | None) -> bool:
@@ -100,12 +114,36 @@ def square_of_lag(missing: Missing | None, alpha: float) -> float:
     return LAG * LAG * (share * (2.0 - share) if share < 1.0 else share * share)
 
 
-UNTOLD = {
-    'reverse_thrust': 'weaker thrust in reverse cannot be told from the mass yet: push both ways',
-    'reverse_drag': 'other drag in reverse cannot be told from the mass yet: move both ways',
-    'dead_band': UNTOLD_DEAD_BAND,
-    'lag': 'a lag of the thrusters cannot be told from the mass yet: change the thrust more often'}
-"""What to do about a term that a log does not tell, by its name."""
+def clocks_in_doubt(verdict: Verdict | None, k: int, lag: float) -> str:
+    """
+    Return what is said of a delay out of its range or at its end, '' if it is inside.
+
+    Parameters
+    ----------
+    verdict : Verdict or None
+        What the blocks say.
+    k : int
+        Where the delay stands among the parameters.
+    lag : float
+        [s] by which the thrusters follow later besides.
+
+    """
+    # what the model lacks may look like a delay
+    if verdict is None or verdict.missing is not None:
+        return ''
+    wanted, std = verdict.theta[k] + lag, math.sqrt(verdict.covariance[k][k])
+    early, late = DELAYS[0] - wanted, wanted - DELAYS[1]
+    if early > BEYOND * std:
+        return (f'clocks disagree: thrust acts about {-wanted:.2g} s sooner than its stamps and '
+                'thrusters.delay say: lower that, or raise thrusters.latency')
+    if late > BEYOND * std:
+        return (f'clocks disagree: motion is stamped about {wanted:.2g} s after its thrust: raise '
+                'the latency of what measures it, or thrusters.delay')
+    for beyond, bound, key in zip((early, late), DELAYS, (
+            'thrusters.delay and thrusters.latency', 'thrusters.delay')):
+        if beyond > AT_BOUND * std:
+            return f'the delay of the thrust stands at its bound of {bound:g} s: see {key}'
+    return ''
 
 
 def _percent(missing: Missing) -> str:

@@ -20,7 +20,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.planar.layout import (
     ALTERNATIVES,
     CURRENT,
@@ -41,6 +40,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     LARGEST_SUBSTEPS,
     LONGEST,
 )
+from rovid_core.identify.method import DivergenceError
 from rovid_core.model.samples import PlanarPiece
 from rovid_core.model.trajectory import Array
 

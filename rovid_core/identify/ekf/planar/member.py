@@ -19,6 +19,7 @@ from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import square_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
+from rovid_core.identify.ekf.normalised_model import Unmodelled
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import (
     ALTERNATIVES,
@@ -31,7 +32,6 @@ from rovid_core.identify.ekf.planar.layout import (
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, Bounds, floats
 from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL
-from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.planar.member import PlanarMeasurement, Recent
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, SPAN
 from rovid_core.identify.ekf.single.linearised_filter import floats
+from rovid_core.identify.method import DivergenceError
 
 
 class PlanarPrediction:

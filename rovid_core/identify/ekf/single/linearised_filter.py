@@ -19,10 +19,10 @@ from collections.abc import Mapping, Sequence
 import math
 from typing import Any, Final
 
-from rovid_core.identify.ekf.divergence import DivergenceError
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.sensitivities import Parameter, Regressor
 from rovid_core.identify.last_minute import DEAD_BAND
+from rovid_core.identify.method import DivergenceError
 from rovid_core.model.dofs import Three
 
 ALPHA: Final = 0

@@ -726,7 +726,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar/filter_with_current.py', 'test/core/test_current.py '
          'what_looks_like_a_current_is_named_with_its_size',
          ('late fixes are not seen', '-sx * du - wx * dv', '0.0')),
-    *_of('rovid_core/identify/ekf/evidence/alternatives.py', 'test/core/test_current.py '
+    *_of('rovid_core/identify/ekf/evidence/current_status.py', 'test/core/test_current.py '
          'a_latency_that_is_off_is_within_the_intervals',
          ('a latency that is told is exact', 'DOUBTED_LATENCY = 0.25', 'DOUBTED_LATENCY = 1e-9')),
     *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_init.py',

@@ -21,6 +21,7 @@ from rovid_core.identify.ekf.batch_start import (
     LONGEST,
     NEVER,
     PERIOD,
+    read_step,
     UNLEARNED,
     USED,
 )
@@ -47,7 +48,6 @@ from rovid_core.identify.ekf.normalised_model import (
     NormalisedModel,
     Unmodelled,
 )
-from rovid_core.identify.ekf.saved_steps import read_step
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock

@@ -21,12 +21,14 @@ from rovid_core.identify.ekf.batch_start import (
     KNOWN,
     LONGEST,
     PERIOD,
+    read_planar_step,
     UNLEARNED,
     USED,
 )
 from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
+    Turning,
     unseen_current,
     why_not_known,
 )
@@ -50,13 +52,10 @@ from rovid_core.identify.ekf.extended_kalman import (
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty, Unmodelled
-from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS
+from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS, PlanarModel
 from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement, PlanarMember
 from rovid_core.identify.ekf.planar.prediction import PlanarPrediction
-from rovid_core.identify.ekf.planar.prior import PlanarModel
 from rovid_core.identify.ekf.planar.row import PlanarRow
-from rovid_core.identify.ekf.planar.turning import Turning
-from rovid_core.identify.ekf.saved_steps import read_planar_step
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.estimate import Current

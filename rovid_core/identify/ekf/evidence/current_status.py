@@ -1,18 +1,114 @@
-"""What is known of the current, in a status and in words."""
+"""
+What is known of the current, and why no more: no turn yet, or something else that fits better.
+
+Only once the vehicle has turned a current can be told from drag and bias. Then surge and sway see
+one current. A pull in the world moves them by their own masses and drags, an offset of the
+heading mixes them, and of late fixes the path turns after the vehicle has; all leave a current
+behind that is not there, and what surge tells of it contradicts what sway tells. The score of the
+blocks says what a regressor for each would explain, beside all parameters and the current.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 import math
+from typing import NamedTuple
 
 import numpy as np
-from rovid_core.identify.ekf.evidence.alternatives import Alternative
-from rovid_core.identify.estimate import Current
+from rovid_core.identify.ekf.batch_start import PERIOD
+from rovid_core.identify.ekf.evidence.block_fit import Regression, Verdict
+from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
+from rovid_core.identify.ekf.planar.layout import AXES
+from rovid_core.identify.ekf.single.linearised_filter import floats
+from rovid_core.identify.estimate import Current, TURN
+from rovid_core.model.samples import PlanarPiece
 from rovid_core.model.trajectory import Array
+
+TURNED = 0.8
+"""[rad] Range of headings from which the current can be told from bias and drag."""
 
 KNOWN, SEEN = 0.02, 1.0 / 3.0
 """Standard deviation [m/s] of a known current, and share of the prior of one that is seen."""
 
 THRUST_ELSEWHERE = 'thrust on other headings'
+
+FALSE_ALTERNATIVE = 1e-5
+"""Probability that something that fits better is found at the end of a block by chance."""
+
+PULL, HEADING, LATE = (-4, -3), (-2,), (-1,)
+"""Where the regressors of what may fit better stand."""
+
+LEAST_CURRENT = 0.02
+"""[m/s] of current that a pull has to pretend, to be said."""
+
+LEAST_OFFSET = math.radians(2.0)
+"""[rad] of the headings that is said; less is what a good compass is off by."""
+
+LEAST_LATENCY = 0.1
+"""[s] of the fixes that is said; less is what thrusters are late by."""
+
+DOUBTED_LATENCY = 0.25
+"""[s] by which fixes may be late at even odds where the data do not tell: it is seldom known."""
+
+
+class Turning:
+    """
+    The range of headings since the start began, and when it was wide enough.
+
+    Times are those of thrust: what moves without it says nothing of the vehicle.
+
+    Attributes
+    ----------
+    turned_at : float
+        [s] since the start began; infinite until it has turned.
+
+    """
+
+    def __init__(self) -> None:
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin to look whether the vehicle turns."""
+        self._heading, self._range = 0.0, (0.0, 0.0)
+        self.turned_at = math.inf
+
+    def add(self, pieces: Sequence[PlanarPiece], h: float, duration: float) -> None:
+        """Go on by pieces of ``h`` [s] each; ``duration`` [s] is that of the start."""
+        low, high = self._range
+        for piece in pieces:
+            self._heading += h * piece.rate
+            low, high = min(low, self._heading), max(high, self._heading)
+        self._range = low, high
+        if high - low > TURNED and not self.has_turned:
+            self.turned_at = duration
+
+    @property
+    def has_turned(self) -> bool:
+        """Tell whether headings so far apart have been seen."""
+        return self.turned_at < math.inf
+
+    def lacks(self, duration: float) -> float:
+        """Return how much thrust [s] is still needed after the turn, infinite before."""
+        return max(self.turned_at + PERIOD - duration, 0.0)
+
+    def advice(self, duration: float) -> str:
+        """Return what to do until the current is looked for."""
+        if not self.has_turned:
+            return TURN
+        # in steps of 5 s, so that it is not another text at each fix
+        left = 5.0 * math.ceil(0.2 * self.lacks(duration))
+        return f'after the turn, thrust for {left:.0f} s more'
+
+    def state(self) -> list[float]:
+        """Return the headings [rad]."""
+        return [self._heading, *self._range]
+
+    def restore(self, headings: Sequence[float], turned_at: float | None) -> None:
+        """Go on from headings [rad] and the time of the turn [s], None for none."""
+        self._heading, low, high = floats(headings, 3)
+        self._range = low, high
+        self.turned_at = math.inf if turned_at is None else float(turned_at)
 
 
 def unseen_current(prior: float, advice: str) -> Current:
@@ -54,3 +150,84 @@ def why_not_known(current: Current) -> str:
         return ''
     return (f'the current is known to {100.0 * max(current.std):.1f} cm/s, not yet to '
             f'{100.0 * KNOWN:g} cm/s: drive longer, on several headings')
+
+
+class Alternative(NamedTuple):
+    """
+    What fits better than a current alone.
+
+    Attributes
+    ----------
+    chi2 : float
+        By how much -2 log of the likelihood falls with it.
+    advice : str
+        What it is and its size, '' where nothing fits better.
+
+    """
+
+    chi2: float
+    advice: str = ''
+
+
+NOT_JUDGED = Alternative(math.nan)
+
+
+def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
+    """
+    Return what fits better than a current alone.
+
+    Parameters
+    ----------
+    blocks : ScoreBlocks
+        With the regressors at their end, and the current as the last parameters.
+    verdict : Verdict
+        Of these blocks.
+
+    """
+    best = Alternative(0.0)
+    regressions = blocks.regressions((PULL, HEADING, LATE))
+    for found, described in zip(regressions, (_pull, _offset, _latency)):
+        if found is None:
+            continue
+        chi2, advice = min(found.power, found.t_squared), ''
+        # what explains more is another regressor that the model lacks
+        share = found.power / (found.power + blocks.measurements)
+        least = verdict.missing.share if verdict.missing is not None else 0.0
+        if share > least and _is_significant(found, verdict.count):
+            advice = described(found)
+        if (advice != '', chi2) > (best.advice != '', best.chi2):
+            best = Alternative(chi2, advice)
+    return best
+
+
+def _is_significant(found: Regression, n: int) -> bool:
+    """Tell whether neither chance nor the scatter of ``n`` blocks explains it."""
+    k, power = len(found.kappa), max(found.power, 0.0)
+    chance = math.exp(-0.5 * power) if k > 1 else math.erfc(math.sqrt(0.5 * power))
+    # all three are looked for at the end of each block
+    limit = FALSE_ALTERNATIVE / 3.0
+    return n > k and chance < limit and f_tail(
+        found.t_squared * (n - k) / (k * (n - 1)), k, n - k) < limit
+
+
+def _pull(found: Regression) -> str:
+    if not float(np.linalg.norm(found.moved[-AXES:])) > LEAST_CURRENT:
+        return ''
+    return (f'a constant pull of {float(np.linalg.norm(found.kappa)):.1f} N fits better, as of a '
+            'tether')
+
+
+def _offset(found: Regression) -> str:
+    offset = abs(float(found.kappa[0]))
+    if not offset > LEAST_OFFSET:
+        return ''
+    return (f'headings that are off by {math.degrees(offset):.1f} degrees fit better, see '
+            'attitude.yaw_offset')
+
+
+def _latency(found: Regression) -> str:
+    late = float(found.kappa[0])
+    if not abs(late) > LEAST_LATENCY:
+        return ''
+    return (f'fixes that come {abs(late):.2g} s {"later" if late > 0.0 else "sooner"} than their '
+            'stamps and latency say fit better, see position.latency')

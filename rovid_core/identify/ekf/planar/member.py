@@ -7,14 +7,14 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from rovid_core.identify.ekf.evidence.alternatives import (
+from rovid_core.identify.ekf.evidence.block_fit import Verdict
+from rovid_core.identify.ekf.evidence.current_status import (
     Alternative,
     better_than_a_current,
     DOUBTED_LATENCY,
     LATE,
     NOT_JUDGED,
 )
-from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import square_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks

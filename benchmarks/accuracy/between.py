@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from rovid_core.model.dofs import PARAMETERS
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 

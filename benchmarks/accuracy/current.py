@@ -40,9 +40,9 @@ from rovid_core.settings.run import (
     SimulatedDof,
     SimulationSettings,
 )
+from rovid_core.simulation.coupled_plant import Water
 from rovid_core.simulation.profiles import Profile, Sinusoid, Steps
 from rovid_core.simulation.sensors import simulate
-from rovid_core.simulation.water import Water
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 

@@ -275,7 +275,7 @@ MUTANTS = [
           "        self.waiting.popleft()",
           "if missing == 'later':\n            return None\n        self.waiting.popleft()"),
          ('what the turning adds is added again', 'body = body[0] - x,', 'body = body[0] + x,')),
-    *_of('rovid_core/velocity/rate_history.py', 'test/core/test_pipeline.py '
+    *_of('rovid_core/velocity/attitude_history.py', 'test/core/test_pipeline.py '
          'what_turning_adds_at_a_dvl_is_taken_off '
          'a_dvl_with_a_lever_arm_does_not_wait_for_a_gyro_that_is_dead',
          ('the angular velocity is that of the sample before',
@@ -602,7 +602,7 @@ MUTANTS = [
           'return (x / dt, y / dt, z / dt)', 'return (x, y, z)'),
          ('a mean goes on over an interval that is missing',
           'means[-1][1] != start', 'False')),
-    *_of('rovid_core/pipeline/silent_sensor.py', 'test/core/test_staleness.py',
+    *_of('rovid_core/pipeline/identification.py', 'test/core/test_staleness.py',
          ('what was before a jump of time is fresh',
           'not (silent or self._interrupted)', 'not silent'),
          ('what is stale has a velocity',

@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
+from rovid_core.model.plant import Array
 from rovid_core.model.samples import Step
-from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
 
 BLOCK: Final = 10.0  # length of a block [s]

@@ -25,8 +25,8 @@ from typing import Final
 
 import numpy as np
 from rovid_core.model.dofs import DOFS
+from rovid_core.model.plant import Array
 from rovid_core.model.samples import Motion, NS
-from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
 
 BLOCK: Final = 500_000_000

@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 import numpy as np
-from rovid_core.model.trajectory import Array, linear_recurrence
+from rovid_core.model.plant import Array, linear_recurrence
 
 MOST_TURN: Final = 2.0 * math.pi * 0.4
 """A cutoff above 0.4 of the sample rate means nothing any more."""

@@ -1,5 +1,5 @@
 """
-A vehicle whose degrees of freedom act on each other, in water that moves.
+A vehicle whose degrees of freedom act on each other, in water that moves, and that water.
 
     M nu_r' = tau - C(M, nu_r) nu_r - D(nu_r) nu_r - g(R) - b + w
 
@@ -16,9 +16,8 @@ import math
 
 import numpy as np
 from rovid_core.model.dofs import DOFS, Quaternion, Vector
-from rovid_core.model.plant import runge_kutta
-from rovid_core.model.trajectory import Array
-from rovid_core.settings.run import Settings, SettingsError
+from rovid_core.model.plant import Array, runge_kutta
+from rovid_core.settings.run import Settings, SettingsError, SimulationSettings
 from rovid_core.velocity.attitude_history import rotate_back
 
 Rows = list[list[tuple[int, float]]]
@@ -185,3 +184,33 @@ def _times(matrix: Rows, vector: Sequence[float]) -> list[float]:
             total += x * vector[j]
         found.append(total)
     return found
+
+
+class Water:
+    """
+    A horizontal current that is the same everywhere.
+
+    It turns once in ``current_turn`` [s], from x of the world to y, and comes and goes once in
+    ``current_tide`` [s]; 0 for never.
+    """
+
+    def __init__(self, settings: SimulationSettings) -> None:
+        self._start = settings.current
+        self._turn = _frequency(settings.current_turn)
+        self._tide = _frequency(settings.current_tide)
+
+    def at(self, t: float) -> tuple[float, float]:
+        """Return the velocity of the water in the ENU world [m/s] at ``t`` [s]."""
+        x, y = self._start
+        if self._tide:
+            strength = math.cos(self._tide * t)
+            x, y = strength * x, strength * y
+        if self._turn:
+            c, s = math.cos(self._turn * t), math.sin(self._turn * t)
+            x, y = c * x - s * y, s * x + c * y
+        return x, y
+
+
+def _frequency(period: float) -> float:
+    """Return the angular frequency [rad/s] of a period [s], 0 for none."""
+    return 2.0 * math.pi / period if period else 0.0

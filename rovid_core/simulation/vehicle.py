@@ -8,12 +8,10 @@ import math
 
 import numpy as np
 from rovid_core.model.dofs import DOFS, Quaternion, Vector
-from rovid_core.model.plant import advance, lumped
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import advance, Array, lumped
 from rovid_core.settings.run import Settings, SettingsError, SimulatedDof, ThrusterSettings
-from rovid_core.simulation.coupled_plant import CoupledPlant, is_coupled
+from rovid_core.simulation.coupled_plant import CoupledPlant, is_coupled, Water
 from rovid_core.simulation.profiles import Profile, Sinusoid, Waveform
-from rovid_core.simulation.water import Water
 from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model, wrench
 from rovid_core.velocity.attitude_history import product, rotate, rotate_back

@@ -12,8 +12,7 @@ import math
 from typing import NamedTuple
 
 from rovid_core.model.dofs import OWN, own_coefficients, velocity_factors
-from rovid_core.model.plant import MAX_PIECES, runge_kutta
-from rovid_core.model.trajectory import MAX_VELOCITY
+from rovid_core.model.plant import MAX_PIECES, MAX_VELOCITY, runge_kutta
 
 NS = 1e-9
 

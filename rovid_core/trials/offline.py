@@ -17,8 +17,8 @@ import numpy as np
 from rovid_core.identify.aid.full_gain import FullGainIdentifier, inverse_gram
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.lowpass import filtered
+from rovid_core.model.plant import Array
 from rovid_core.model.samples import Step
-from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.output_error import output_error
 from rovid_core.trials.record import Fit, Record

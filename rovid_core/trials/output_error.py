@@ -14,7 +14,7 @@ from typing import cast
 
 import numpy as np
 from rovid_core.model.dofs import Four, OWN, own_coefficients
-from rovid_core.model.trajectory import Array, integral, midpoint_trajectory, sensitivities
+from rovid_core.model.plant import Array, integral, midpoint_trajectory, sensitivities
 from rovid_core.settings.run import Scales
 from rovid_core.trials.record import Fit, Record
 from scipy.optimize import least_squares

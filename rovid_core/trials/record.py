@@ -8,8 +8,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import Four, NAN4
+from rovid_core.model.plant import Array
 from rovid_core.model.samples import Step
-from rovid_core.model.trajectory import Array
 
 Times = NDArray[np.int64]
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 from rovid_core.model.dofs import DOFS
+from rovid_core.model.plant import Array
 from rovid_core.model.samples import Step
-from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Settings
 from rovid_core.trials.joint_simulation import ForceSegment, JointModel
 from rovid_core.trials.record import Record, record_of_steps, Times

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
 from rovid_core.model.lowpass import filtered
-from rovid_core.model.trajectory import Array, trajectory
+from rovid_core.model.plant import Array, trajectory
 from rovid_core.trials.joint_simulation import ForceSegment
 from rovid_core.trials.record import Times
 from rovid_core.trials.spilling_table import SpillingTable

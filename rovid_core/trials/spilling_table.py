@@ -9,7 +9,7 @@ from tempfile import TemporaryFile
 from typing import BinaryIO
 
 import numpy as np
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.trials.record import Times
 
 BLOCK = 1 << 15

@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 
 import numpy as np
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.trials.record import Times
 
 PERIOD = 1_000_000_000

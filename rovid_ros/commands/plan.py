@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 from rovid_core.model.dofs import ANGULAR_DOFS, DOFS, Four, LINEAR_DOFS, PARAMETERS, PHYSICAL
-from rovid_core.model.plant import lumped
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array, lumped
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.simulation.profiles import Profile, Steps, Waveform
 from rovid_core.simulation.vehicle import ThrusterCommands

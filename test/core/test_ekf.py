@@ -11,9 +11,8 @@ from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.dofs import PARAMETERS
-from rovid_core.model.plant import lumped
+from rovid_core.model.plant import lumped, trajectory
 from rovid_core.model.samples import Event, Sample, Step
-from rovid_core.model.trajectory import trajectory
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Scales
 from rovid_core.simulation.sensors import simulate

@@ -8,9 +8,8 @@ from hypothesis import given, settings as hypothesis_settings, strategies as st
 import numpy as np
 import pytest
 from rovid_core.identify.aid.full_gain import FullGainIdentifier
-from rovid_core.model.plant import advance
+from rovid_core.model.plant import advance, integral, trajectory
 from rovid_core.model.samples import Step
-from rovid_core.model.trajectory import integral, trajectory
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Scales
 from rovid_core.simulation.sensors import simulate

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rovid_core.model.plant import lumped
-from rovid_core.model.trajectory import integral, midpoint_trajectory, trajectory
+from rovid_core.model.plant import integral, lumped, midpoint_trajectory, trajectory
 from rovid_core.settings.run import Scales
 from rovid_core.simulation.profiles import Sinusoid, Steps
 from rovid_core.simulation.sensors import simulate

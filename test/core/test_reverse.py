@@ -13,9 +13,8 @@ from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter
 from rovid_core.identify.estimate import Estimate
 from rovid_core.model.dofs import OWN
-from rovid_core.model.plant import advance
+from rovid_core.model.plant import advance, midpoint_trajectory, sensitivities, trajectory
 from rovid_core.model.samples import Event, PlanarPiece, Sample
-from rovid_core.model.trajectory import midpoint_trajectory, sensitivities, trajectory
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import (
     CurrentSettings,

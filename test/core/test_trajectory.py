@@ -5,11 +5,13 @@ import math
 import numpy as np
 import pytest
 from rovid_core.model.lowpass import filtered, LowPass
-from rovid_core.model.plant import advance, lumped, physical
-from rovid_core.model.trajectory import (
+from rovid_core.model.plant import (
+    advance,
     BLOCK_LENGTH,
     linear_recurrence,
+    lumped,
     midpoint_trajectory,
+    physical,
     sensitivities,
     trajectory,
 )

@@ -11,8 +11,8 @@ import numpy as np
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import Four
 from rovid_core.model.lowpass import filtered
+from rovid_core.model.plant import integral, sensitivities, trajectory
 from rovid_core.model.samples import Step
-from rovid_core.model.trajectory import integral, sensitivities, trajectory
 
 from test.support.surge import SURGE_TRUTH, TRAINING, VALIDATION
 from test.support.trials import Array, CUTOFF, NOISE, RATE, Waves

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import Four
 from rovid_core.model.lowpass import LowPass
-from rovid_core.model.plant import lumped
-from rovid_core.model.trajectory import integral, trajectory
+from rovid_core.model.plant import integral, lumped, trajectory
 from rovid_core.settings.run import DofSettings
 from rovid_core.trials.record import Record
 from rovid_ros.config.parameter_file import load

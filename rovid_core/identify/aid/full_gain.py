@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from rovid_core.identify.aid.adaptive_identifier import AdaptiveIdentifier, Gains, NewState
 from rovid_core.model.dofs import OWN
+from rovid_core.model.plant import Array
 from rovid_core.model.samples import finite, Step
-from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import Scales
 
 Rows = tuple[tuple[float, ...], ...]  # of a matrix

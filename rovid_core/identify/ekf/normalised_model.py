@@ -13,7 +13,7 @@ from typing import cast, NamedTuple
 
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA
 from rovid_core.model.dofs import Four, OWN, RESTORING
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.settings.run import Scales
 
 CHANGE = 0.5

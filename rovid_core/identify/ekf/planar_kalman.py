@@ -60,8 +60,8 @@ from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
+from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarStart, PlanarStep
-from rovid_core.model.trajectory import Array
 from rovid_core.settings.run import CurrentSettings, Scales
 
 WINDOW = 180.0

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from rovid_core.identify.intervals import Z95
 from rovid_core.model.dofs import OWN, RESTORING, velocity_factors
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.settings.run import Scales
 from rovid_core.trials.output_error import Residuals
 from rovid_core.trials.planning.information import paths, Sensor

@@ -15,8 +15,7 @@ import math
 import numpy as np
 from rovid_core.identify.ekf.normalised_model import DELAY_STD
 from rovid_core.model.dofs import Four
-from rovid_core.model.plant import lumped, physical
-from rovid_core.model.trajectory import Array, midpoint_steps
+from rovid_core.model.plant import Array, lumped, midpoint_steps, physical
 from rovid_core.settings.run import Settings, SettingsError
 
 # A term that takes less than this share of the thrust at top speed is as good as known once it is

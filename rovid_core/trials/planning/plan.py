@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 from rovid_core.identify.intervals import Z95
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.simulation.profiles import Sinusoid, Steps
 from rovid_core.trials.planning.information import (
     bounds,

@@ -7,7 +7,7 @@ from itertools import product
 import math
 
 import numpy as np
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.simulation.profiles import Sinusoid, Steps
 
 Part = Sinusoid | Steps

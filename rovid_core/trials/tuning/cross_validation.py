@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.trials.tuning.log import CommandedForce, Segment
 
 NS = 1e-9

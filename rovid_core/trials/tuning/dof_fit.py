@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import OWN, PARAMETERS
 from rovid_core.model.lowpass import weights
-from rovid_core.model.trajectory import Array, drag_at, midpoint_steps
+from rovid_core.model.plant import Array, drag_at, midpoint_steps
 from rovid_core.settings.run import DofSettings, Scales, Settings
 from rovid_core.trials.tuning.cross_validation import (
     Blocks,

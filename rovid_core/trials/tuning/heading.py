@@ -12,7 +12,7 @@ from itertools import product
 import math
 
 import numpy as np
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.settings.run import Settings
 from rovid_core.trials.tuning.cross_validation import (
     blocks,

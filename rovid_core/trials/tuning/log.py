@@ -9,8 +9,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS
+from rovid_core.model.plant import Array, linear_recurrence
 from rovid_core.model.samples import Event
-from rovid_core.model.trajectory import Array, linear_recurrence
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.force_history import MAX_FORCE
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from rovid_core.model.dofs import PARAMETERS
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.settings.inputs import ThrusterSettings
 from rovid_core.trials.tuning.cross_validation import (
     Change,

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from rovid_core.model.dofs import OWN
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.settings.run import DofSettings, IdentifierSettings, Settings, ThrusterSettings
 from rovid_core.trials.tuning.cross_validation import (
     Change,

@@ -22,8 +22,8 @@ from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.planar.layout import AXES
 from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.estimate import Current, TURN
+from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarPiece
-from rovid_core.model.trajectory import Array
 
 TURNED = 0.8
 """[rad] Range of headings from which the current can be told from bias and drag."""

@@ -41,8 +41,8 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     LONGEST,
 )
 from rovid_core.identify.method import DivergenceError
+from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarPiece
-from rovid_core.model.trajectory import Array
 
 Law = tuple[float, float, float, float, float]
 """What moves a row: v' = push +- rise + (drag |v| + linear) v + turning w, in this order."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rovid_core.identify.ekf.normalised_model import CHANGE, NormalisedModel
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, NONE_OWN
 from rovid_core.model.dofs import OWN
-from rovid_core.model.trajectory import Array
+from rovid_core.model.plant import Array
 from rovid_core.settings.run import Scales
 
 Looks = Array | None

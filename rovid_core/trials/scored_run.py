@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
 from rovid_core.model.lowpass import filtered
 from rovid_core.model.plant import Array, trajectory
 from rovid_core.trials.joint_simulation import ForceSegment
-from rovid_core.trials.record import Times
-from rovid_core.trials.spilling_table import SpillingTable
-from rovid_core.trials.water import LogWater, through_water
+from rovid_core.trials.record import LogWater, through_water, Times
+
+if TYPE_CHECKING:
+    from rovid_core.trials.score import SpillingTable
 
 NS = 1e-9
 

@@ -16,7 +16,6 @@ from rovid_core.model.plant import Array, lumped
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.simulation.profiles import Profile, Steps, Waveform
 from rovid_core.simulation.vehicle import ThrusterCommands
-from rovid_core.trials.planning.coupled import coupled_prospect, CoupledProspect
 from rovid_core.trials.planning.information import (
     Limits,
     paths,
@@ -25,8 +24,17 @@ from rovid_core.trials.planning.information import (
     SIDES,
     Vehicles,
 )
-from rovid_core.trials.planning.plan import Plan, plan as find_plan, PlanError, Prospect, STEP
-from rovid_core.trials.planning.shapes import samples, times
+from rovid_core.trials.planning.plan import (
+    coupled_prospect,
+    CoupledProspect,
+    Plan,
+    plan as find_plan,
+    PlanError,
+    Prospect,
+    samples,
+    STEP,
+    times,
+)
 from rovid_ros.commands.arguments import (
     add_json,
     add_params_file,

@@ -14,10 +14,10 @@ from typing import Any
 from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import IdentifierSettings, Settings
+from rovid_core.trials.record import LogWater
 from rovid_core.trials.tuning.cross_validation import Result
 from rovid_core.trials.tuning.log import TuningLog
 from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningError
-from rovid_core.trials.water import LogWater
 from rovid_ros.commands.arguments import add_json, add_logs, add_params_file, add_part
 from rovid_ros.commands.long_work import in_parallel, Progress
 from rovid_ros.commands.replay import replay

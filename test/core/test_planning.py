@@ -11,7 +11,6 @@ from rovid_core.settings.run import Scales
 from rovid_core.simulation.profiles import Sinusoid, Steps
 from rovid_core.simulation.sensors import simulate
 from rovid_core.trials.output_error import output_error, Residuals
-from rovid_core.trials.planning.coupled import coupled_prospect
 from rovid_core.trials.planning.information import (
     bounds,
     Limits,
@@ -20,8 +19,16 @@ from rovid_core.trials.planning.information import (
     Sensor,
     Vehicles,
 )
-from rovid_core.trials.planning.plan import Plan, plan, PlanError, prospect
-from rovid_core.trials.planning.shapes import samples, Shape, times
+from rovid_core.trials.planning.plan import (
+    coupled_prospect,
+    Plan,
+    plan,
+    PlanError,
+    prospect,
+    samples,
+    Shape,
+    times,
+)
 from rovid_core.trials.record import Record
 
 from test.support.surge import surge_settings, SURGE_TRUTH

@@ -8,34 +8,39 @@ what its reader minds, and a determinant (D-optimality) can hide it behind a goo
 
 More thrust always tells more. So a profile is a shape, which is searched for, and a size,
 which is the largest that keeps all the vehicles within the limits.
+
+Each DOF is planned by itself. What tells of its couplings are the profiles of all DOFs that are in
+them, driven at once: the regressor of a coupling is a product of velocities, which are those of
+their own models.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 import math
 
 import numpy as np
 from rovid_core.identify.intervals import Z95
+from rovid_core.model.dofs import OWN, RESTORING, velocity_factors
 from rovid_core.model.plant import Array
+from rovid_core.settings.run import Scales
 from rovid_core.simulation.profiles import Sinusoid, Steps
+from rovid_core.trials.output_error import Residuals
 from rovid_core.trials.planning.information import (
     bounds,
     disturbance,
     Limits,
+    paths,
     reach,
     Sensor,
     Vehicles,
 )
-from rovid_core.trials.planning.shapes import (
-    first_shapes,
-    FREQUENCIES,
-    near_shapes,
-    rounded,
-    samples,
-    Shape,
-    times,
-)
+from rovid_core.trials.record import Record
+
+Part = Sinusoid | Steps
+Shape = tuple[Part, ...]  # sinusoids, or one sequence of steps
 
 # [s] A longer trial is searched for as if it were this long; it then tells more of the same
 SEARCH_DURATION = 300.0
@@ -48,6 +53,19 @@ FINER = (1.3, 1.15, 1.06)  # by how much the search changes a shape, round by ro
 DISTURBANCE, DISTURBANCE_TIME = 0.01, 1.0
 MARGIN = 0.98  # of the limits of speed and room: commands are held, and thrusters lag
 NAIVE = 0.25  # [Hz] of the sinusoid to compare with, which is that of eq. 13 of the paper
+
+FREQUENCIES = 0.01, 1.0  # [Hz] from the slowest to the fastest motion that is considered
+RATIOS = 2.0, 3.0, 4.4
+# Of the second sinusoid to the first. With twice the frequency the thrust is strong one way and
+# long the other, and the slow drift that quadratic drag makes of that tells it from linear drag.
+SHARES = 1.0, 0.5, -0.5, -1.0
+
+# Levels of steps, without a mean. Two speeds, or two ways, tell the drags apart.
+PATTERNS: tuple[tuple[float, ...], ...] = (
+    (1.0, -1.0), (1.0, -1.0, -1.0, 1.0), (1.0, 0.0, -1.0, 0.0), (1.0, -1.0, 0.4, -0.4),
+    (1.0, -0.5, -0.5), (-1.0, 0.5, 0.5), (1.0, -1.0, -1.0, 1.0, 0.5, -0.5, -0.5, 0.5))
+
+SHORTEST = 0.2  # [s] that a level is held
 
 
 class PlanError(ValueError):
@@ -211,3 +229,138 @@ def prospect(waveforms: Shape, vehicles: Vehicles, sensor: Sensor, duration: flo
     lumped_bound, physical_bound = bounds(vehicles, sensor, force, STEP)
     return Prospect(waveforms, float(np.abs(force).max()), speed[0], room[0],
                     lumped_bound[0], physical_bound[0])
+
+
+def first_shapes(grid: Sequence[float]) -> Iterator[Shape]:
+    """Yield one or two sinusoids, and steps back and forth, all of size about 1."""
+    for f in grid:
+        yield (Sinusoid(1.0, f),)
+        for times_f, share in product(RATIOS, SHARES):
+            yield Sinusoid(1.0, f), _sinusoid(share, times_f * f)
+        for levels in PATTERNS:
+            yield (Steps(levels, _held(0.5 / f)),)
+
+
+def near_shapes(shape: Shape, change: float) -> Iterator[Shape]:
+    """Yield shapes that differ a little."""
+    for by in (change, 1.0 / change):
+        for i, w in enumerate(shape):
+            for other in _changed(w, by):
+                yield *shape[:i], other, *shape[i + 1:]
+        if isinstance(shape[0], Sinusoid):  # all slower or all faster
+            yield tuple([next(_changed(w, by)) for w in shape])
+    if isinstance(shape[0], Sinusoid) and len(shape) < 3:
+        for times_f, share in product(RATIOS, SHARES):
+            third = _sinusoid(0.5 * share * shape[0].amplitude, times_f * shape[0].frequency)
+            yield *shape, third
+
+
+def _changed(w: Part, by: float) -> Iterator[Part]:
+    """Yield a part, first with another frequency, then with another amplitude."""
+    if isinstance(w, Sinusoid):
+        yield _sinusoid(w.amplitude, w.frequency * by)
+        yield _sinusoid(w.amplitude * by * by, w.frequency)
+    else:
+        yield Steps(w.levels, _held(w.hold / by))
+        for k, level in enumerate(w.levels):
+            yield Steps((*w.levels[:k], rounded(level * by, 3), *w.levels[k + 1:]), w.hold)
+
+
+def _sinusoid(amplitude: float, frequency: float) -> Sinusoid:
+    return Sinusoid(rounded(amplitude, 3), rounded(min(frequency, FREQUENCIES[1]), 3))
+
+
+def _held(seconds: float) -> float:
+    return round(max(seconds, SHORTEST), 1)
+
+
+def rounded(value: float, digits: int) -> float:
+    """Return a value towards 0 with so many digits."""
+    if value == 0.0:
+        return 0.0
+    unit = 10.0 ** (digits - 1 - math.floor(math.log10(abs(value))))
+    return float(f'{math.trunc(value * unit * (1.0 + 1e-12)) / unit:.{digits}g}')
+
+
+def samples(shape: Shape, t: Array) -> Array:
+    """Return the thrust of a shape at many times at once [N or N m]."""
+    total = np.zeros(len(t))
+    for w in shape:
+        if isinstance(w, Sinusoid):
+            total += w.amplitude * np.sin(2.0 * math.pi * w.frequency * t)
+        else:
+            which = np.floor(t / w.hold + 1e-9).astype(int) % len(w.levels)
+            total += np.array(w.levels)[which]
+    return total
+
+
+def times(duration: float, dt: float) -> Array:
+    """Return the middles of the steps of a trial [s]."""
+    return np.asarray((np.arange(max(round(duration / dt), 1)) + 0.5) * dt, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class CoupledProspect:
+    """What the profiles tell of the couplings of a DOF, driven at once."""
+
+    # half the width of the 95 % interval of kappa, infinite for one that they do not tell
+    kappas: Mapping[str, float]
+    alpha: float  # the same of alpha, relative, with the couplings unknown
+    partners: tuple[str, ...]  # whose profiles are needed
+
+
+def coupled_prospect(dof: str, plans: Mapping[str, Plan], scales: Scales, sensor: Sensor,
+                     kappas: Sequence[float]) -> CoupledProspect:
+    """
+    Return what the profiles of all plans tell of a DOF with couplings (``scales.couplings``).
+
+    ``kappas`` are what is known of them; they take part in the motion of this DOF alone. A
+    coupling with the attitude, or with a DOF that is not planned, is not told.
+    """
+    told = tuple([name for name in scales.couplings if name not in RESTORING
+                  and all(other in plans for other in velocity_factors(name))])
+    partners = tuple(dict.fromkeys(
+        other for name in told for other in velocity_factors(name) if other != dof))
+    dt = STEP if sensor.of_velocity else 0.5 * STEP
+    moved = {d: _mean_velocity(plans[d], dt) for d in {dof, *partners}}
+    force = samples(plans[dof].planned.waveforms, times(plans[dof].limits.duration, dt))
+    regressors = np.array([
+        # that of the drag is made where the motion is
+        np.minimum(force, 0.0) if name in OWN else
+        np.prod([moved[other] for other in velocity_factors(name)], axis=0)
+        for name in told]).reshape(-1, len(force))
+    known = [kappa for name, kappa in zip(scales.couplings, kappas) if name in told]
+    model = (*plans[dof].vehicles.parameters[:, 0].tolist(), *known)
+    information = Residuals(
+        [_record(moved[dof], force, regressors, dt, sensor.of_velocity)],
+        replace(scales, couplings=told), not sensor.of_velocity).information(
+            model, sensor.noise / math.sqrt(STEP * sensor.rate))
+    half = Z95 * np.sqrt(np.diag(information.covariance))
+    found = dict(zip(told, half[4:].tolist()))
+    return CoupledProspect({name: found.get(name, math.inf) for name in scales.couplings},
+                           float(half[0]) / model[0], partners)
+
+
+def _mean_velocity(plan: Plan, dt: float) -> Array:
+    """Return the mean velocity of the model over each step of its profile."""
+    force = samples(plan.planned.waveforms, times(plan.limits.duration, dt))[:, None]
+    path = paths(plan.vehicles.parameters[:, :1], force, dt)[:, 0, 0]
+    return np.asarray(np.diff(path, prepend=0.0) / dt)
+
+
+def _record(velocity: Array, force: Array, regressors: Array, dt: float,
+            of_velocity: bool) -> Record:
+    """Return a trial without noise, with a measurement after every ``STEP``."""
+    path = np.concatenate([[0.0], np.cumsum(velocity * dt)])
+    if of_velocity:
+        speed = np.concatenate([[0.0], 0.5 * (velocity[1:] + velocity[:-1]), velocity[-1:]])
+        return Record(_grid(len(path)), np.empty(0), speed, np.full(len(force), dt), force,
+                      regressors)
+    path = path[:len(path) // 2 * 2 + 1:2]
+    count = 2 * (len(path) - 1)
+    return Record(_grid(len(path)), path, np.diff(path) / STEP, np.full(count, dt),
+                  force[:count], regressors[:, :count])
+
+
+def _grid(count: int) -> Array:
+    return np.asarray(np.arange(count) * STEP, dtype=np.float64)

@@ -14,8 +14,8 @@ from rovid_core.model.samples import Event
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.force_history import MAX_FORCE
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench
+from rovid_core.trials.record import LogWater
 from rovid_core.trials.score import ScoreLog
-from rovid_core.trials.water import LogWater
 
 NS = 1e-9
 BEFORE = 60.0  # [s] the first command is taken to have stood this long, whatever the delay

@@ -26,9 +26,8 @@ from rovid_core.settings.run import IdentifierSettings, Settings
 from rovid_core.simulation.sensors import simulate
 from rovid_core.velocity.attitude_history import from_yaw
 from rovid_ros.commands.examples import example_configuration, example_truth, EXAMPLES
-from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameter_file import load, shipped_file
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.config.shipped_files import shipped_file
 from rovid_ros.logs.log import Log
 from rovid_ros.messages.converter import Converter
 

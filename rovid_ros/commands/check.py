@@ -39,9 +39,14 @@ from rovid_ros.commands.running import (
     source_of,
     UsageError,
 )
-from rovid_ros.config.input_topics import inputs_of, section, topics_of
 from rovid_ros.config.parameter_file import ParameterFileError, ParameterSource
-from rovid_ros.config.parameters import check as check_values, settings_from
+from rovid_ros.config.parameters import (
+    check as check_values,
+    inputs_of,
+    section,
+    settings_from,
+    topics_of,
+)
 from rovid_ros.files.checkpoint import is_record
 from rovid_ros.files.state_file import DamagedStateError, load as load_checkpoint
 from rovid_ros.files.whole_files import before, write_json

@@ -6,21 +6,30 @@ from dataclasses import asdict, dataclass, replace
 import math
 from typing import Any, cast
 
+import numpy as np
 from rovid_core.inputs.configuration_check import AGREEING, TIME
 from rovid_core.inputs.refusals import REASONS
 from rovid_core.inputs.units_and_signs import look_like_pulse_widths
 from rovid_core.model.dofs import DOFS, Quaternion
+from rovid_core.model.samples import NS
 from rovid_core.ordering.cadence import PERIODS
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import IdentifierSettings, LEAST_GAP, Settings, WATCHING
 from rovid_core.velocity.attitude_history import normalised, rotation_between
-from rovid_ros.commands.check_upwards import Upwards
-from rovid_ros.config.input_topics import section, topics_of
+from rovid_ros.config.parameters import section, topics_of
 from rovid_ros.messages.converter import Converter
 
-NS = 1e-9
-
 OK, WARNING, ERROR = 'OK', 'WARNING', 'ERROR'
+
+# Share of refused samples, or of steps that are too fast, above which something is wrong.
+ACCEPTABLE = 0.02
+APART = 1.0  # [s] by more than this the clocks of two inputs must not differ
+SHARED = 0.5  # share of their time that inputs should have in common
+
+LEAST_GRAVITY = 7.0  # [m/s^2] along z, or the body does not stand upright
+RISE_STEP = 2.0  # [s] over which means of how fast depth and velocity rise are compared
+KEPT_EVERY = 100_000_000  # [ns] more often nothing is kept
+FEWEST_STEPS, STILL_RISE, ALIKE = 20, 0.02, 0.5  # steps, [m/s], correlation
 
 
 @dataclass(frozen=True)
@@ -70,12 +79,6 @@ class Findings:
     def document(self) -> list[dict[str, Any]]:
         """Return them for a program to read."""
         return [asdict(one) for one in self.all]
-
-
-# Share of refused samples, or of steps that are too fast, above which something is wrong.
-ACCEPTABLE = 0.02
-APART = 1.0  # [s] by more than this the clocks of two inputs must not differ
-SHARED = 0.5  # share of their time that inputs should have in common
 
 
 class SampleStatistics:
@@ -164,6 +167,68 @@ class SampleStatistics:
         yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         self._heading += math.remainder(yaw - self._heading, 2.0 * math.pi)
         return (self._heading,)
+
+
+class Upwards:
+    """
+    What an accelerometer and the depth say of which way is up, in one pass.
+
+    Frames that are wrong throughout contradict no motion: masses stay, and the signs of the
+    biases of sway, heave and yaw turn.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._gravity: dict[str, tuple[int, float]] = {}  # by topic: count and sum [m/s^2]
+        # [ns] and height [m], or velocity upwards [m/s] in the body
+        self._tracks: dict[str, list[tuple[int, float]]] = {'depth': [], 'velocity': []}
+
+    def add_message(self, topic: str, message: Any) -> None:
+        """Add a message as it came."""
+        z = getattr(getattr(message, 'linear_acceleration', None), 'z', None)
+        if isinstance(z, float):
+            count, total = self._gravity.get(topic, (0, 0.0))
+            self._gravity[topic] = count + 1, total + z
+
+    def add_sample(self, name: str, time: int, value: tuple[float, ...]) -> None:
+        """Add a sample, in body FLU and world ENU."""
+        track = self._tracks.get(name)
+        if track is not None and (not track or time >= track[-1][0] + KEPT_EVERY):
+            track.append((time, value[-1]))
+
+    def warnings(self) -> list[tuple[str, str, str]]:
+        """Return subject, finding and advice of what is upside down."""
+        found = []
+        for topic, (count, total) in self._gravity.items():
+            mean = total / count
+            frames = 'ned' if mean < 0.0 else 'enu'
+            wrong = [name for name in ('attitude', 'angular_velocity')
+                     if self._settings.input(name).topic == topic
+                     and self._settings.frames_of(name) != frames]
+            if wrong and abs(mean) > LEAST_GRAVITY:
+                found.append((
+                    wrong[0], f'the accelerometer of {topic} sees {mean:+.1f} m/s^2 in z, as '
+                    f'with frames: {frames}, but they are {self._settings.frames_of(wrong[0])}',
+                    'with wrong ones sway, heave and yaw and their biases have the wrong sign'))
+        alike = self._correlation()
+        if alike < -ALIKE:
+            found.append(('velocity', 'its z moves against the depth (correlation '
+                          f'{alike:.2f})', 'frames, or the sign of depth.scale, is wrong'))
+        return found
+
+    def _correlation(self) -> float:
+        """Return that of how fast the depth and the velocity rise, 0 where they do not tell."""
+        if not all(self._tracks.values()):
+            return 0.0
+        (times, heights), (others, speeds) = [
+            np.array(track).T * np.array([[NS], [1.0]]) for track in self._tracks.values()]
+        steps = np.arange(max(times[0], others[0]), min(times[-1], others[-1]), RISE_STEP)
+        ways = np.cumsum(np.diff(others, prepend=others[0]) * speeds)
+        rates = [np.diff(np.interp(steps, *track)) / RISE_STEP
+                 for track in ((times, heights), (others, ways))]
+        if len(steps) <= FEWEST_STEPS or min(map(np.std, rates)) < STILL_RISE:
+            return 0.0
+        return float(np.corrcoef(*rates)[0, 1])
 
 
 class Observation:

@@ -18,7 +18,7 @@ from rovid_core.trials.score import ScoreLog
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.running import read_settings, run_to_exit_code
 from rovid_ros.commands.simulate import simulate_log, truth
-from rovid_ros.config.shipped_files import shipped_file
+from rovid_ros.config.parameter_file import shipped_file
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.results.documents import dofs_document
 from rovid_ros.results.text import NONE, percent, quantity, table

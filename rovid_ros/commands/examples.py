@@ -8,9 +8,8 @@ import re
 
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.profiles import Multisine, Profile, Steps
-from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameter_file import load, shipped_file
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.config.shipped_files import shipped_file
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,8 @@
-"""ROS 2 parameter files, read exactly as ROS' own reader (rcl) does, and edited in place."""
+"""
+ROS 2 parameter files, read exactly as ROS' own reader (rcl) does, and edited in place.
+
+Some come with rovid: where they are is found here, too.
+"""
 
 from __future__ import annotations
 
@@ -423,3 +427,29 @@ def _innermost(mapping: yaml.MappingNode, name: str) -> tuple[yaml.MappingNode, 
         if name.startswith(f'{key.value}.') and isinstance(node, yaml.MappingNode):
             return _innermost(node, name[len(key.value) + 1:])
     return mapping, name
+
+
+def shipped_file(name: str) -> Path:
+    """
+    Return a file of ``config/``, of the checkout or of the installation.
+
+    Parameters
+    ----------
+    name : str
+        Such as ``jhurov.yaml`` or ``examples/auv.yaml``.
+
+    Raises
+    ------
+    ParameterFileError
+        If it is nowhere.
+
+    """
+    here = Path(__file__).resolve()
+    places = [here.parents[2] / 'config' / name]
+    places += [up / 'share' / 'rovid_ros' / 'config' / name
+               for up in (*here.parents, Path(sys.prefix))]
+    for place in places:
+        if place.is_file():
+            return place
+    raise ParameterFileError(f'{name} is neither at {places[0]} nor in share/rovid_ros/config of '
+                             'the installation')

@@ -16,7 +16,7 @@ from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.model.samples import Event, Sample
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.velocity.attitude_history import from_angles, from_yaw, product, rotate
-from rovid_ros.config.input_topics import Source, sources
+from rovid_ros.config.parameters import Source, sources
 from rovid_ros.messages.field_paths import (
     describe,
     field_names,

@@ -11,7 +11,7 @@ import numpy as np
 from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.velocity.attitude_history import from_angles, from_yaw, product, rotate_back
-from rovid_ros.config.input_topics import sources
+from rovid_ros.config.parameters import sources
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import (
     GEOGRAPHIC,

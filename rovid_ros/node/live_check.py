@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.commands.check_data import check_data, Findings, Observation
-from rovid_ros.config.input_topics import inputs_of, section
+from rovid_ros.config.parameters import inputs_of, section
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.transport.inputs import message_class, qos

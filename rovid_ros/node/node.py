@@ -17,7 +17,7 @@ from rovid_core.pipeline.steps import Scorer
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros import build
-from rovid_ros.config.input_topics import inputs_of
+from rovid_ros.config.parameters import inputs_of
 from rovid_ros.files.checkpoint import Checkpoint
 from rovid_ros.logs.player import change_parameters, PARAMETERS, recorded_changes, repeat_control
 from rovid_ros.messages.converter import Converter

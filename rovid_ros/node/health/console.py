@@ -8,7 +8,7 @@ import time
 from rclpy.node import Node
 from rovid_core.identify.estimate import Estimate
 from rovid_core.pipeline.stream import Stream
-from rovid_ros.config.input_topics import topics_of
+from rovid_ros.config.parameters import topics_of
 from rovid_ros.node.health.diagnostics import ACTIVE, diagnostics, NodeState
 from rovid_ros.node.health.events import Events, Line, result_text
 from rovid_ros.node.health.graph import graph_states, TopicState

@@ -18,7 +18,7 @@ from rovid_core.inputs.refusals import REASONS
 from rovid_core.model.dofs import PHYSICAL
 from rovid_core.model.plant import physical
 from rovid_ros import __version__
-from rovid_ros.config.input_topics import given_of, topics_of
+from rovid_ros.config.parameters import given_of, topics_of
 from rovid_ros.files.whole_files import file_age
 from rovid_ros.node.health.levels import (
     dof_level,

@@ -10,7 +10,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import qos_check_compatible, QoSCompatibility, QoSProfile
 from rovid_core.settings.run import Settings
-from rovid_ros.config.input_topics import inputs_of
+from rovid_ros.config.parameters import inputs_of
 from rovid_ros.messages.converter import Converter
 from rovid_ros.node.transport.publishers import best_effort
 from rovid_ros.results.outputs import COUPLING_TOPICS, CURRENT_TOPICS, TOPICS

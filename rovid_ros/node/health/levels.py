@@ -35,7 +35,7 @@ from rovid_core.model.samples import Event
 from rovid_core.ordering.cadence import PERIODS
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
-from rovid_ros.config.input_topics import topics_of
+from rovid_ros.config.parameters import topics_of
 from rovid_ros.node.health.graph import TopicState
 from rovid_ros.results.dof_encoder import dof_message
 from rovid_ros.results.outputs import ERROR, LEVELS, OK, STALE, WARN

@@ -21,7 +21,7 @@ from rclpy.validate_topic_name import validate_topic_name
 from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_ros.config.input_topics import given_of, inputs_of, section
+from rovid_ros.config.parameters import given_of, inputs_of, section
 from rovid_ros.messages.converter import Converter, Unpacker
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import MAX_MESSAGE_SIZE, typestore, WireType

@@ -34,8 +34,8 @@ INTERPRETED = (
 ALSO_COMPILED = (
     'rovid_core/trials/score.py', 'rovid_core/trials/tuning/log.py', 'rovid_ros/logs/log.py',
     'rovid_ros/logs/mcap_writer.py', 'rovid_ros/messages/converter.py',
-    'rovid_ros/results/dof_encoder.py', 'rovid_ros/results/model_rows.py',
-    'rovid_ros/results/outputs.py', 'rovid_ros/results/wire_encoding.py')
+    'rovid_ros/results/dof_encoder.py', 'rovid_ros/results/outputs.py',
+    'rovid_ros/results/wire_encoding.py')
 
 
 def ros_wheels(distro: str) -> list[str]:

@@ -47,16 +47,14 @@ from rovid_ros.config.parameters import (
     settings_from,
     topics_of,
 )
-from rovid_ros.files.checkpoint import is_record
-from rovid_ros.files.state_file import DamagedStateError, load as load_checkpoint
+from rovid_ros.files.state_file import DamagedStateError, is_record, load as load_checkpoint
 from rovid_ros.files.whole_files import before, write_json
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.dataflash import PACKAGE as DATAFLASH
 from rovid_ros.logs.log import Log
-from rovid_ros.logs.static_transforms import values_in_logs
+from rovid_ros.logs.static_frames import TOPIC as TF_STATIC, values_in_logs
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError, nearest
-from rovid_ros.messages.static_frames import TOPIC as TF_STATIC
 from rovid_ros.messages.types import build, normalised, standard_types
 from rovid_ros.results.text import NONE, number, table, unit
 

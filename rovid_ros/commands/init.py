@@ -15,14 +15,14 @@ from rovid_ros.commands.running import (
     read_settings,
     warn,
 )
-from rovid_ros.discovery.ardusub import motors
-from rovid_ros.discovery.candidates import Candidate, candidates
-from rovid_ros.discovery.configuration import configuration
-from rovid_ros.discovery.dataflash import (
+from rovid_ros.discovery.ardupilot import (
     dataflash_candidates,
+    motors,
     paths as dataflash_paths,
     remarks,
 )
+from rovid_ros.discovery.candidates import Candidate, candidates
+from rovid_ros.discovery.configuration import configuration
 from rovid_ros.discovery.decisions import decide, Discovery, DiscoveryError
 from rovid_ros.discovery.signals import read_signals
 from rovid_ros.files.whole_files import write_text

@@ -176,7 +176,7 @@ def read_values(path: Path | ParameterSource, method: str = '',
     values = {**source_of(path).values(), **({'identifier.method': method} if method else {})}
     if logs and any(value for key, value in values.items() if key.endswith('.sensor_frame')):
         from rovid_ros.config.parameters import settings_from
-        from rovid_ros.logs.static_transforms import values_in_logs
+        from rovid_ros.logs.static_frames import values_in_logs
         values.update(values_in_logs(settings_from(values), logs))
     return values
 

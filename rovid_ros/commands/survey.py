@@ -34,8 +34,15 @@ from rovid_ros.commands.workers import Answers, on_dask, on_this_computer
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.results.text import NONE, number, table
 from rovid_ros.survey.dives import find_dives, tags
-from rovid_ros.survey.journal import Journal, journal_of
-from rovid_ros.survey.table import failed, Row, rows_of, write_csv, write_parquet
+from rovid_ros.survey.table import (
+    failed,
+    Journal,
+    journal_of,
+    Row,
+    rows_of,
+    write_csv,
+    write_parquet,
+)
 from rovid_ros.survey.trends import survey_data
 
 DESCRIPTION = (

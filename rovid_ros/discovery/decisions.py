@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 from rovid_core.model.dofs import coupling_prior, DOFS
-from rovid_ros.discovery.ardusub import Motors
+from rovid_ros.discovery.ardupilot import Motors
 from rovid_ros.discovery.candidates import Candidate
 from rovid_ros.discovery.moments import Misfit
 from rovid_ros.discovery.motion import answer, Motion, motion, noise_of, Push, STEP

@@ -11,7 +11,7 @@ import numpy as np
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import ThrusterSettings
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model
-from rovid_ros.discovery.ardusub import allocation, Frame, FRAMES, Motors
+from rovid_ros.discovery.ardupilot import allocation, Frame, FRAMES, Motors
 from rovid_ros.discovery.candidates import Candidate, driven, NEUTRAL
 from rovid_ros.discovery.moments import Misfit, misfits, moments_of
 from rovid_ros.discovery.motion import answer, best_delay, held, Motion, Push

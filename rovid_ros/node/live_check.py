@@ -16,8 +16,7 @@ from rovid_ros.commands.check_data import check_data, Findings, Observation
 from rovid_ros.config.parameters import inputs_of, section
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.node.health.graph import graph_states, TopicState
-from rovid_ros.node.transport.inputs import message_class, qos
-from rovid_ros.node.transport.static_frames import look_up
+from rovid_ros.node.transport.inputs import look_up, message_class, qos
 
 NAME = 'rovid_check'
 

@@ -1,14 +1,16 @@
-"""The live node: messages in, the stream, topics out; its services and transitions."""
+"""The live node: messages in, the stream, topics out, also in silence; services, transitions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+import time
 from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from rovid_core.identify.estimate import Estimate
@@ -18,20 +20,27 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
 from rovid_ros import build
 from rovid_ros.config.parameters import inputs_of
-from rovid_ros.files.checkpoint import Checkpoint
+from rovid_ros.files.state_file import Checkpoint
 from rovid_ros.logs.player import change_parameters, PARAMETERS, recorded_changes, repeat_control
+from rovid_ros.logs.static_frames import TOPIC
 from rovid_ros.messages.converter import Converter
-from rovid_ros.messages.static_frames import TOPIC
 from rovid_ros.node.health.console import HealthMonitor
 from rovid_ros.node.parameters import ParameterNode
 from rovid_ros.node.recorder import Received, Recorder
-from rovid_ros.node.stale_estimates import PERIOD, StaleEstimates
-from rovid_ros.node.transport.inputs import InputDecoder, message_class, Subscriptions
+from rovid_ros.node.transport.inputs import (
+    InputDecoder,
+    is_simulated,
+    look_up,
+    message_class,
+    Subscriptions,
+)
 from rovid_ros.node.transport.message_types import definition
 from rovid_ros.node.transport.publishers import Publishers
-from rovid_ros.node.transport.static_frames import look_up
 from rovid_ros.results.outputs import Outputs
 from std_srvs.srv import SetBool, Trigger
+
+STALE_PERIOD = 0.25  # [s] A node that made no step for so long looks whether it has to say so
+STALE_REPEAT = 1.0  # [s] from one message about it to the next, while nothing else changes
 
 
 class IdentifierNode(ParameterNode):
@@ -207,7 +216,7 @@ class IdentifierNode(ParameterNode):
         self.resources.callback(self._output_topics.close)
         self._add_timer(1.0, self._on_second)
         if self._live:
-            self._add_timer(PERIOD, self._on_silence)
+            self._add_timer(STALE_PERIOD, self._on_silence)
         self._start_saving()
         self._add_service(Trigger, '~/reset', self._on_reset)
         self._add_service(SetBool, '~/enable', self._on_enable)
@@ -303,3 +312,42 @@ class IdentifierNode(ParameterNode):
         for dof in self.settings.dofs:
             log.info(f'{dof}: velocity from {self.settings.source(dof)}')
         self._publish([])  # logs the warnings so far
+
+
+class StaleEstimates:
+    """
+    Tells when steps stay away, which no message can tell.
+
+    Event time goes on from the last step as time does here: with /clock, in which case a paused
+    simulation makes nothing stale, or with a clock that is never set. What comes of it depends
+    on when this program ran, so it is never in a replay.
+    """
+
+    def __init__(self, node: Node, stream: Stream) -> None:
+        self._node = node
+        self._stream = stream
+        self._since = self._repeated = self._now()
+        self._told: list[str] = []
+
+    def note_estimate(self) -> None:
+        """Count from now on: an estimate was published."""
+        self._since = self._now()
+        self._told = []
+
+    def due(self) -> Estimate | None:
+        """Return what has to be published, if there is anything."""
+        now = self._now()
+        last, elapsed = self._stream.estimate, now - self._since
+        if last is None or elapsed < STALE_PERIOD:
+            return None
+        estimate = self._stream.silent_estimate(last.now + round(elapsed * 1e9))
+        stale = [dof.dof for dof in estimate.dofs if dof.stale_for] if estimate else []
+        if not stale or (stale == self._told and now - self._repeated < STALE_REPEAT):
+            return None
+        self._told, self._repeated = stale, now
+        return estimate
+
+    def _now(self) -> float:
+        if is_simulated(self._node):
+            return self._node.get_clock().now().nanoseconds * 1e-9
+        return time.monotonic()

@@ -16,7 +16,7 @@ from rovid_ros import __version__
 from rovid_ros.files.whole_files import create_unused, prepare_file, sync_folder
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.player import CONTROL
-from rovid_ros.logs.static_transforms import FOUND
+from rovid_ros.logs.static_frames import FOUND
 from rovid_ros.logs.writer import LogWriter
 
 

@@ -10,8 +10,7 @@ from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.model.dofs import DOFS, PARAMETERS
 from rovid_core.settings.run import Scales, Settings
 from rovid_ros.results.current import current_message, current_values, told
-from rovid_ros.results.dof_encoder import DofEncoder
-from rovid_ros.results.model_rows import model_columns
+from rovid_ros.results.dof_encoder import DofEncoder, model_columns
 from rovid_ros.results.wire_encoding import (
     ArrayEncoder,
     begin_stamped,

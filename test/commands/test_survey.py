@@ -13,7 +13,7 @@ from mcap.writer import Writer
 import pytest
 from rovid_ros.commands.main import main
 from rovid_ros.commands.workers import Answers, on_this_computer, WorkerDiedError
-from rovid_ros.survey.journal import journal_of
+from rovid_ros.survey.table import journal_of
 
 CONFIG = Path(__file__).parents[2] / 'config' / 'jhurov.yaml'
 STILL = ',heave=0,yaw=0'

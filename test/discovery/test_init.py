@@ -18,7 +18,7 @@ from rovid_ros.commands.main import main
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.discovery.ardusub import allocation, FRAMES, motors
+from rovid_ros.discovery.ardupilot import allocation, FRAMES, motors
 from rovid_ros.discovery.candidates import candidates
 from rovid_ros.discovery.configuration import configuration
 from rovid_ros.discovery.decisions import decide

@@ -8,8 +8,7 @@ import sys
 import pytest
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import DofSettings, SettingsError
-from rovid_ros.files.checkpoint import Checkpoint
-from rovid_ros.files.state_file import load
+from rovid_ros.files.state_file import Checkpoint, load
 from rovid_ros.files.whole_files import FileLock
 
 from test.files.test_state_file import settings

@@ -13,9 +13,8 @@ from rovid_ros.commands.main import main
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import RECORD
-from rovid_ros.logs.static_transforms import FOUND
+from rovid_ros.logs.static_frames import FOUND, StaticFrames, TOPIC, TYPE, wanted_frames
 from rovid_ros.logs.writer import LogWriter
-from rovid_ros.messages.static_frames import StaticFrames, TOPIC, TYPE, wanted_frames
 from rovid_ros.messages.types import build, standard_types
 
 Transform = tuple[str, str, Sequence[float], Sequence[float]]  # parent, child, xyz, rpy

@@ -21,13 +21,13 @@ from rovid_core.pipeline.stream import Stream
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.messages.converter import Converter
 from rovid_ros.node.health.console import (
+    Events,
     HealthMonitor,
     MAX_WARNINGS,
     RefusalSummary,
     WarningLimiter,
 )
 from rovid_ros.node.health.diagnostics import diagnostics, NodeState
-from rovid_ros.node.health.events import Events
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.health.levels import Arrivals, HealthData, input_level, RecentCounts
 from rovid_ros.node.node import IdentifierNode

@@ -11,10 +11,10 @@ pytest.importorskip('rclpy')
 from geometry_msgs.msg import TransformStamped
 import rclpy
 from rovid_ros.logs.log import Log, RECORD
-from rovid_ros.messages.static_frames import StaticFrames, TYPE
+from rovid_ros.logs.static_frames import StaticFrames, TYPE
+from rovid_ros.node.transport.inputs import take_latched
 from rovid_ros.node.transport.message_types import import_type, MessageTypeError
 from rovid_ros.node.transport.publishers import latched
-from rovid_ros.node.transport.static_frames import take_latched
 
 from test.support.live_drive import Start
 from test.support.live_node import Peer, Raw, TYPES

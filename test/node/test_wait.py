@@ -16,9 +16,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.publisher import Publisher
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.node.node import IdentifierNode
+from rovid_ros.node.process import WaitLoop
 from rovid_ros.node.transport import inputs
 from rovid_ros.node.transport.publishers import latched
-from rovid_ros.node.transport.wait import WaitLoop
 from std_srvs.srv import SetBool
 
 

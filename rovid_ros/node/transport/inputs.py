@@ -1,4 +1,8 @@
-"""From DDS to events: subscriptions, what is left out under overload, and decoding."""
+"""
+From DDS to events: subscriptions, what is left out under overload, and decoding.
+
+What is published only once, as static transforms are, is looked up before.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +26,7 @@ from rovid_core.model.samples import Event
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.parameters import given_of, inputs_of, section
+from rovid_ros.logs.static_frames import StaticFrames, TOPIC, TYPE, wanted_frames
 from rovid_ros.messages.converter import Converter, Unpacker
 from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.messages.types import MAX_MESSAGE_SIZE, typestore, WireType
@@ -33,6 +38,11 @@ LATE = 0.5  # [s] the node is behind when the oldest message of a batch has wait
 LARGEST_DECIMATION = 64  # at least one message in so many is always used
 # Gap between two used messages of an input, as a share of its timeout, that is never exceeded.
 SHARE_OF_TIMEOUT = 0.3
+
+# [s] for static transforms: discovery can take some, and what publishes may be started meanwhile
+FRAMES_PATIENCE = 10.0
+FRAMES_PERIOD = 0.02  # [s] from one look to the next
+FRAMES_DEPTH = 100  # messages: every publisher has one of its own
 
 
 def message_class(settings: Settings, converter: Converter, topic: str) -> type[Any]:
@@ -331,3 +341,41 @@ def _unpacker(converter: Converter, topic: str, cls: type[Any]) -> Unpacker:
     name = converter.topics[topic]
     wire = WireType(typestore(name, definition(name)), name, 'cdr')
     return Unpacker(converter, topic, wire, lambda cdr: deserialize_message(cdr, cls))
+
+
+def look_up(node: Node, settings: Settings) -> dict[str, Any]:
+    """
+    Return the values of ``wanted_frames`` by key; waits for them, at most ``FRAMES_PATIENCE``.
+
+    Nothing else of the node runs meanwhile. Raises SettingsError if they do not come.
+    """
+    wanted = wanted_frames(settings)
+    if not wanted:
+        return {}
+    try:
+        cls = import_type(TYPE)
+    except MessageTypeError as error:
+        raise SettingsError(f'{next(iter(wanted)).partition(".")[0]}.sensor_frame',
+                            str(error)) from None
+    frames = StaticFrames()
+    take_latched(node, cls, TOPIC, frames.add,
+                 lambda: frames.knows(wanted.values(), settings.base_frame), FRAMES_PATIENCE)
+    return frames.values(wanted, settings.base_frame, f'within {FRAMES_PATIENCE:g} s')
+
+
+def take_latched(node: Node, cls: type[Any], topic: str, take: Callable[[Any], object],
+                 is_enough: Callable[[], bool], timeout: float) -> None:
+    """Take what was published on a topic and is kept for those who come late, until it does."""
+    subscription = node.create_subscription(
+        cls, topic, lambda message: None, latched(FRAMES_DEPTH))
+    end = time.monotonic() + timeout
+    try:
+        while not is_enough() and time.monotonic() < end and node.context.ok():
+            with subscription.handle:
+                taken = subscription.handle.take_message(cls, False)
+            if taken is None:
+                time.sleep(FRAMES_PERIOD)
+            else:
+                take(taken[0])
+    finally:
+        node.destroy_subscription(subscription)

@@ -1,17 +1,22 @@
-"""Where sensors are in the body, from the static transforms of tf2 instead of the YAML."""
+"""Where sensors are in the body, from the static transforms of tf2, as in a log, not from YAML."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+import json
 import math
+from pathlib import Path
 from typing import Any
 
 from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.velocity.attitude_history import normalised, product, rotate, rotate_back
+from rovid_ros.logs.container import LogError
+from rovid_ros.logs.log import Log, RECORD
 
 TOPIC = '/tf_static'
 TYPE = 'tf2_msgs/msg/TFMessage'
+FOUND = 'found'  # in the metadata of a record: what the node found in TOPIC, as JSON by key
 # the keys that the ``sensor_frame`` of their input stands for
 KEYS = ('position.lever_arm', 'attitude.mounting', 'angular_velocity.mounting',
         'velocity.mounting', 'velocity.lever_arm')
@@ -115,3 +120,43 @@ def _angles(q: Quaternion) -> tuple[float, float, float]:
         return 0.0, math.copysign(0.5 * math.pi, sine), 2.0 * math.atan2(z, w)
     return (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), math.asin(sine),
             math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+
+
+def values_in_logs(settings: Settings, logs: Sequence[Path]) -> dict[str, Any]:
+    """
+    Return the values of ``wanted_frames`` by key, from the first of the logs that have them.
+
+    Nothing is read where nothing is wanted. Raises SettingsError if they are not there, and
+    LogError if a log cannot be read.
+    """
+    wanted = wanted_frames(settings)
+    frames = StaticFrames()
+    broken: LogError | None = None
+    for path in logs if wanted else ():
+        try:
+            found = _read(path, frames)
+        except LogError as error:  # one of many dives is told later, when it is its turn
+            broken = broken or error
+            continue
+        if wanted.keys() <= found.keys():
+            return {key: found[key] for key in wanted}
+        if frames.knows(wanted.values(), settings.base_frame):
+            break
+    else:
+        if broken:
+            raise broken
+    names = f'{logs[0]} and {len(logs) - 1} more' if len(logs) > 1 else ''.join(map(str, logs))
+    return frames.values(wanted, settings.base_frame, names)
+
+
+def _read(path: Path, frames: StaticFrames) -> dict[str, Any]:
+    """Add the transforms in a log; return the values that the node noted in its own record."""
+    with Log([path]) as log:
+        if TOPIC in log.topics and log.topics[TOPIC].type == TYPE:
+            for message in log.messages([TOPIC]):
+                frames.add(message.data)
+        try:
+            found = json.loads(log.metadata.get(RECORD, {}).get(FOUND, '{}'))
+        except (ValueError, RecursionError) as error:
+            raise LogError(f'{path}: what the node found in {TOPIC}: {error}') from None
+    return found if isinstance(found, dict) else {}

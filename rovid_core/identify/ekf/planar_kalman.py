@@ -53,8 +53,12 @@ from rovid_core.identify.ekf.extended_kalman import (
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty, Unmodelled
 from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS, PlanarModel
-from rovid_core.identify.ekf.planar.member import PlanarClock, PlanarMeasurement, PlanarMember
-from rovid_core.identify.ekf.planar.prediction import PlanarPrediction
+from rovid_core.identify.ekf.planar.member import (
+    PlanarClock,
+    PlanarMeasurement,
+    PlanarMember,
+    PlanarPrediction,
+)
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats

@@ -12,6 +12,7 @@ from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.status import Judgement
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
+from rovid_core.model.thrusters import AS_CONFIGURED
 from rovid_ros.results.model_rows import AGE, age, model_row, UPDATED
 from rovid_ros.results.wire_encoding import known_status, number_pairs, pair, string
 
@@ -29,6 +30,7 @@ _MOTION: Final = [
 _TIME: Final = [string('time')]
 _STALE_FOR: Final = string('age')
 _OPTIONAL: Final = [string(name) for name in ('delay', 'delay_std', 'W')]
+_THRUSTERS: Final = [string(name) for name in ('lag', 'dead_band', 'reverse')]
 _UPDATED: Final = pair('updated', 'false'), pair('updated', 'true')
 _FIXED = 4 + 4 + 4 + 6 + 4  # pairs that are always there: these, and status, reasons and time
 
@@ -134,6 +136,9 @@ class DofEncoder:
         for both, *kappa in zip(self._kappa_keys, dof.couplings, uncertainty.couplings_std):
             keys += both
             numbers += kappa
+        if dof.thrusters != AS_CONFIGURED:
+            keys += _THRUSTERS
+            numbers += dof.thrusters
         if dof.stale_for:
             keys.append(_STALE_FOR)
             numbers.append(dof.stale_for)

@@ -14,13 +14,14 @@ from rovid_core.model.plant import physical
 COLUMNS = (
     'stamp', 'age', 'status', 'valid', 'updated', 'fit', 'delay', 'delay_std',
     *(column for name in (*PHYSICAL, *PARAMETERS) for column in (name, f'{name}_std')),
-    'velocity', 'v_hat', 'force', 'velocity_delay', 'v_hat_delay')
+    'velocity', 'v_hat', 'force', 'velocity_delay', 'v_hat_delay', 'dead_band', 'reverse')
 """
 Labels of the columns; those of couplings follow.
 
 ``stamp`` is the time of velocity, v_hat and force, ``age`` how much later the newest data were
 when the message was made, ``velocity_delay`` and ``v_hat_delay`` by how much these lag behind the
-motion at ``stamp``, all in seconds. ``status`` is the index in ``STATUSES``. All else is as in
+motion at ``stamp``, all in seconds. ``dead_band`` and ``reverse`` say how much of the force the
+thrusters give, as ``Thrusters`` has it. ``status`` is the index in ``STATUSES``. All else is as in
 ``rov/estimate``.
 """
 
@@ -53,7 +54,8 @@ def model_row(dof: DofEstimate, own: Sequence[str], couplings: Sequence[str]) ->
         dof.delay, dof.delay_std,
         mass, mass_std, quadratic, quadratic_std, linear, linear_std, bias, bias_std,
         alpha, alpha_std, beta, beta_std, gamma, gamma_std, delta, delta_std,
-        dof.velocity, dof.v_hat, dof.force, dof.velocity_delay, dof.v_hat_delay]
+        dof.velocity, dof.v_hat, dof.force, dof.velocity_delay, dof.v_hat_delay,
+        dof.thrusters.dead_band, dof.thrusters.reverse]
     if not couplings:
         return values
     kappas = dict(zip(own, zip_longest(dof.couplings, dof.couplings_std, fillvalue=math.nan)))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter
+from rovid_core.model.thrusters import Thrusters
 from scipy.signal import lfilter
 
 
@@ -71,12 +72,13 @@ def test_the_force_ends_where_the_step_begins():
 @pytest.mark.parametrize('held', [True, False])
 def test_the_force_behind_a_lag_is_that_of_short_steps(held):
     random, lag, dt = np.random.default_rng(1), 0.13, 1e-4
-    asked, known, later = DelayedForce(False), DelayedForce(False, lag), DelayedForce(False)
+    asked, later = DelayedForce(False), DelayedForce(False)
+    known = DelayedForce(False, Thrusters(lag))
     for k in range(40):
         span = (0.1, float(random.normal() if held else np.sin(0.3 * k)))
         for one in (asked, known, later):
             one.add([span], held)
-    later.set_lag(lag)
+    later.set_thrusters(Thrusters(lag))
     times = dt * np.arange(41_000)
     force = np.array([asked.over(t, t + dt)[0] / dt for t in times])
     lagged = lfilter([-np.expm1(-dt / lag)], [1.0, -np.exp(-dt / lag)], force,

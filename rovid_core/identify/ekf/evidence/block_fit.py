@@ -10,7 +10,7 @@ Econometrica 50(1), 1982).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
@@ -60,12 +60,15 @@ class Missing:
         What it would have, in typical velocities per second; of a current its size.
     share : float
         Of the squared innovations that it explains.
+    alpha : float
+        That its DOF has with it; 0 for a regressor of no DOF with thrust.
 
     """
 
     name: str
     coefficient: float
     share: float
+    alpha: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -229,6 +232,7 @@ class BlockFit:
         missing = self._most_missing(candidates, alone, float(counts.sum()), sizes)
         if missing is not None:  # it hides what else there may be
             whole = self._with(left.pop(missing.name))
+            missing = replace(missing, alpha=whole.alpha(missing.name, rows))
             alone = {k: one._replace(leaning=one.leaning[:len(a)]) for k, one in
                      whole._remainders([*_single(left), *doubted]).items()}
         moved = self.theta - whole.theta[:len(a)]
@@ -345,6 +349,11 @@ class BlockFit:
         full = np.zeros((self._p, self._p))
         full[self._rows, self.active] = 0.5 * (covariance + covariance.T)
         return list(full.tolist())
+
+    def alpha(self, name: str, rows: Sequence[tuple[str, int]]) -> float:
+        """Return alpha of the DOF that a watched regressor is of; 0 for none with thrust."""
+        theta = self.all_parameters()
+        return math.fsum([theta[first] for begin, first in rows if name.startswith(begin)])
 
     def all_parameters(self) -> list[float]:
         """Return the parameters, with zeros for those that are left out."""

@@ -20,7 +20,8 @@ class Thrusters(NamedTuple):
     dead_band : float
         Force that is lost, either way.
     reverse : float
-        What there is of a force backwards, relative to one forwards.
+        What there is of a force backwards, relative to one forwards. Propellers that run backwards
+        give less, so the larger one of both is what is asked for.
 
     """
 
@@ -40,21 +41,27 @@ class Thrusters(NamedTuple):
             ('lag', self.lag != 0.0), ('dead_band', self.dead_band != 0.0),
             ('reverse_thrust', self.reverse != 1.0)) if is_there]
 
+    @property
+    def shares(self) -> tuple[float, float]:
+        """Return what there is of a force forwards, and of one backwards."""
+        return min(1.0, 1.0 / self.reverse), min(1.0, self.reverse)
+
     def given(self, force: float) -> float:
         """Return the force, before the lag, that there is for one that is asked for."""
-        if self.dead_band:
-            force = max(force - self.dead_band, 0.0) if force > 0.0 else (
-                min(force + self.dead_band, 0.0))
-        return self.reverse * force if force < 0.0 else force
+        ahead, astern = self.shares
+        size = max(abs(force) - self.dead_band, 0.0)
+        return ahead * size if force > 0.0 else -astern * size
 
     def all_given(self, forces: Array) -> Array:
         """Return the same of many forces."""
+        ahead, astern = self.shares
         size = np.maximum(np.abs(forces) - self.dead_band, 0.0)
-        return np.where(forces < 0.0, -self.reverse * size, size)
+        return np.where(forces > 0.0, ahead * size, -astern * size)
 
     def asked(self, force: float) -> float:
         """Return a force that is asked for where there is this one."""
-        asked = force / self.reverse if force < 0.0 else force
+        ahead, astern = self.shares
+        asked = force / (ahead if force > 0.0 else astern)
         return asked + math.copysign(self.dead_band, asked) if asked else 0.0
 
     @property
@@ -62,7 +69,7 @@ class Thrusters(NamedTuple):
         """Return in words how a force that is held differs from what is asked for, '' if not."""
         return ', '.join(said for said, is_there in (
             (f'dead band {self.dead_band!r}', self.dead_band != 0.0),
-            (f'reverse {self.reverse!r} of forward', self.reverse != 1.0)) if is_there)
+            (f'backwards {self.reverse!r} of forwards', self.reverse != 1.0)) if is_there)
 
     def in_units(self, unit: float) -> Thrusters:
         """Return the same for forces in other units, of which ``unit`` is what was 1."""

@@ -97,6 +97,35 @@ def test_the_force_behind_a_lag_is_that_of_short_steps(held):
                 assert astern == pytest.approx(impulse, abs=3e-3 * (end - start))
 
 
+@pytest.mark.parametrize('held', [True, False])
+def test_the_force_that_there_is_is_less_by_a_dead_band_and_backwards(held):
+    """Also where that is found later, but for what was asked for in the dead band before."""
+    thrusters, random = Thrusters(0.0, 0.2, 0.7), np.random.default_rng(1)
+    plain, known = DelayedForce(False), DelayedForce(False, thrusters)
+    later = DelayedForce(False, Thrusters(0.0, 0.1, 1.0))
+    for asked in random.normal(size=40).tolist():
+        plain.add([(0.1, thrusters.given(asked))], held)
+        for one in (known, later):
+            one.add([(0.1, asked)], held)
+    later.set_thrusters(thrusters)
+    for start, end in ((0.0, 0.4), (1.03, 1.31), (2.004, 2.007), (3.9, 4.05)):
+        expected = plain.over(start, end, 0.02)
+        assert known.over(start, end, 0.02) == expected
+        if held:
+            assert later.over(start, end, 0.02) == pytest.approx(expected, abs=1e-12)
+
+
+def test_what_thrusters_give_of_many_forces_is_what_they_give_of_each():
+    thrusters, forces = Thrusters(0.1, 0.2, 0.7), np.linspace(-2.0, 2.0, 101)
+    each = [thrusters.given(force) for force in forces.tolist()]
+    assert thrusters.all_given(forces) == pytest.approx(each, abs=1e-15)
+    assert each[0] == pytest.approx(-0.7 * 1.8)
+    for force, given in zip(forces.tolist(), each):
+        if given:
+            assert thrusters.asked(given) == pytest.approx(force)
+    assert thrusters.in_units(10.0) == (0.1, 2.0, 0.7)
+
+
 def sines(duration, dt=0.1):
     force = DelayedForce()
     force.add([(dt, 0.0)] * 3)

@@ -17,6 +17,7 @@ from rovid_core.identify.ekf.evidence.vehicle_change import SCATTERED
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import FreePrediction
 from rovid_core.identify.ekf.single.linearised_filter import (
+    ALPHA,
     Bounds,
     CANDIDATES,
     floats,
@@ -183,7 +184,8 @@ class Member:
     def better_thrusters(self) -> Thrusters | None:
         """Return thrusters that have what is named besides, None where that is something else."""
         verdict = self.verdict
-        return None if verdict is None else better_thrusters(self.thrusters, verdict.missing)
+        return None if verdict is None else better_thrusters(
+            self.thrusters, verdict.missing or verdict.rest, self.filter.theta[ALPHA])
 
     @property
     def unseen(self) -> list[list[float]]:
@@ -344,7 +346,9 @@ class FilterBank(Generic[M]):
 
     def follow_thrusters(self, start: BatchStart[M], use: Callable[[Any], list[float]]) -> bool:
         """
-        Take thrusters to be as the blocks say, if that makes all data so far clearly likelier.
+        Take thrusters to be as the blocks say, if that makes all data so far likelier.
+
+        Clearly so, for something new; of what was found the size may become a better one.
 
         Parameters
         ----------
@@ -368,16 +372,18 @@ class FilterBank(Generic[M]):
         return False
 
     def _takes_thrusters(self, start: BatchStart[M], use: Callable[[Any], list[float]]) -> bool:
-        """Go through all data with what is named; tell whether it is clearly better."""
+        """Go through all data with what is named; tell whether it is better."""
         # compared are members that went through all the same data at parameters that fit them
         if not self.go_through_again(start, (), False):
             return False
-        better, least = self.best.better_thrusters, self._least
+        better, least, verdict = self.best.better_thrusters, self._least, self.best.verdict
         if better is None or better == self.best.thrusters:
             return False
+        if verdict is None or verdict.rest is None:
+            least -= MARGIN
         # once more: where fixes come fast there were few passes
         return self.go_through_again(start, use(better), True) and (
-            self.go_through_again(start, (), False)) and self._least < least - MARGIN
+            self.go_through_again(start, (), False)) and self._least < least
 
     @property
     def _least(self) -> float:

@@ -138,6 +138,9 @@ class Verdict:
         The parameters that fit all of them best, also beyond their bounds.
     untold : tuple of str
         The term of each DOF that it may have and that makes most of its alpha's variance.
+    rest : Missing or None
+        By how much a term whose size was found is off, most significantly; None where nothing is
+        missing besides, or none is off.
 
     """
 
@@ -147,6 +150,7 @@ class Verdict:
     count: int
     theta: list[float]
     untold: tuple[str, ...]
+    rest: Missing | None = None
 
 
 class BlockFit:
@@ -237,11 +241,10 @@ class BlockFit:
                      whole._remainders([*_single(left), *doubted]).items()}
         moved = self.theta - whole.theta[:len(a)]
         covariance = covariance + np.outer(moved, moved)
-        for name in found:
-            if name in left:  # it is there, of a size that is not quite known
-                [k] = left.pop(name)
-                covariance = covariance + summed(
-                    [whole._judged(alone[k], 1.0, sizes[name], 0)], len(a), True)
+        # they are there, of sizes that are not quite known
+        there = {name: whole._judged(alone[left.pop(name)[0]], 1.0, sizes[name], 0)
+                 for name in found if name in left}
+        covariance = covariance + summed(list(there.values()), len(a), True)
         more, untold = np.zeros_like(covariance), []
         for begin, first in rows:
             terms = whole._unseen(left, alone, 1.0, begin, first)
@@ -258,7 +261,17 @@ class BlockFit:
             leaning = self.c @ self.total[a, k]
             covariance = covariance + variance * np.outer(leaning, leaning)
         return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
-                       tuple(untold))
+                       tuple(untold), None if missing else self._most_off(there, rows))
+
+    def _most_off(self, there: Mapping[str, UnseenTerm],
+                  rows: Sequence[tuple[str, int]]) -> Missing | None:
+        """Return the term that is off by most standard deviations, None for no more than one."""
+        rest, most = None, 1.0
+        for name, term in there.items():
+            if term.mean * term.mean > most * term.variance:
+                most = term.mean * term.mean / term.variance
+                rest = Missing(name, term.mean, 0.0, self.alpha(name, rows))
+        return rest
 
     def _most_missing(self, candidates: Mapping[str, list[int]],
                       alone: Mapping[int, Remainder], count: float,

@@ -48,7 +48,7 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         Of the degree of freedom.
 
     """
-    kappa, alpha = missing.coefficient, missing.alpha or theta[ALPHA]
+    kappa, alpha = missing.coefficient, theta[ALPHA]
     if missing.name == 'reverse_thrust':
         said = f'reverse thrust: about {max(1.0 + kappa / alpha, 0.0):.2f} of the forward one'
     elif missing.name == 'reverse_drag':
@@ -85,23 +85,32 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
 
 def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
     """Return what is said of what was found of thrusters, in units of a force."""
+    ahead, astern = thrusters.shares
+    weaker = f'reverse thrust is about {astern:.2f} of the forward' if ahead > astern else (
+        f'forward thrust is about {ahead:.2f} of the reverse')
     said = {
         'lag': f'the thrusters lag by about {thrusters.lag:.2f} s more than the model says',
         'dead_band': 'the thrusters have a dead band of about '
                      f'{thrusters.dead_band * force:.2g} in units of force',
-        'reverse_thrust': f'reverse thrust is about {thrusters.reverse:.2f} of the forward one'}
+        'reverse_thrust': f'{weaker} one'}
     return [f'{said[name]}, which is taken into account: {KEYS[name]}'
             for name in thrusters.found]
 
 
-def better_thrusters(now: Thrusters, missing: Missing | None) -> Thrusters | None:
-    """Return thrusters that also have what is missing, None where that is something else."""
+def better_thrusters(now: Thrusters, missing: Missing | None,
+                     alpha: float) -> Thrusters | None:
+    """
+    Return thrusters that also have what is missing, None where that is something else.
+
+    ``alpha`` is that of the filter, which lacks it.
+    """
     if missing is None or not missing.alpha > 0.0:
         return None
-    share = missing.coefficient / missing.alpha
     if missing.name == 'lag':
-        lag = math.sqrt(max(now.lag * now.lag + _square_of_lag(share), 0.0))
+        lag = math.sqrt(max(
+            now.lag * now.lag + _square_of_lag(missing.coefficient / alpha), 0.0))
         return now._replace(lag=lag) if lag <= DELAYS[1] else None
+    share = missing.coefficient / missing.alpha
     if missing.name == 'dead_band':
         return now._replace(dead_band=max(now.dead_band - share * DEAD_BAND, 0.0))
     if missing.name == 'reverse_thrust' and share > -1.0:

@@ -30,7 +30,7 @@ from rovid_core.identify.ekf.planar.layout import (
     Row,
 )
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
-from rovid_core.identify.ekf.single.linearised_filter import Bounds, floats
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA, Bounds, floats
 from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.dofs import OWN
@@ -370,12 +370,14 @@ class PlanarMember:
     @property
     def better_thrusters(self) -> BothThrusters | None:
         """Return thrusters that have what is named besides, None where that is something else."""
-        missing = None if self.verdict is None else self.verdict.missing
+        verdict = self.verdict
+        missing = None if verdict is None else verdict.missing or verdict.rest
         if missing is None:
             return None
         dof, name = missing.name.split()
         k = DOFS.index(dof)
-        found = better_thrusters(self.thrusters[k], replace(missing, name=name))
+        found = better_thrusters(self.thrusters[k], replace(missing, name=name),
+                                 float(self.filter.theta[self._rows[k].first + ALPHA]))
         if found is None:
             return None
         other = self.thrusters[1 - k]._replace(lag=found.lag)

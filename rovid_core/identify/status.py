@@ -19,8 +19,8 @@ STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invali
 
 # A converged model is converging again above this times the limit to become converged.
 HYSTERESIS: Final = 2.0
+# By which weaker thrust of half of its thrusters scales a mass, from which that is said.
 SCALED: Final = 0.02
-"""By which weaker thrust of half of its thrusters scales a mass, from which that is said."""
 PERIOD: Final = 1.0  # event time [s] from one judgement to the next
 
 

@@ -35,7 +35,7 @@ from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL
 from rovid_core.identify.ekf.unmodelled import Unmodelled
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
-from rovid_core.model.thrusters import Thrusters
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 Recent = tuple[DelayedForce, DelayedForce]
 """The force on surge and on sway."""
@@ -107,7 +107,8 @@ class PlanarClock:
     """
 
     def __init__(self, forces: tuple[float, float], regressors: Sequence[int],
-                 forgets: bool, thrusters: BothThrusters) -> None:
+                 forgets: bool = True, thrusters: BothThrusters = (
+                     AS_CONFIGURED, AS_CONFIGURED)) -> None:
         self._forces, self._regressors, self._forgets = forces, regressors, forgets
         self._thrusters = thrusters
         self.restart()

@@ -8,6 +8,7 @@ import math
 from typing import Any
 
 from rovid_core.identify.status import STATUSES
+from rovid_core.model.thrusters import Thrusters
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,9 @@ class DofModel:
         Measured and filtered; in the identifier's state; filtered like the velocity.
     velocity_delay, v_hat_delay : float
         By how much [s] they lag behind the motion at ``stamp``.
+    dead_band, reverse : float
+        Force that thrusters are found to lose, either way, and what there is of one backwards;
+        the model is of the force that is left.
     std : dict
         Standard deviation by name, NaN where there is none.
     couplings : dict
@@ -72,6 +76,8 @@ class DofModel:
     force: float
     velocity_delay: float
     v_hat_delay: float
+    dead_band: float
+    reverse: float
     std: Mapping[str, float]
     couplings: Mapping[str, float]
 
@@ -92,7 +98,10 @@ class DofModel:
             [self.beta * velocity * abs(velocity), self.gamma * velocity, self.delta,
              *(kappas[name] * value for name, value in x.items())])
         reverse = self.couplings.get('reverse_thrust', 0.0) if push < 0.0 else 0.0
-        return push / (self.alpha + reverse)
+        return Thrusters(
+            dead_band=0.0 if math.isnan(self.dead_band) else self.dead_band,
+            reverse=1.0 if math.isnan(self.reverse) else self.reverse,
+        ).asked(push / (self.alpha + reverse))
 
 
 class Model:

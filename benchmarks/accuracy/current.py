@@ -247,7 +247,7 @@ def of_recordings(logs: Path) -> list[tuple[str, ...]]:
             last = found[name][1]
             c = last.current
             fits = [found[other][0].score(
-                dof.dof, (*dof.parameters, *dof.couplings), dof.delay).fit
+                dof.dof, (*dof.parameters, *dof.couplings), dof.delay, dof.thrusters).fit
                     for dof in last.dofs[:2]]
             rows.append((name, f'{prior:g}', *[f'{100.0 * fit:.1f}' for fit in fits], *(
                 [f'{100.0 * x:+.1f} +- {196.0 * std:.1f}' for x, std in zip(c[:2], c.std)]

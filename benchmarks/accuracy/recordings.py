@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from rovid_core.model.thrusters import Thrusters
 from rovid_core.settings.run import IdentifierSettings, Scales, Settings
 from rovid_core.trials.offline import METHODS
 from rovid_ros.config.parameter_file import load
@@ -44,6 +45,7 @@ class Models(NamedTuple):
     ekf: tuple[float, ...]
     offline: tuple[float, ...]
     delay: float
+    thrusters: Thrusters
     status: str
     reasons: tuple[str, ...]
 
@@ -57,7 +59,7 @@ def models(name: str, folder: Path, settings: Settings) -> dict[str, Models]:
             scores.records(dof.dof), Scales.of(settings.dof[dof.dof]), settings)
         found[dof.dof] = Models(
             (*dof.parameters, *dof.couplings), (*fit.parameters, *fit.couplings), dof.delay,
-            dof.judgement.status, dof.judgement.reasons)
+            dof.thrusters, dof.judgement.status, dof.judgement.reasons)
     return found
 
 
@@ -78,9 +80,9 @@ def main() -> None:
             trained = list(pool.map(partial(models, folder=folder, settings=settings), names))
             judges = [replayed(folder, name, settings)[0] for name in names]
             for k, name in enumerate(names):
-                for dof, (ekf, offline, delay, status, reasons) in trained[k].items():
+                for dof, (ekf, offline, *found, status, reasons) in trained[k].items():
                     fits = np.array([[100.0 * judge.score(dof, *model).fit
-                                      for model in ((ekf, delay), (offline,))]
+                                      for model in ((ekf, *found), (offline,))]
                                      for judge in judges])
                     others = np.delete(fits, k, axis=0)
                     rows.append((

@@ -468,17 +468,44 @@ MUTANTS = [
           'self.changed_at > 0.0 if member', 'False if member')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
          'a_lag_of_the_thrusters_is_found_and_said a_lag_that_no_thruster_has_is_not_taken',
-         ('a lag is never found', 'self._least < least - MARGIN', 'False'),
-         ('a lag that no thruster has is taken', 'if not longer <= DELAYS[1] or', 'if')),
+         ('nothing is ever found of the thrusters', 'self._least < least', 'False')),
+    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
+         'nothing_is_found_of_the_thrusters_that_they_do_not_have '
+         'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
+         ('what is hardly likelier is found', 'least -= MARGIN', 'least += 1e9'),
+         ('what was found keeps its first size', 'verdict.missing or verdict.rest',
+          'verdict.missing')),
+    *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
+         'a_lag_that_no_thruster_has_is_not_taken '
+         'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
+         ('a lag that no thruster has is taken', 'if lag <= DELAYS[1] else None', ''),
+         ('a dead band is half as wide', 'now.dead_band - share *',
+          'now.dead_band - 0.5 * share *'),
+         ('reverse thrust begins anew', 'now.reverse * (1.0 + share)', '1.0 + share')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'a_lag_of_the_thrusters_is_found_and_said',
-         ('a lag that was found is known exactly', 'if name in left:', 'if False:')),
+         ('a lag that was found is known exactly', 'for name in found if name in left}',
+          'for name in found if False}')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
-         'a_lag_that_is_found_goes_on_after_a_restore',
-         ('a restored filter forgets the lag', "*floats([state['lag']], 1)", '0.0')),
+         'what_is_found_of_the_thrusters_goes_on_after_a_restore',
+         ('a restored filter forgets the thrusters', "read_thrusters(state['thrusters'])",
+          'AS_CONFIGURED')),
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
-         'a_lag_of_the_thrusters_is_found_and_goes_on_with_the_same_bits',
-         ('surge and sway find no lag', 'self._bank.follow_lag(', 'False and bool(')),
+         'what_is_found_of_the_thrusters_goes_on_with_the_same_bits',
+         ('surge and sway find nothing of the thrusters', 'self._bank.follow_thrusters(',
+          'False and bool(')),
+    *_of('rovid_core/model/thrusters.py', 'test/core/test_reverse.py '
+         'what_is_found_of_the_thrusters_is_in_every_result',
+         ('forward thrust is never the weaker one', 'min(1.0, 1.0 / self.reverse)', '1.0'),
+         ('a controller asks for no more where there is less',
+          'force / (ahead if force > 0.0 else astern)', 'force')),
+    *_of('rovid_core/trials/scored_run.py', 'test/core/test_reverse.py '
+         'what_is_found_of_the_thrusters_is_in_every_result',
+         ('a score knows nothing of the thrusters', 'if thrusters.is_curved:', 'if False:')),
+    *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
+         'the_force_that_there_is_is_less_by_a_dead_band_and_backwards',
+         ('what was asked for before goes on as it was',
+          'thrusters.given(self._thrusters.asked(mean))', 'mean')),
     *_of('rovid_core/identify/ekf/single/free_prediction.py', 'test/core/test_ekf_honesty.py '
          'hovering_tells_nothing_of_the_fit coarse_fixes_tell_the_fit_whatever_their_noise_is',
          ('the fit is that of noise where nothing moves',
@@ -565,7 +592,7 @@ MUTANTS = [
           '*velocity, self._count, *effort', '*effort, self._count, *velocity')),
     *_of('rovid_ros/results/dof_encoder.py', 'test/results/test_model.py',
          ('how late they are is exchanged',
-          'dof.velocity_delay, dof.v_hat_delay]', 'dof.v_hat_delay, dof.velocity_delay]'),
+          'dof.velocity_delay, dof.v_hat_delay,', 'dof.v_hat_delay, dof.velocity_delay,'),
          ('all is valid',
           'float(dof.valid)', '1.0'),
          ('a deviation stands before its number',
@@ -575,7 +602,7 @@ MUTANTS = [
           'return (now - dof.time) * 1e-9 if not dof.stale_for else 0.0')),
     *_of('rovid_ros/model.py', 'test/results/test_model.py',
          ('a reverse thrust does not count',
-          'return push / (self.alpha + reverse)', 'return push / self.alpha'),
+          'push / (self.alpha + reverse)', 'push / self.alpha'),
          ('drag pushes when it goes backwards',
           '[self.beta * velocity * abs(velocity)', '[self.beta * velocity * velocity'),
          ('the columns go by their place',

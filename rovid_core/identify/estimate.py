@@ -15,6 +15,7 @@ from rovid_core.identify.intervals import (
 from rovid_core.identify.status import Judgement, WAITING
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Values
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 TURN = 'turn by 45 degrees or more'
 """What to do first, that a current can be told from drag and bias."""
@@ -53,6 +54,8 @@ class DofEstimate(Values):
         How much of the motion the model predicts; 1: all.
     velocity_delay, v_hat_delay : float
         By which these lag behind the motion at ``time`` [s].
+    thrusters : Thrusters
+        How they are found to work besides the configuration.
     stale_for : float
         [s] since the last step where that is too long ago, otherwise 0.
 
@@ -61,7 +64,7 @@ class DofEstimate(Values):
     NAMES: ClassVar[tuple[str, ...]] = (
         'dof', 'parameters', 'uncertainty', 'judgement', 'time', 'steps', 'velocity', 'v_hat',
         'force', 'excitation', 'W', 'delay', 'couplings', 'settled', 'fit', 'velocity_delay',
-        'v_hat_delay', 'stale_for')
+        'v_hat_delay', 'thrusters', 'stale_for')
 
     def __init__(self, dof: str, parameters: Four, uncertainty: Uncertainty = NO_UNCERTAINTY,
                  judgement: Judgement = WAITING, time: int = 0, steps: int = 0,
@@ -70,7 +73,8 @@ class DofEstimate(Values):
                  delay: float = math.nan,
                  couplings: tuple[float, ...] = (), settled: bool = False,
                  fit: float = math.nan, velocity_delay: float = math.nan,
-                 v_hat_delay: float = math.nan, stale_for: float = 0.0) -> None:
+                 v_hat_delay: float = math.nan, thrusters: Thrusters = AS_CONFIGURED,
+                 stale_for: float = 0.0) -> None:
         self.dof = dof
         self.parameters = parameters
         self.uncertainty = uncertainty
@@ -88,6 +92,7 @@ class DofEstimate(Values):
         self.fit = fit
         self.velocity_delay = velocity_delay
         self.v_hat_delay = v_hat_delay
+        self.thrusters = thrusters
         self.stale_for = stale_for
 
     @property

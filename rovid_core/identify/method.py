@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from rovid_core.identify.intervals import NO_UNCERTAINTY, Uncertainty
 from rovid_core.model.dofs import Four
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 
 class Identifier(Protocol):
@@ -32,16 +33,18 @@ class Identifier(Protocol):
     model of the method has converged. A method that ``judges_errors`` has looked at its own before
     ``doubt`` is ''; of the others the status looks at what they predict (``LastMinute``).
     ``uncertainty`` is an immutable value that says how well the parameters are known. ``delay``
-    is the delay of the thrust [s], NaN if the method does not estimate it. ``note`` says what the
-    method has noticed about vehicle and model, '' if nothing. One that judges its errors has a
-    ``fit``, as ``DofStatus`` has for the others. ``filtered`` tells whether ``v_hat`` is a
-    velocity behind the low-pass.
+    is the delay of the thrust [s], NaN if the method does not estimate it. ``thrusters`` says how
+    they are found to work besides, in units of the force: alpha is of the force that they give,
+    and their lag is part of the delay. ``note`` says what the method has noticed about vehicle and
+    model, '' if nothing. One that judges its errors has a ``fit``, as ``DofStatus`` has for the
+    others. ``filtered`` tells whether ``v_hat`` is a velocity behind the low-pass.
     """
 
     parameters: Four
     uncertainty: Uncertainty = NO_UNCERTAINTY
     delay: float = math.nan
     couplings: tuple[float, ...] = ()
+    thrusters: Thrusters = AS_CONFIGURED
     v_hat: float
     excitation: float
     converged_share: float = 0.05

@@ -19,6 +19,8 @@ STATUSES = ('waiting', 'unexcited', 'converging', 'converged', 'frozen', 'invali
 
 # A converged model is converging again above this times the limit to become converged.
 HYSTERESIS: Final = 2.0
+# By which weaker thrust of half of its thrusters scales a mass, from which that is said.
+SCALED: Final = 0.02
 PERIOD: Final = 1.0  # event time [s] from one judgement to the next
 
 
@@ -157,7 +159,9 @@ class DofStatus:
         excitation = None if identifier.covariance and not reason else gram
         note = identifier.note
         texts = tuple([text for text in (note, '' if reason in note else reason) if text])
-        if not self._hides_weaker and any(KEYS['reverse_thrust'] in text for text in texts):
+        found = 0.5 * (1.0 - min(identifier.thrusters.shares))
+        if not self._hides_weaker and (found > SCALED or found == 0.0 and any(
+                KEYS['reverse_thrust'] in text for text in texts)):
             self._weaker.add(self._name)
         else:
             self._weaker.discard(self._name)

@@ -156,7 +156,8 @@ class Identification:
         identifier = self.identifier
         self.estimate = self.estimate.replaced(
             parameters=identifier.parameters, uncertainty=identifier.uncertainty,
-            delay=identifier.delay, couplings=identifier.couplings)
+            delay=identifier.delay, couplings=identifier.couplings,
+            thrusters=identifier.thrusters)
 
     def judgement(self) -> Judgement:
         """Return the judgement over all of the data, not that of the last step."""
@@ -192,4 +193,4 @@ class Identification:
             step.force[1], identifier.excitation,
             math.nan if self._truth is None else identifier.lyapunov(velocity, self._truth),
             identifier.delay, identifier.couplings, status.settled, status.fit,
-            delay, delay if identifier.filtered else 0.0)
+            delay, delay if identifier.filtered else 0.0, identifier.thrusters)

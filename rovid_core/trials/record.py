@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rovid_core.model.dofs import Four, NAN4
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 Times = NDArray[np.int64]
 
@@ -95,6 +96,7 @@ class Fit:
     couplings: tuple[float, ...] = ()
     couplings_std: tuple[float, ...] = ()
     delay: float = 0.0  # of the thrust [s], of a method that identifies it
+    thrusters: Thrusters = AS_CONFIGURED  # as such a method found them
 
     @property
     def std(self) -> Four:

@@ -18,6 +18,7 @@ import numpy as np
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 from rovid_core.settings.run import Settings
 from rovid_core.trials.joint_simulation import ForceSegment, JointModel
 from rovid_core.trials.record import LogWater, Record, record_of_steps, Times
@@ -304,13 +305,14 @@ class ScoreLog:
             forces += run.mean_forces().tolist()
         return times, velocities, forces
 
-    def predicted(self, dof: str, parameters: Sequence[float],
-                  delay: float = 0.0) -> list[float]:
+    def predicted(self, dof: str, parameters: Sequence[float], delay: float = 0.0,
+                  thrusters: Thrusters = AS_CONFIGURED) -> list[float]:
         """Return the velocity of a model at every step, filtered like the measured one."""
-        return [v for run in self.runs[dof]
-                for found, _ in run.as_measured(parameters, delay=delay) for v in found.tolist()]
+        return [v for run in self.runs[dof] for found, _ in run.as_measured(
+            parameters, delay=delay, thrusters=thrusters) for v in found.tolist()]
 
     def score(self, dof: str, parameters: Sequence[float], delay: float = 0.0,
+              thrusters: Thrusters = AS_CONFIGURED,
               simulated: SpillingTable | None = None) -> Score:
         """
         Return the score of a model on all steps.
@@ -324,6 +326,8 @@ class ScoreLog:
             regressors are the measured ones.
         delay : float
             Of the thrust, as the method found it [s]; NaN where it finds none.
+        thrusters : Thrusters
+            As the method found them.
         simulated : SpillingTable, optional
             What the model predicts, where that is known; see ``ScoredRun.predicted``.
 
@@ -333,17 +337,18 @@ class ScoreLog:
         known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
         for run in self.runs[dof]:
             if not known:
-                for pair in run.as_measured(parameters, simulated, delay):
+                for pair in run.as_measured(parameters, simulated, delay, thrusters):
                     total.add(*pair)
                 continue
-            for part in run.predicted(parameters, simulated, delay):
+            for part in run.predicted(parameters, simulated, delay, thrusters):
                 for times, values in self._all_references():
                     there = ~np.isnan(values[:, column])
                     total.add(*run.at(part, times[there, 0], values[there, column]))
         return total.score()
 
     def score_joint(self, models: Mapping[str, Sequence[float]],
-                    delays: Mapping[str, float] | None = None) -> dict[str, Score]:
+                    delays: Mapping[str, float] | None = None,
+                    thrusters: Mapping[str, Thrusters] | None = None) -> dict[str, Score]:
         """
         Return the scores of models that are simulated together, of those DOFs with couplings.
 
@@ -351,7 +356,7 @@ class ScoreLog:
         ----------
         models : mapping
             By DOF, as in ``score``. The velocities of the others are as measured.
-        delays : mapping, optional
+        delays, thrusters : mapping, optional
             By DOF, as in ``score``.
 
         """
@@ -361,16 +366,18 @@ class ScoreLog:
         dofs = list(models)
         joint = JointModel(dofs, list(models.values()), [self._couplings[dof] for dof in dofs])
         found = [SpillingTable(1, 1, self._block) for _ in dofs]
-        late = delays or {}
+        late, given = delays or {}, thrusters or {}
         for i, velocity in joint.simulate(
-                [self._segments(dof, late.get(dof, 0.0)) for dof in dofs]):
+                [self._segments(dof, late.get(dof, 0.0), given.get(dof, AS_CONFIGURED))
+                 for dof in dofs]):
             found[i].append((0,), (velocity,))
         return {dof: self.score(dof, models[dof], simulated=found[dofs.index(dof)])
                 for dof in coupled}
 
-    def _segments(self, dof: str, delay: float) -> Iterator[ForceSegment]:
+    def _segments(self, dof: str, delay: float,
+                  thrusters: Thrusters) -> Iterator[ForceSegment]:
         for run in self.runs[dof]:
-            yield from run.segments(delay)
+            yield from run.segments(delay, thrusters)
 
     def _all_references(self) -> Iterator[tuple[Times, Array]]:
         return self._references.blocks(0, self._references.count)

@@ -11,6 +11,7 @@ import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
 from rovid_core.model.lowpass import filtered
 from rovid_core.model.plant import Array, trajectory
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 from rovid_core.trials.joint_simulation import ForceSegment
 from rovid_core.trials.record import LogWater, through_water, Times
 
@@ -115,9 +116,10 @@ class ScoredRun:
         """Return the velocity of the water along the axis, shape (1,) [m/s]."""
         return self.water.along(np.array([self.start]), np.array([self.axis]))
 
-    def _parts(self, delay: float = 0.0) -> Iterator[tuple[Times, Array, Array]]:
+    def _parts(self, delay: float = 0.0,
+               thrusters: Thrusters = AS_CONFIGURED) -> Iterator[tuple[Times, Array, Array]]:
         """
-        Yield the table, with the thrust as much later, a block of steps at a time.
+        Yield the table, with the thrust that there is, as much later, a block of steps at a time.
 
         That is the times of the start, and of the middle and end of every step [ns]; its rows,
         with couplings relative to the water; and the velocity of the water at these times [m/s].
@@ -125,6 +127,8 @@ class ScoredRun:
         start = self.start
         last = self._current_at_start()
         blocks = self.table.blocks(self.first, self.first + self.count)
+        if thrusters.is_curved:
+            blocks = _given(blocks, thrusters)
         if delay and math.isfinite(delay):
             blocks = _delayed(blocks, start, delay)
         for times, values in blocks:
@@ -137,12 +141,13 @@ class ScoredRun:
             yield nodes, values, water
             start, last = int(nodes[-1]), water[-1:]
 
-    def segments(self, delay: float = 0.0) -> Iterator[ForceSegment]:
+    def segments(self, delay: float = 0.0,
+                 thrusters: Thrusters = AS_CONFIGURED) -> Iterator[ForceSegment]:
         """Yield the two parts of each step through the water, after the begin of the run."""
         yield ForceSegment(
             self.start, begins=self.first_velocity if self.count else self.velocity)
         count = 2 * len(self.couplings)
-        for nodes, values, _ in self._parts(delay):
+        for nodes, values, _ in self._parts(delay, thrusters):
             for (middle, end), row in zip(
                     nodes[1:].reshape(-1, 2).tolist(), values.tolist()):
                 yield ForceSegment(middle, row[0], tuple(row[4:4 + count:2]))
@@ -155,12 +160,13 @@ class ScoredRun:
         return np.asarray((dt * values[:2].T).sum(axis=1) / dt.sum(axis=1))
 
     def predicted(self, parameters: Sequence[float], simulated: SpillingTable | None = None,
-                  delay: float = 0.0) -> Iterator[Predicted]:
+                  delay: float = 0.0,
+                  thrusters: Thrusters = AS_CONFIGURED) -> Iterator[Predicted]:
         """
         Yield the prediction of a model, a block of steps at a time.
 
         ``simulated`` has it already: two values per step of all runs. ``delay`` [s] is that of
-        the thrust.
+        the thrust, of which ``thrusters`` say how much there is.
         """
         first, left = self.first, self.count
         _, reverse_drag = own_coefficients(self.couplings, parameters[4:])
@@ -168,7 +174,7 @@ class ScoredRun:
         if not left:
             yield Predicted(
                 np.array([self.start]), np.array([self.velocity]), np.empty(0), True)
-        for nodes, values, water in self._parts(delay):
+        for nodes, values, water in self._parts(delay, thrusters):
             left -= len(values)
             if simulated is None:
                 found = trajectory(
@@ -183,7 +189,8 @@ class ScoredRun:
             velocity = float(found[-1])
 
     def as_measured(self, parameters: Sequence[float], simulated: SpillingTable | None = None,
-                    delay: float = 0.0) -> Iterator[tuple[Array, Array]]:
+                    delay: float = 0.0,
+                    thrusters: Thrusters = AS_CONFIGURED) -> Iterator[tuple[Array, Array]]:
         """
         Yield predicted and measured velocity at the ends of the steps, both filtered.
 
@@ -191,7 +198,7 @@ class ScoredRun:
         """
         time, velocity, done = self.start, self.velocity, 0
         part: Predicted | None = None
-        for new in self.predicted(parameters, simulated, delay):
+        for new in self.predicted(parameters, simulated, delay, thrusters):
             part = new if part is None else _prepend_last(part, new)
             times = part.nodes[1:].reshape(-1, 2)
             means = _measured(times, part.velocity[1:].reshape(-1, 2))
@@ -221,6 +228,13 @@ class ScoredRun:
         # relative to the start: absolute times have too many digits for a float
         return np.interp(times[inside] - self.start, own - self.start, part.velocity), \
             values[inside]
+
+
+def _given(blocks: Iterator[tuple[Times, Array]],
+           thrusters: Thrusters) -> Iterator[tuple[Times, Array]]:
+    """Yield the rows of a run with the forces that there are for those that were asked for."""
+    for times, values in blocks:
+        yield times, np.hstack([thrusters.all_given(values[:, :2]), values[:, 2:]])
 
 
 def _delayed(blocks: Iterator[tuple[Times, Array]], start: int,

@@ -254,9 +254,10 @@ class _Replay:
             raise CommandError(f'{", ".join(map(str, logs))}: no step: {self._why_no_step()}')
         models = {dof.dof: (*dof.parameters, *dof.couplings) for dof in estimate.dofs}
         delays = {dof.dof: dof.delay for dof in estimate.dofs}
-        scores = {dof: self._player.scores.score(dof, model, delays[dof])
+        thrusters = {dof.dof: dof.thrusters for dof in estimate.dofs}
+        scores = {dof: self._player.scores.score(dof, model, delays[dof], thrusters[dof])
                   for dof, model in models.items()}
-        joint = self._player.scores.score_joint(models, delays)
+        joint = self._player.scores.score_joint(models, delays, thrusters)
         verdicts = {dof.dof: stream.verdict(dof.dof) for dof in estimate.dofs}
         judgements = {dof.dof: stream.judgement(dof.dof) for dof in estimate.dofs}
         return Result(

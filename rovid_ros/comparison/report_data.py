@@ -180,7 +180,7 @@ def _series(dof: str, trial: Trial, models: Sequence[Model]) -> Data:
         't': _column(seconds), 'velocity': _column(velocities),
         'force': _column(forces),
         'simulated': {m.method: _column(trial.scores.predicted(
-            dof, m.all_parameters, m.fit.delay)) for m in chosen}}
+            dof, m.all_parameters, m.fit.delay, m.fit.thrusters)) for m in chosen}}
 
 
 def _adaptation(dof: str, trial: Trial, models: Sequence[Model]) -> Data:

@@ -26,7 +26,13 @@ from rovid_core.trials.record import Fit
 from rovid_core.trials.score import Score, ScoreLog
 from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.player import PipelinePlayer, repeat_control
-from rovid_ros.results.documents import couplings_document, json_number, json_numbers, Result
+from rovid_ros.results.documents import (
+    couplings_document,
+    json_number,
+    json_numbers,
+    Result,
+    thrusters_document,
+)
 
 PAPER = 'aid'  # the paper's method, of which the report draws the figures
 REFERENCE = 'output_error'  # the method that is preferred among methods that predict equally well
@@ -129,7 +135,7 @@ class TrialPlayer(PipelinePlayer):
             found[method] = Fit(
                 identifier.parameters, np.array(identifier.covariance).reshape(4, 4),
                 '; '.join(notes), identifier.couplings, identifier.uncertainty.couplings_std,
-                0.0 if math.isnan(identifier.delay) else identifier.delay)
+                0.0 if math.isnan(identifier.delay) else identifier.delay, identifier.thrusters)
         return found
 
     def push(self, dof: str) -> float:
@@ -228,6 +234,7 @@ class Model:
             **json_numbers(PARAMETERS, parameters), **json_numbers(PHYSICAL, physical(parameters)),
             'std': None if self.fit.covariance is None else json_numbers(PARAMETERS, self.fit.std),
             **couplings_document(self.couplings, self.fit.couplings, self.fit.couplings_std),
+            **thrusters_document(self.fit.thrusters),
             'terms': list(self.terms), 'note': self.fit.note,
             'scores': {log: self._score_document(log) for log in self.scores}}
 
@@ -272,7 +279,9 @@ def _with_joint_scores(models: Sequence[Model], trials: Sequence[Trial],
         if not all(map(math.isfinite, chain(*together.values()))):
             return {}
         delays = {dof: model.fit.delay for dof, model in groups[key].items()}
-        return {trial.name: trial.scores.score_joint(together, delays) for trial in trials}
+        thrusters = {dof: model.fit.thrusters for dof, model in groups[key].items()}
+        return {trial.name: trial.scores.score_joint(together, delays, thrusters)
+                for trial in trials}
 
     coupled = [key for key, group in groups.items()
                if any(model.fit.couplings for model in group.values())]
@@ -351,8 +360,8 @@ def _model(job: _Job, settings: Settings, trials: Sequence[Trial],
     model = Model(job.method, trial.name, dof, job.dof_settings.terms, not job.configured, fit, {},
                   settings.dof[dof].couplings if fit.couplings else (), idle=idle)
     return replace(model, scores={
-        t.name: t.scores.score(dof, model.all_parameters, fit.delay) if sound else Score()
-        for t in trials})
+        t.name: t.scores.score(dof, model.all_parameters, fit.delay, fit.thrusters)
+        if sound else Score() for t in trials})
 
 
 def unseen(model: Model, logs: Sequence[str]) -> list[str]:

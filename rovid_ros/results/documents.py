@@ -19,6 +19,7 @@ from rovid_core.identify.intervals import Interval
 from rovid_core.identify.status import Judgement
 from rovid_core.model.dofs import COUPLINGS, DOFS, Four, PARAMETERS, PHYSICAL
 from rovid_core.model.plant import physical
+from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters, Thrusters
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.trials.score import Score
 from rovid_ros import build
@@ -107,7 +108,8 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
         Per DOF the parameters in both forms, ``std``, their 95 % ``intervals`` and
         ``delay_s`` (None where there are none), ``mae``, ``fit``, ``steps``, ``status``,
         ``reasons`` and ``verdict``, and ``couplings`` and ``fit_joint`` where a DOF has
-        couplings; a number that is not finite is None.
+        couplings, and ``thrusters`` where they are found to work otherwise than configured; a
+        number that is not finite is None.
 
     """
     dofs = estimate.dofs if estimate else tuple([
@@ -126,6 +128,7 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
             if math.isfinite(dof.delay) else None,
             **couplings_document(
                 settings.couplings(dof.dof), dof.couplings, dof.couplings_std),
+            **thrusters_document(dof.thrusters),
             'mae': json_number(score.mae if score else math.nan),
             'fit': json_number(score.fit if score else math.nan),
             **({'fit_joint': json_number(joint[dof.dof].fit)}
@@ -156,6 +159,12 @@ def couplings_document(names: Sequence[str], couplings: Sequence[float],
     for name, kappa, std in zip(names, couplings, stds):
         found[name], found[f'{name}_std'] = json_number(kappa), json_number(std)
     return {'couplings': found} if found else {}
+
+
+def thrusters_document(thrusters: Thrusters) -> dict[str, Any]:
+    """Return ``thrusters`` as they are found to work; nothing where that is as configured."""
+    return {'thrusters': {'lag_s': thrusters.lag, 'dead_band': thrusters.dead_band,
+                          'reverse': thrusters.reverse}} if thrusters.found else {}
 
 
 def _intervals(found: Mapping[str, Interval]) -> dict[str, list[float | None] | None] | None:
@@ -197,6 +206,8 @@ class Identified:
         Of the identifier at the end of a replay; '' in the JSON of a comparison.
     couplings : mapping of str to float
         By name.
+    thrusters : Thrusters
+        How they are found to work.
 
     """
 
@@ -206,6 +217,7 @@ class Identified:
     mae: float = math.nan
     status: str = ''
     couplings: Mapping[str, float] = field(default_factory=dict)
+    thrusters: Thrusters = AS_CONFIGURED
 
     @property
     def physical(self) -> dict[str, float]:
@@ -255,7 +267,8 @@ def _of_replay(document: Mapping[str, Any], path: Path) -> list[Identified]:
     source = _one_line(document.get('method', 'replay'))
     return [
         Identified(dof, _parameters(values, f'{path}: dofs.{dof}'), source,
-                   status=_one_line(values.get('status', '')), couplings=_couplings(dof, values))
+                   status=_one_line(values.get('status', '')), couplings=_couplings(dof, values),
+                   thrusters=_thrusters(values))
         for dof, values in _dofs(document['dofs'], f'{path}: dofs').items()]
 
 
@@ -307,7 +320,8 @@ def _best_model(dof: str, found: Sequence[tuple[str, str, dict[str, Any]]]) -> I
         mae = math.fsum(scores) / len(scores) if scores else math.nan
         usable.append((len(logs) - len(scores), mae if scores else math.inf,
                        Identified(dof, parameters, source, mae,
-                                  couplings=_couplings(dof, values))))
+                                  couplings=_couplings(dof, values),
+                                  thrusters=_thrusters(values))))
     if not usable:
         assert refused is not None
         raise refused
@@ -356,6 +370,16 @@ def _couplings(dof: str, values: Mapping[str, Any]) -> dict[str, float]:
     kappas = {name: _number(found.get(name)) for name in COUPLINGS[dof]
               } if isinstance(found, dict) else {}
     return {name: kappa for name, kappa in kappas.items() if math.isfinite(kappa)}
+
+
+def _thrusters(values: Mapping[str, Any]) -> Thrusters:
+    """Return how thrusters are found to work; as configured where that is not said."""
+    found = values.get('thrusters')
+    try:
+        return read_thrusters([_number(found.get(name)) for name in (
+            'lag_s', 'dead_band', 'reverse')]) if isinstance(found, dict) else AS_CONFIGURED
+    except ValueError:
+        return AS_CONFIGURED
 
 
 def _number(value: Any) -> float:

@@ -171,6 +171,8 @@ def _yaml(models: Sequence[Identified], origin: Path) -> tuple[str, list[str]]:
                              f'is {value!r}: written as 0')
                 comment, value = f'{comment}; identified: {value!r}', 0.0
             lines.append(f'        {name}: {_yaml_number(value)}  # [{comment}]')
+        if model.thrusters.curve:
+            lines.append(f'      # of the thrusters as they are found: {model.thrusters.curve}')
         if model.couplings:  # without them these masses and drags are not right
             kappas = ', '.join(f'{name} {kappa!r}' for name, kappa in model.couplings.items())
             lines.append(
@@ -205,6 +207,10 @@ def _sdf(models: Sequence[Identified], settings: Settings | None, link: str,
     if coupled:
         left_out += (f'; couplings: {", ".join(coupled)}: the plugin makes the Coriolis forces '
                      'among them of the masses by itself')
+    curves = [f'{dof} {model.thrusters.curve}' for dof, model in found.items()
+              if model.thrusters.curve]
+    if curves:
+        left_out += f'; that of the thrust asked for there is less: {", ".join(curves)}'
     lines = [
         '<plugin filename="gz-sim-hydrodynamics-system" name="gz::sim::systems::Hydrodynamics">',
         _comment(f'Identified by rovid, from {origin.name!r}. For Gazebo Sim 7.5 or newer, and '

@@ -158,6 +158,10 @@ def left_out(models: Sequence[Identified], format: str, edits: bool = False) -> 
     if coupled:
         lines.append(f'left out: couplings {", ".join(coupled)}; the Coriolis forces among them '
                      'follow from the masses')
+    curves = [f'{model.dof} {model.thrusters.curve}' for model in models if model.thrusters.curve]
+    if curves:
+        lines.append(f'left out: of the thrust that is asked for there is less: '
+                     f'{"; ".join(curves)}')
     return lines
 
 

@@ -26,6 +26,7 @@ from rovid_ros.survey.dives import stamps
 FAILED = 'failed'  # the status of a dive that gave nothing
 TAG = 'tag_'  # what the columns of tags begin with
 KAPPA = 'kappa_'  # and those of couplings
+THRUSTERS = 'thrusters_'  # and of thrusters as they are found to work
 COLUMNS = (
     'log', 'start', 'duration_s', 'method', 'dof', 'status', 'reasons', 'steps', 'fit', 'mae',
     *(f'{name}{end}' for name in PHYSICAL for end in ('', '_low', '_high')),
@@ -68,12 +69,13 @@ def _numbers(values: Mapping[str, Any]) -> Row:
         row[f'{name}_std'] = std
     if values['delay_s']:
         row['delay_s'], row['delay_std_s'] = values['delay_s']['value'], values['delay_s']['std']
-    row.update({f'{KAPPA}{name}': kappa for name, kappa in values.get('couplings', {}).items()})
+    for begin, key in ((KAPPA, 'couplings'), (THRUSTERS, 'thrusters')):
+        row.update({f'{begin}{name}': value for name, value in values.get(key, {}).items()})
     return row
 
 
 def columns(rows: Sequence[Row]) -> list[str]:
-    """Return the columns of a table: those of every survey, then couplings and tags by name."""
+    """Return the columns of a table: those of every survey, then further ones by name."""
     return [*COLUMNS, *sorted({name for row in rows for name in row} - set(COLUMNS))]
 
 

@@ -240,8 +240,8 @@ def test_a_saved_state_goes_on_with_the_same_bits():
         assert repr(found[0].current) == repr(found[1].current)
 
 
-def test_a_lag_of_the_thrusters_is_found_and_goes_on_with_the_same_bits():
-    run = Run(duration=140.0, lag=0.2)
+def test_what_is_found_of_the_thrusters_goes_on_with_the_same_bits():
+    run = Run(duration=140.0, lag=0.2, reverse=0.75)
     stream = Stream(settings(run))
     followed(stream, run, 100.0)
     stream.interrupt()
@@ -250,8 +250,13 @@ def test_a_lag_of_the_thrusters_is_found_and_goes_on_with_the_same_bits():
     ends = [followed(one, run, start=101.0)[-1] for one in (stream, second)]
     for of_first, of_second in zip(ends[0].dofs, ends[1].dofs):
         assert of_first.parameters == of_second.parameters
+        assert of_first.thrusters == of_second.thrusters
         assert 'the thrusters lag by about 0.' in ' '.join(of_first.reasons)
         assert of_first.delay == pytest.approx(0.2, abs=0.05)
+    surge, sway, *_ = ends[0].dofs
+    assert surge.thrusters.reverse == pytest.approx(0.75, abs=0.02)
+    assert 'reverse thrust is about 0.7' in ' '.join(surge.reasons)
+    assert sway.thrusters.found == ['lag']
     assert all(masses_held(ends[0]))
 
 

@@ -276,7 +276,8 @@ def test_a_log_of_ten_seconds_is_gone_through_as_a_whole_at_its_end(data):
         logs, 'backward4.bag', settings_from(load(logs / 'subjugator.yaml')))
     for dof, least in (('surge', 0.88), ('sway', 0.7)):
         [one] = [one for one in estimate.dofs if one.dof == dof]
-        assert scores.score(dof, (*one.parameters, *one.couplings), one.delay).fit > least
+        assert scores.score(dof, (*one.parameters, *one.couplings), one.delay,
+                            one.thrusters).fit > least
 
 
 def test_a_coupling_predicts_the_tank_s_yaw_better(data):

@@ -54,8 +54,6 @@ def driven(name, seed, duration=200.0):
 
 
 @pytest.mark.parametrize(('name', 'said'), [
-    ('dead-band 3 N', 'dead band of the thrusters of about'),
-    ('reverse thrust x 0.8', 'reverse thrust: about 0.'),
     ('reverse drag x 1.3', 'reverse drag: about 1.'),
     ('coupled', 'follows v r with a coefficient of about 1.'),
     ('unknown force 1 N', '')])
@@ -79,9 +77,24 @@ def test_a_lag_of_the_thrusters_is_found_and_said(lag, known):
     assert 0.002 < drive.one.std[0] / drive.one.parameters[0] < known
 
 
-@pytest.mark.parametrize('name', ['exact', 'dead-band 3 N', 'reverse thrust x 0.8'])
-def test_no_lag_is_found_where_there_is_none(name):
-    assert not any('lag by about' in note for note in driven(name, 0).notes)
+@pytest.mark.parametrize(('name', 'said', 'size'), [
+    ('dead-band 3 N', 'dead band of about ([0-9.]+) in units of force', 3.0),
+    ('reverse thrust x 0.8', 'reverse thrust is about ([0-9.]+) of the forward', 0.8)])
+def test_a_dead_band_and_weaker_reverse_thrust_are_found_and_said(name, said, size):
+    drives = [driven(name, seed) for seed in range(3)]
+    for drive in drives:
+        assert float(re.search(said, drive.notes[-1])[1]) == pytest.approx(size, rel=0.1)
+        assert 1.0 / drive.one.parameters[0] / MASS == pytest.approx(1.0, abs=0.04)
+        assert drive.holds_mass
+        assert drive.judged[-1] == 'converged'
+
+
+@pytest.mark.parametrize(('name', 'there'), [
+    ('exact', []), ('dead-band 3 N', ['dead_band']), ('lag 0.15 s', ['lag']),
+    ('reverse thrust x 0.8', ['reverse_thrust']), ('closed loop', []), ('zig-zag', [])])
+def test_nothing_is_found_of_the_thrusters_that_they_do_not_have(name, there):
+    for seed in range(2):
+        assert driven(name, seed).one.thrusters.found == there
 
 
 @pytest.mark.parametrize('smoothing', [0.25, 0.5])
@@ -98,10 +111,12 @@ def test_a_lag_that_no_thruster_has_is_not_taken():
     assert 'converged' not in drive.judged
 
 
-def test_a_lag_that_is_found_goes_on_after_a_restore():
-    steps = pieces(Vehicle(lag=0.2), 0, 150.0)
+@pytest.mark.parametrize('vehicle', [
+    Vehicle(lag=0.2), VEHICLES['dead-band 3 N'], VEHICLES['reverse thrust x 0.8']])
+def test_what_is_found_of_the_thrusters_goes_on_after_a_restore(vehicle):
+    steps = pieces(vehicle, 0, 150.0)
     drive = Drive().go(steps[:905])
-    assert 'lag by about' in drive.notes[-1]
+    assert 'taken into account' in drive.notes[-1]
     new = ExtendedKalman(SCALES)
     new.restore(json.loads(json.dumps(drive.one.state())))
     for one in (drive.one, new):
@@ -346,6 +361,8 @@ def test_what_the_blocks_say_goes_on_after_a_restore():
     ('bank', {'members': [], 'best': 0}),
     ('bank', {'members': [{}, {}], 'best': 0}), ('theta', [1.0]),
     ('bank', {**ExtendedKalman(SCALES).state()['bank'], 'losses': [1e999]}),
+    ('thrusters', [0.1, 0.0]), ('thrusters', [-0.1, 0.0, 1.0]), ('thrusters', [0.0, 0.0, 0.0]),
+    ('thrusters', [0.0, 1e999, 1.0]), ('thrusters', None),
     ('clock', {'recent': {'times': [0.0, 1.0], 'means': [], 'slopes': [], 'held': False},
                'path': 0.0, 'fix': 0.0, 'ahead': 0.0})])
 def test_a_state_that_does_not_fit_is_refused(key, bad):

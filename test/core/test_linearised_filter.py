@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter
+from rovid_core.model.thrusters import Thrusters
 from scipy.signal import lfilter
 
 
@@ -71,12 +72,13 @@ def test_the_force_ends_where_the_step_begins():
 @pytest.mark.parametrize('held', [True, False])
 def test_the_force_behind_a_lag_is_that_of_short_steps(held):
     random, lag, dt = np.random.default_rng(1), 0.13, 1e-4
-    asked, known, later = DelayedForce(False), DelayedForce(False, lag), DelayedForce(False)
+    asked, later = DelayedForce(False), DelayedForce(False)
+    known = DelayedForce(False, Thrusters(lag))
     for k in range(40):
         span = (0.1, float(random.normal() if held else np.sin(0.3 * k)))
         for one in (asked, known, later):
             one.add([span], held)
-    later.set_lag(lag)
+    later.set_thrusters(Thrusters(lag))
     times = dt * np.arange(41_000)
     force = np.array([asked.over(t, t + dt)[0] / dt for t in times])
     lagged = lfilter([-np.expm1(-dt / lag)], [1.0, -np.exp(-dt / lag)], force,
@@ -93,6 +95,35 @@ def test_the_force_behind_a_lag_is_that_of_short_steps(held):
             (astern, _), _ = one.bent(start + 0.02, end + 0.02, 0.02)
             if end < known.end and lagged[inside].max() < 0.0:
                 assert astern == pytest.approx(impulse, abs=3e-3 * (end - start))
+
+
+@pytest.mark.parametrize('held', [True, False])
+def test_the_force_that_there_is_is_less_by_a_dead_band_and_backwards(held):
+    """Also where that is found later, but for what was asked for in the dead band before."""
+    thrusters, random = Thrusters(0.0, 0.2, 0.7), np.random.default_rng(1)
+    plain, known = DelayedForce(False), DelayedForce(False, thrusters)
+    later = DelayedForce(False, Thrusters(0.0, 0.1, 1.0))
+    for asked in random.normal(size=40).tolist():
+        plain.add([(0.1, thrusters.given(asked))], held)
+        for one in (known, later):
+            one.add([(0.1, asked)], held)
+    later.set_thrusters(thrusters)
+    for start, end in ((0.0, 0.4), (1.03, 1.31), (2.004, 2.007), (3.9, 4.05)):
+        expected = plain.over(start, end, 0.02)
+        assert known.over(start, end, 0.02) == expected
+        if held:
+            assert later.over(start, end, 0.02) == pytest.approx(expected, abs=1e-12)
+
+
+def test_what_thrusters_give_of_many_forces_is_what_they_give_of_each():
+    thrusters, forces = Thrusters(0.1, 0.2, 0.7), np.linspace(-2.0, 2.0, 101)
+    each = [thrusters.given(force) for force in forces.tolist()]
+    assert thrusters.all_given(forces) == pytest.approx(each, abs=1e-15)
+    assert each[0] == pytest.approx(-0.7 * 1.8)
+    for force, given in zip(forces.tolist(), each):
+        if given:
+            assert thrusters.asked(given) == pytest.approx(force)
+    assert thrusters.in_units(10.0) == (0.1, 2.0, 0.7)
 
 
 def sines(duration, dt=0.1):

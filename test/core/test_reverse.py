@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.typesys import get_typestore, Stores
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
@@ -33,6 +36,9 @@ from rovid_core.trials.offline import METHODS
 from rovid_core.trials.score import ScoreLog
 from rovid_core.trials.tuning.log import TuningLog
 from rovid_core.trials.tuning.tune import reading_settings, tune
+from rovid_ros.model import Model
+from rovid_ros.results.documents import dofs_document, read_estimates
+from rovid_ros.results.outputs import ARRAY_TYPE, DIAGNOSTIC_TYPE, Outputs
 
 MASS, DRAG, ASTERN, WEAKER = 20.0, 40.0, 1.5, 0.7
 KAPPAS = {'reverse_thrust': (WEAKER - 1.0) / MASS, 'reverse_drag': (1.0 - ASTERN) * DRAG / MASS}
@@ -90,6 +96,42 @@ def test_is_found_with_the_mass(name: str, method: str) -> None:
     assert own.fit > 0.93
     assert joint.fit == pytest.approx(own.fit, abs=2e-3)
     assert scores.score('surge', surge.parameters).fit < own.fit - 0.05
+
+
+@pytest.mark.parametrize('ahead', [True, False])
+def test_what_is_found_of_the_thrusters_is_in_every_result(ahead: bool, tmp_path: Path) -> None:
+    """The propellers may be mounted the other way about: then forward thrust is the weaker one."""
+    settings = vehicle()
+    if not ahead:
+        settings = replace(settings, thrusters=replace(
+            settings.thrusters, allocation=((-1.0,), *[(0.0,)] * 5)))
+    estimate, scores = identified(settings, 'reverse_thrust', 150.0)
+    surge, = estimate.dofs
+    assert surge.status == 'converged', surge.judgement
+    assert 1.0 / surge.parameters[0] == pytest.approx(MASS, rel=0.02)
+    weaker = WEAKER if ahead else 1.0 / WEAKER
+    assert surge.thrusters == (0.0, 0.0, pytest.approx(weaker, rel=0.02))
+    assert ('reverse thrust' if ahead else 'forward thrust') in ' '.join(surge.reasons)
+    # scores of the row by itself are taken with it
+    score = scores.score('surge', surge.parameters, surge.delay, surge.thrusters)
+    assert score.fit > 0.93
+    assert scores.score('surge', surge.parameters, surge.delay).fit < score.fit - 0.05
+    drawn = scores.predicted('surge', surge.parameters, surge.delay, surge.thrusters)
+    assert drawn != scores.predicted('surge', surge.parameters, surge.delay)
+    # it is in the JSON, which comes back
+    path = tmp_path / 'out.json'
+    document = dofs_document(settings, estimate)
+    path.write_text(json.dumps({'dofs': document}))
+    assert document['surge']['thrusters']['reverse'] == surge.thrusters.reverse
+    assert read_estimates(path)[0].thrusters == surge.thrusters
+    # and in the messages: a controller asks for more where there is less
+    messages = {one.topic: one for one in Outputs(settings).messages(estimate)}
+    types = get_typestore(Stores.LATEST)
+    model = Model.from_message(types.deserialize_cdr(messages['rov/model'].cdr, ARRAY_TYPE))
+    pushed = model.force('surge', -1.0 if ahead else 1.0, 0.0)
+    assert abs(pushed) == pytest.approx(MASS / WEAKER, rel=0.1)
+    told = types.deserialize_cdr(messages['rov/estimate'].cdr, DIAGNOSTIC_TYPE).status[0].values
+    assert {one.key: one.value for one in told}['reverse'] == repr(surge.thrusters.reverse)
 
 
 @pytest.mark.parametrize('name', OWN)

@@ -9,6 +9,7 @@ from rovid_core.identify.status import DofStatus, Judgement, STATUSES
 from rovid_core.model.dofs import Four
 from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import AS_CONFIGURED
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Scales, SimulatedDof
 from rovid_core.simulation.sensors import simulate
@@ -23,6 +24,7 @@ class Known:
     converged_share = 0.05
     judges_errors = True
     couplings = ()
+    thrusters = AS_CONFIGURED
     fit = 1.0
 
     def __init__(self, model: float = 0.0, drag: float = 0.0, scale: float = 1.0) -> None:

@@ -45,6 +45,7 @@ class Run:
     pull: tuple[float, float] = (0.0, 0.0)  # of a tether, in the world [N]
     weak: tuple[float, float] = (math.inf, 1.0)  # from when [s] thrust is how much of itself
     lag: float = 0.0  # [s] of the thrusters of surge and sway
+    reverse: float = 1.0  # thrust of surge backwards, relative to one forwards
 
 
 @lru_cache(maxsize=4)
@@ -57,7 +58,7 @@ def events(run: Run) -> tuple[Event, ...]:
 
 
 def _advanced(run: Run) -> Callable[..., list[float]]:
-    """Return how the plant goes on with a tether, and thrust that becomes weak or lags."""
+    """Return how the plant goes on with a tether, and thrust that is not what is asked for."""
     advance, (since, factor), now = CoupledPlant.advance, run.weak, 0.0
     lagged = [0.0, 0.0]
 
@@ -69,6 +70,8 @@ def _advanced(run: Run) -> Callable[..., list[float]]:
         surge, sway, *rest = forces
         if now > since:
             surge, sway = factor * surge, factor * sway
+        if surge < 0.0:
+            surge *= run.reverse
         if run.lag:
             for k, force in enumerate((surge, sway)):
                 lagged[k] -= math.expm1(-dt / run.lag) * (force - lagged[k])

@@ -59,7 +59,7 @@ def tank_scores(logs: Path) -> tuple[Estimate, dict[str, Score]]:
     _, trained = replayed(logs, 'surge_sway_heave.mcap', settings)
     validation = measured(logs, 'all_axes.mcap', settings)
     return trained, {
-        d.dof: validation.score(d.dof, (*d.parameters, *d.couplings), d.delay)
+        d.dof: validation.score(d.dof, (*d.parameters, *d.couplings), d.delay, d.thrusters)
         for d in trained.dofs}
 
 
@@ -98,7 +98,7 @@ def online_fits(logs: Path, method: str) -> dict[str, float]:
     rest = measured(logs, 'all_axes.mcap', settings, 0.6 * TANK_LENGTH)
     found = {d.dof: d for d in (*trained.dofs, *[d for d in first.dofs if d.dof == 'yaw'])}
     return {dof: (rest if dof == 'yaw' else judge).score(
-        dof, (*d.parameters, *d.couplings), d.delay).fit for dof, d in found.items()}
+        dof, (*d.parameters, *d.couplings), d.delay, d.thrusters).fit for dof, d in found.items()}
 
 
 def yaw_fit(logs: Path, couplings: tuple[str, ...]) -> float:
@@ -108,4 +108,4 @@ def yaw_fit(logs: Path, couplings: tuple[str, ...]) -> float:
     trained = replayed(logs, 'all_axes.mcap', settings)[1]
     yaw, = (d for d in trained.dofs if d.dof == 'yaw')
     judge = measured(logs, 'short_all_axes.mcap', settings)
-    return judge.score('yaw', (*yaw.parameters, *yaw.couplings), yaw.delay).fit
+    return judge.score('yaw', (*yaw.parameters, *yaw.couplings), yaw.delay, yaw.thrusters).fit

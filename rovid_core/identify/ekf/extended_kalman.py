@@ -32,7 +32,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     COUPLING_MISSING,
     described,
     is_coupling,
-    of_lag,
+    of_thrusters,
     UNTOLD,
 )
 from rovid_core.identify.ekf.filter_bank import (
@@ -56,6 +56,7 @@ from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import Identifier
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters, Thrusters
 from rovid_core.settings.run import Scales
 
 FIRST_NOISE = 0.02
@@ -108,8 +109,9 @@ class ExtendedKalman(Identifier):
         """Go back to the initial values."""
         self._begin(self._model.initial)
 
-    def _begin(self, theta: Sequence[float], lag: float = 0.0) -> None:
-        self._lag = lag  # [s] with which the thrusters are found to follow
+    def _begin(self, theta: Sequence[float],
+               thrusters: Thrusters = AS_CONFIGURED) -> None:
+        self._take_thrusters(thrusters)
         self._theta, self._prior = list(theta), list(self._model.prior)
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
@@ -125,21 +127,25 @@ class ExtendedKalman(Identifier):
     def _new(self, unmodelled: Unmodelled, theta: Sequence[float]) -> Member:
         """Return a filter at some parameters that knows those to begin with."""
         member = Member(self._theta, self._prior, self._model.box, unmodelled, FIRST_NOISE,
-                        self._scales.watched, self._model.own, ('lag',) if self._lag else ())
+                        self._scales.watched, self._model.own, self._thrusters)
         member.filter.theta = list(theta)
         return member
 
     def _new_clock(self, forgets: bool = True) -> MeasurementClock:
         scales = self._scales
         return MeasurementClock(scales.force, scales.velocity, len(scales.couplings),
-                                len(scales.watched), self._model.own, forgets, self._lag)
+                                len(scales.watched), self._model.own, forgets, self._thrusters)
 
-    def _use_lag(self, lag: float) -> list[float]:
-        """Take the thrusters to lag by so much [s]; return the parameters for it."""
+    def _take_thrusters(self, thrusters: Thrusters) -> None:
+        self._thrusters = thrusters  # in typical forces
+        self.thrusters = thrusters.in_units(self._scales.force)
+
+    def _use_thrusters(self, thrusters: Thrusters) -> list[float]:
+        """Let the thrusters work otherwise; return parameters for it."""
         theta = self._bank.best.filter.theta
-        theta[-1] -= lag - self._lag
-        self._lag = lag
-        self._clock.set_lag(lag)
+        theta[-1] -= thrusters.lag - self._thrusters.lag
+        self._take_thrusters(thrusters)
+        self._clock.set_thrusters(thrusters)
         if self._start is not None:
             self._start.change_clock()
         return theta
@@ -237,8 +243,7 @@ class ExtendedKalman(Identifier):
         said = [self._bank.said_of_change(self._time)]
         if self._clocks:
             said.append(self._clocks)
-        if self._lag:
-            said.append(of_lag(self._lag))
+        said += of_thrusters(self._thrusters, self._scales.force)
         verdict = self._bank.best.verdict
         missing = verdict.missing if verdict is not None else None
         if missing is not None:
@@ -254,7 +259,7 @@ class ExtendedKalman(Identifier):
 
     @property
     def _clocks(self) -> str:
-        return clocks_in_doubt(self._bank.best.verdict, len(self._theta) - 1, self._lag)
+        return clocks_in_doubt(self._bank.best.verdict, len(self._theta) - 1, self._thrusters.lag)
 
     @property
     def doubt(self) -> str:
@@ -350,8 +355,8 @@ class ExtendedKalman(Identifier):
         for member in ended:
             member.judge()
         if bank.best in ended:
-            if self._start is not None and bank.follow_lag(
-                    self._start, self._lag, self._use_lag):
+            if self._start is not None and bank.follow_thrusters(
+                    self._start, self._use_thrusters):
                 self._start.wait(False)
             self._judge()
 
@@ -379,11 +384,12 @@ class ExtendedKalman(Identifier):
         filter = self._bank.tracker.filter
         _, v, f = filter.motion
         theta, ahead = filter.theta, self._clock.ahead
-        force = step.forces[1 if step.interval else 0] if ahead else 0.0
+        force = self._thrusters.given(
+            step.forces[1 if step.interval else 0] / self._scales.force) if ahead else 0.0
         alpha, beta, gamma, delta = self._model.acting(theta, force, v)
         coupled = self._model.coupled(
             theta, [after for _, after in step.couplings]) if ahead and step.couplings else 0.0
-        rate = (alpha * force / self._scales.force + (beta * abs(v) + gamma) * v + delta + f
+        rate = (alpha * force + (beta * abs(v) + gamma) * v + delta + f
                 + coupled)
         return self._scales.velocity * (v + ahead * rate)
 
@@ -391,7 +397,7 @@ class ExtendedKalman(Identifier):
         best, model = self._bank.best, self._model
         theta = best.filter.theta
         self.parameters, self.couplings = model.parameters(theta), model.kappas(theta)
-        self.delay = theta[-1] + self._lag
+        self.delay = theta[-1] + self._thrusters.lag
         verdict = best.verdict
         if verdict is None:
             self.uncertainty: Uncertainty = FilterUncertainty(
@@ -405,7 +411,8 @@ class ExtendedKalman(Identifier):
         return {
             'parameters': list(self.parameters), 'theta': list(self._theta),
             'prior': list(self._prior),
-            'lag': self._lag, 'bank': self._bank.state(), 'clock': self._clock.state(),
+            'thrusters': list(self._thrusters), 'bank': self._bank.state(),
+            'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'time': self._time, 'moving': self._moving, 'usable': self._usable,
             'idle': self._idle,
@@ -421,7 +428,7 @@ class ExtendedKalman(Identifier):
         for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
             if not bottom <= p <= top:
                 raise ValueError(f'{name} {p} is outside {bottom} to {top}')
-        self._begin(floats(state['theta'], len(self._theta)), *floats([state['lag']], 1))
+        self._begin(floats(state['theta'], len(self._theta)), read_thrusters(state['thrusters']))
         self._prior = floats(state['prior'], len(self._prior))
         self._bank.restore(state['bank'])
         self._clock.restore(state['clock'])

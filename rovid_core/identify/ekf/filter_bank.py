@@ -11,10 +11,10 @@ import numpy as np
 from rovid_core.identify.ekf.batch_start import BatchStart, Learner, LONGEST, PASSES
 from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.evidence.missing_terms import square_of_lag
+from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import SCATTERED
-from rovid_core.identify.ekf.normalised_model import DELAYS, UNMODELLED, Unmodelled
+from rovid_core.identify.ekf.normalised_model import UNMODELLED, Unmodelled
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import FreePrediction
 from rovid_core.identify.ekf.single.linearised_filter import (
@@ -28,6 +28,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
 )
 from rovid_core.identify.ekf.single.measurements import Measurement
 from rovid_core.model.dofs import OWN
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 MARGIN: Final = 10.0
 """By which -2 log of the likelihood has to be lower before the model is taken to be wrong."""
@@ -66,8 +67,8 @@ class Member:
         Names of the regressors that steps carry to be watched.
     own : tuple of 2 ints
         As of a ``LinearisedFilter``.
-    found : sequence of str
-        As of ``ScoreBlocks``.
+    thrusters : Thrusters
+        How they are taken to work, in typical forces.
 
     Attributes
     ----------
@@ -78,14 +79,14 @@ class Member:
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float], bounds: Bounds,
                  unmodelled: Unmodelled, noise: float, watched: Sequence[str] = (),
-                 own: tuple[int, int] = NONE_OWN, found: Sequence[str] = ()) -> None:
-        self.unmodelled = unmodelled
+                 own: tuple[int, int] = NONE_OWN, thrusters: Thrusters = AS_CONFIGURED) -> None:
+        self.unmodelled, self.thrusters = unmodelled, thrusters
         self.filter = LinearisedFilter(
             theta, variances, unmodelled.force_std, len(watched), own)
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(
             theta, variances, (*CANDIDATES, *watched),
-            configured=[name for name, i in zip(OWN, own) if i >= 0], found=found)
+            configured=[name for name, i in zip(OWN, own) if i >= 0], found=thrusters.found)
         self.prediction = FreePrediction(own)
         self._verdict: Verdict | None = None
         self._is_judged = True
@@ -180,11 +181,11 @@ class Member:
         self.filter.keep_inside(self._bounds)
 
     @property
-    def missing_lag(self) -> float:
-        """Return the square of the lag of the thrusters that is named [s^2], 0 for none."""
+    def better_thrusters(self) -> Thrusters | None:
+        """Return thrusters that have what is named besides, None where that is something else."""
         verdict = self.verdict
-        return 0.0 if verdict is None else square_of_lag(
-            verdict.missing, self.filter.theta[ALPHA])
+        return None if verdict is None else better_thrusters(
+            self.thrusters, verdict.missing or verdict.rest, self.filter.theta[ALPHA])
 
     @property
     def unseen(self) -> list[list[float]]:
@@ -227,13 +228,15 @@ class Member:
 class Judged(Learner, Protocol):
     """What a bank needs of a member."""
 
+    thrusters: Any
+
     @property
     def verdict(self) -> Verdict | None:
         """Return what the blocks say, None while there are too few."""
 
     @property
-    def missing_lag(self) -> float:
-        """Return the square of the lag of the thrusters that is named [s^2], 0 for none."""
+    def better_thrusters(self) -> Any:
+        """Return thrusters that have what is named besides, None where that is something else."""
 
     def judge(self) -> None:
         """Let the verdict be of the blocks as they are now."""
@@ -341,46 +344,46 @@ class FilterBank(Generic[M]):
             return True
         return False
 
-    def follow_lag(self, start: BatchStart[M], lag: float,
-                   use: Callable[[float], list[float]]) -> bool:
+    def follow_thrusters(self, start: BatchStart[M], use: Callable[[Any], list[float]]) -> bool:
         """
-        Take thrusters to lag as the blocks say, if that makes all data so far clearly likelier.
+        Take thrusters to be as the blocks say, if that makes all data so far likelier.
+
+        Clearly so, for something new; of what was found the size may become a better one.
 
         Parameters
         ----------
         start : BatchStart
             The data.
-        lag : float
-            [s] that they are taken to lag so far.
         use : callable
-            Takes another lag [s] for all members that are made from then on, and returns
-            parameters of the best one whose delay is as much shorter.
+            Takes other thrusters for all members that are made from then on, and returns
+            parameters of the best one whose delay is shorter by the lag.
 
         """
-        if not self.best.missing_lag:
+        if self.best.better_thrusters is None:
             return False
-        members, number = list(self.members), self.number
+        members, number, before = list(self.members), self.number, self.best.thrusters
         noises = [member.innovations.noise for member in members]
-        if self._takes_lag(start, lag, use):
+        if self._takes_thrusters(start, use):
             return True
-        use(lag)
+        use(before)
         self.members, self.number = members, number
         for member, noise in zip(members, noises):
             member.innovations.noise = noise
         return False
 
-    def _takes_lag(self, start: BatchStart[M], lag: float,
-                   use: Callable[[float], list[float]]) -> bool:
-        """Go through all data with the lag that is named; tell whether it is clearly better."""
+    def _takes_thrusters(self, start: BatchStart[M], use: Callable[[Any], list[float]]) -> bool:
+        """Go through all data with what is named; tell whether it is better."""
         # compared are members that went through all the same data at parameters that fit them
         if not self.go_through_again(start, (), False):
             return False
-        longer, least = math.sqrt(max(lag * lag + self.best.missing_lag, 0.0)), self._least
-        if not longer <= DELAYS[1] or longer == lag:
+        better, least, verdict = self.best.better_thrusters, self._least, self.best.verdict
+        if better is None or better == self.best.thrusters:
             return False
+        if verdict is None or verdict.rest is None:
+            least -= MARGIN
         # once more: where fixes come fast there were few passes
-        return self.go_through_again(start, use(longer), True) and (
-            self.go_through_again(start, (), False)) and self._least < least - MARGIN
+        return self.go_through_again(start, use(better), True) and (
+            self.go_through_again(start, (), False)) and self._least < least
 
     @property
     def _least(self) -> float:

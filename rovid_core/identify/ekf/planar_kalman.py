@@ -38,7 +38,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     COUPLING_MISSING,
     described,
     is_coupling,
-    of_lag,
+    of_thrusters,
     UNTOLD,
 )
 from rovid_core.identify.ekf.extended_kalman import (
@@ -54,6 +54,7 @@ from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty, Unmodelled
 from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS, PlanarModel
 from rovid_core.identify.ekf.planar.member import (
+    BothThrusters,
     PlanarClock,
     PlanarMeasurement,
     PlanarMember,
@@ -66,6 +67,7 @@ from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarStart, PlanarStep
+from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters
 from rovid_core.settings.run import CurrentSettings, Scales
 
 WINDOW = 180.0
@@ -114,8 +116,9 @@ class PlanarKalman:
         """Go back to the initial values."""
         self._begin(self._model.initial)
 
-    def _begin(self, theta: Sequence[float], lag: float = 0.0) -> None:
-        self._lag = lag  # [s] with which the thrusters are found to follow
+    def _begin(self, theta: Sequence[float],
+               thrusters: BothThrusters = (AS_CONFIGURED, AS_CONFIGURED)) -> None:
+        self._take_thrusters(thrusters)
         self._theta = [*list(theta)[:-2], 0.0, 0.0]
         self._variances = list(self._model.variances)
         self._free = self._is_found = self._knew_current = self.current_is_new = False
@@ -148,7 +151,7 @@ class PlanarKalman:
             self._model.box,
             unmodelled, self._settings.change if free else 0.0,
             FIRST_NOISE * max(row.velocity for row in self._model.rows), self._model.watched,
-            tuple(self.rows), self._lag > 0.0)
+            tuple(self.rows), self._thrusters)
         if member.filter.theta.tolist() != list(theta):
             member.filter.theta = np.array(theta, dtype=float)
             member.filter.motion[CURRENT] = member.filter.theta[-2:]
@@ -157,15 +160,20 @@ class PlanarKalman:
     def _new_clock(self, forgets: bool = True) -> PlanarClock:
         surge, sway = self._model.scales
         return PlanarClock(
-            (surge.force, sway.force), self._model.regressors, forgets, self._lag)
+            (surge.force, sway.force), self._model.regressors, forgets, self._thrusters)
 
-    def _use_lag(self, lag: float) -> list[float]:
-        """Take the thrusters to lag by so much [s]; return the parameters for it."""
+    def _take_thrusters(self, thrusters: BothThrusters) -> None:
+        self._thrusters = thrusters
+        for row in self.rows.values():
+            row.thrusters = thrusters[row.k].in_units(self._model.scales[row.k].force)
+
+    def _use_thrusters(self, thrusters: BothThrusters) -> list[float]:
+        """Let the thrusters work otherwise; return parameters for it."""
         theta: list[float] = self._bank.best.filter.theta.tolist()
-        for row in self._model.rows:
-            theta[row.end - 1] -= lag - self._lag
-        self._lag = lag
-        self._clock.set_lag(lag)
+        for row, new, old in zip(self._model.rows, thrusters, self._thrusters):
+            theta[row.end - 1] -= new.lag - old.lag
+        self._take_thrusters(thrusters)
+        self._clock.set_thrusters(thrusters)
         if self._start is not None:
             self._start.change_clock()
         return theta
@@ -343,8 +351,8 @@ class PlanarKalman:
         for member in ended:
             member.judge()
         if best in ended:
-            if self._start is not None and self._bank.follow_lag(
-                    self._start, self._lag, self._use_lag):
+            if self._start is not None and self._bank.follow_thrusters(
+                    self._start, self._use_thrusters):
                 self._start.wait(False)
             best = self._bank.best
             self._prediction.end_block(best.filter, best.innovations.noise)
@@ -362,7 +370,7 @@ class PlanarKalman:
 
     def _clocks(self, k: int) -> str:
         best, i = self._bank.best, self._model.rows[k].end - 1
-        return clocks_in_doubt(best.verdict, i, self._lag)
+        return clocks_in_doubt(best.verdict, i, self._thrusters[k].lag)
 
     def _note_change(self, step: PlanarStep) -> None:
         self._usable = [False, False]
@@ -392,10 +400,10 @@ class PlanarKalman:
         v, other = motion[2 + k], motion[3 - k]
         ahead = self._clock.ahead
         if ahead:
-            scale, force, own = row.velocity, step.forces[k][1], theta[row.first:row.end]
+            scale, own = row.velocity, theta[row.first:row.end]
+            force = self._thrusters[k].given(step.forces[k][1] / self._model.scales[k].force)
             alpha, beta, gamma, delta = self._model.of[k].acting(own, force, v)
-            rate = alpha * force / self._model.scales[k].force + (
-                beta * abs(v / scale) + gamma) * v / scale + delta
+            rate = alpha * force + (beta * abs(v / scale) + gamma) * v / scale + delta
             rate += math.fsum([theta[i] * step.couplings[k][m] for i, m in row.measured])
             if row.turning >= 0:
                 rate += theta[row.turning] * other * step.pieces[-1].rate
@@ -422,7 +430,7 @@ class PlanarKalman:
             row, model = self._model.rows[published.k], self._model.of[published.k]
             theta = self._theta_of(published.k)
             published.parameters = model.parameters(theta)
-            published.delay = theta[-1] + self._lag
+            published.delay = theta[-1] + self._thrusters[published.k].lag
             published.couplings = model.kappas(theta)
             published.excitation = self.excitations[published.k]
             if not told:
@@ -449,8 +457,7 @@ class PlanarKalman:
             said.append(why_not_known(self.current))
         if self._clocks(k):
             said.append(self._clocks(k))
-        if self._lag:
-            said.append(of_lag(self._lag))
+        said += of_thrusters(self._thrusters[k], self._model.scales[k].force)
         verdict, missing = self._bank.best.verdict, self._missing(k)
         if missing is not None:
             said.append(described(missing, self._theta_of(k), self._model.scales[k]))
@@ -492,7 +499,8 @@ class PlanarKalman:
         """Return all that is needed to go on from here."""
         return {
             'theta': list(self._theta), 'variances': list(self._variances),
-            'lag': self._lag, 'free': self._free, 'found': self._is_found,
+            'thrusters': [list(one) for one in self._thrusters],
+            'free': self._free, 'found': self._is_found,
             'knew_current': self._knew_current, 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
@@ -506,7 +514,8 @@ class PlanarKalman:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         theta = floats(state['theta'], self._model.size)
-        self._begin(theta, *floats([state['lag']], 1))
+        one, other = state['thrusters']
+        self._begin(theta, (read_thrusters(one), read_thrusters(other)))
         self._theta = theta
         self._variances = floats(state['variances'], self._model.size)
         self._free, self._is_found, self._knew_current = (

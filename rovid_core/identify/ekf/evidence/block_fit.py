@@ -10,7 +10,7 @@ Econometrica 50(1), 1982).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
@@ -60,12 +60,15 @@ class Missing:
         What it would have, in typical velocities per second; of a current its size.
     share : float
         Of the squared innovations that it explains.
+    alpha : float
+        That its DOF has with it; 0 for a regressor of no DOF with thrust.
 
     """
 
     name: str
     coefficient: float
     share: float
+    alpha: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -135,6 +138,9 @@ class Verdict:
         The parameters that fit all of them best, also beyond their bounds.
     untold : tuple of str
         The term of each DOF that it may have and that makes most of its alpha's variance.
+    rest : Missing or None
+        By how much a term whose size was found is off, most significantly; None where nothing is
+        missing besides, or none is off.
 
     """
 
@@ -144,6 +150,7 @@ class Verdict:
     count: int
     theta: list[float]
     untold: tuple[str, ...]
+    rest: Missing | None = None
 
 
 class BlockFit:
@@ -229,15 +236,15 @@ class BlockFit:
         missing = self._most_missing(candidates, alone, float(counts.sum()), sizes)
         if missing is not None:  # it hides what else there may be
             whole = self._with(left.pop(missing.name))
+            missing = replace(missing, alpha=whole.alpha(missing.name, rows))
             alone = {k: one._replace(leaning=one.leaning[:len(a)]) for k, one in
                      whole._remainders([*_single(left), *doubted]).items()}
         moved = self.theta - whole.theta[:len(a)]
         covariance = covariance + np.outer(moved, moved)
-        for name in found:
-            if name in left:  # it is there, of a size that is not quite known
-                [k] = left.pop(name)
-                covariance = covariance + summed(
-                    [whole._judged(alone[k], 1.0, sizes[name], 0)], len(a), True)
+        # they are there, of sizes that are not quite known
+        there = {name: whole._judged(alone[left.pop(name)[0]], 1.0, sizes[name], 0)
+                 for name in found if name in left}
+        covariance = covariance + summed(list(there.values()), len(a), True)
         more, untold = np.zeros_like(covariance), []
         for begin, first in rows:
             terms = whole._unseen(left, alone, 1.0, begin, first)
@@ -254,7 +261,17 @@ class BlockFit:
             leaning = self.c @ self.total[a, k]
             covariance = covariance + variance * np.outer(leaning, leaning)
         return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
-                       tuple(untold))
+                       tuple(untold), None if missing else self._most_off(there, rows))
+
+    def _most_off(self, there: Mapping[str, UnseenTerm],
+                  rows: Sequence[tuple[str, int]]) -> Missing | None:
+        """Return the term that is off by most standard deviations, None for no more than one."""
+        rest, most = None, 1.0
+        for name, term in there.items():
+            if term.mean * term.mean > most * term.variance:
+                most = term.mean * term.mean / term.variance
+                rest = Missing(name, term.mean, 0.0, self.alpha(name, rows))
+        return rest
 
     def _most_missing(self, candidates: Mapping[str, list[int]],
                       alone: Mapping[int, Remainder], count: float,
@@ -345,6 +362,11 @@ class BlockFit:
         full = np.zeros((self._p, self._p))
         full[self._rows, self.active] = 0.5 * (covariance + covariance.T)
         return list(full.tolist())
+
+    def alpha(self, name: str, rows: Sequence[tuple[str, int]]) -> float:
+        """Return alpha of the DOF that a watched regressor is of; 0 for none with thrust."""
+        theta = self.all_parameters()
+        return math.fsum([theta[first] for begin, first in rows if name.startswith(begin)])
 
     def all_parameters(self) -> list[float]:
         """Return the parameters, with zeros for those that are left out."""

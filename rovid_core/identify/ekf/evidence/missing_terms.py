@@ -16,6 +16,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
 )
 from rovid_core.identify.last_minute import DEAD_BAND, KEYS, lacking, UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import RESTORING
+from rovid_core.model.thrusters import Thrusters
 from rovid_core.settings.inputs import LONGEST_LAG
 from rovid_core.settings.run import Scales
 
@@ -76,7 +77,7 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         if kappa >= 0.0:
             return (f'{_percent(missing)} of the error follows quick changes of the thrust, which '
                     'move it more than the model says')
-        lag = math.sqrt(square_of_lag(missing, alpha))
+        lag = math.sqrt(_square_of_lag(kappa / alpha))
         if lag > LONGEST_LAG:
             return (f'{_percent(missing)} of the error follows the thrust more slowly than '
                     'thrusters do: is what is measured smoothed?')
@@ -95,23 +96,50 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
     return lacking(missing.share, missing.name, said, scales.couplings)
 
 
-def of_lag(lag: float) -> str:
-    """Return what is said of a lag [s] that was found and is taken into account."""
-    return (f'the thrusters lag by about {lag:.2f} s more than the model says, which is taken '
-            f'into account: {KEYS["lag"]}')
+def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
+    """Return what is said of what was found of thrusters, in units of a force."""
+    ahead, astern = thrusters.shares
+    weaker = f'reverse thrust is about {astern:.2f} of the forward' if ahead > astern else (
+        f'forward thrust is about {ahead:.2f} of the reverse')
+    said = {
+        'lag': f'the thrusters lag by about {thrusters.lag:.2f} s more than the model says',
+        'dead_band': 'the thrusters have a dead band of about '
+                     f'{thrusters.dead_band * force:.2g} in units of force',
+        'reverse_thrust': f'{weaker} one'}
+    return [f'{said[name]}, which is taken into account: {KEYS[name]}'
+            for name in thrusters.found]
 
 
-def square_of_lag(missing: Missing | None, alpha: float) -> float:
+def better_thrusters(now: Thrusters, missing: Missing | None,
+                     alpha: float) -> Thrusters | None:
     """
-    Return the square of the lag that is missing [s^2], below 0 where it is too long; else 0.
+    Return thrusters that also have what is missing, None where that is something else.
+
+    ``alpha`` is that of the filter, which lacks it.
+    """
+    if missing is None or not missing.alpha > 0.0:
+        return None
+    if missing.name == 'lag':
+        lag = math.sqrt(max(
+            now.lag * now.lag + _square_of_lag(missing.coefficient / alpha), 0.0))
+        return now._replace(lag=lag) if lag <= DELAYS[1] else None
+    share = missing.coefficient / missing.alpha
+    if missing.name == 'dead_band':
+        return now._replace(dead_band=max(now.dead_band - share * DEAD_BAND, 0.0))
+    if missing.name == 'reverse_thrust' and share > -1.0:
+        return now._replace(reverse=now.reverse * (1.0 + share))
+    return None
+
+
+def _square_of_lag(share: float) -> float:
+    """
+    Return the square of the lag that is missing [s^2], below 0 where it is too long.
 
     The delay has taken a part of it: what is left is told by the bend of the response, the
     variance of when a thrust acts. The variances of lags that follow each other add up.
     """
-    if missing is None or not missing.name.endswith('lag'):
-        return 0.0
-    share = -missing.coefficient / alpha
-    return LAG * LAG * (share * (2.0 - share) if share < 1.0 else share * share)
+    late = -share
+    return LAG * LAG * (late * (2.0 - late) if late < 1.0 else late * late)
 
 
 def clocks_in_doubt(verdict: Verdict | None, k: int, lag: float) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 import math
 from typing import Any, NamedTuple
 
@@ -16,7 +17,7 @@ from rovid_core.identify.ekf.evidence.current_status import (
     NOT_JUDGED,
 )
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.evidence.missing_terms import square_of_lag
+from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import Unmodelled
@@ -36,9 +37,13 @@ from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 Recent = tuple[DelayedForce, DelayedForce]
 """The force on surge and on sway."""
+
+BothThrusters = tuple[Thrusters, Thrusters]
+"""How those of surge and of sway are found to work, with the same lag; in typical forces."""
 
 
 class PlanarMeasurement(NamedTuple):
@@ -91,8 +96,8 @@ class PlanarClock:
         How many a step brings along for surge and for sway.
     forgets : bool
         Whether the force may go when it is old.
-    lag : float
-        [s] Time constant of the thrusters.
+    thrusters : BothThrusters
+        How they work.
 
     Attributes
     ----------
@@ -104,25 +109,26 @@ class PlanarClock:
     """
 
     def __init__(self, forces: tuple[float, float], regressors: Sequence[int],
-                 forgets: bool = True, lag: float = 0.0) -> None:
+                 forgets: bool = True, thrusters: BothThrusters = (
+                     AS_CONFIGURED, AS_CONFIGURED)) -> None:
         self._forces, self._regressors, self._forgets = forces, regressors, forgets
-        self._lag = lag
+        self._thrusters = thrusters
         self.restart()
 
     def restart(self) -> None:
         """Begin a new path."""
-        self.recent = (DelayedForce(self._forgets, self._lag),
-                       DelayedForce(self._forgets, self._lag))
+        one, other = self._thrusters
+        self.recent = DelayedForce(self._forgets, one), DelayedForce(self._forgets, other)
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []
         self._way: list[tuple[float, PlanarPiece]] = []  # [s] since the last measurement
         self.ahead = 0.0
 
-    def set_lag(self, lag: float) -> None:
-        """Use another time constant [s]."""
-        self._lag = lag
-        for recent in self.recent:
-            recent.set_lag(lag)
+    def set_thrusters(self, thrusters: BothThrusters) -> None:
+        """Let them work otherwise."""
+        self._thrusters = thrusters
+        for recent, one in zip(self.recent, thrusters):
+            recent.set_thrusters(one)
 
     def add_step(self, step: PlanarStep) -> PlanarMeasurement | None:
         """Return what a step measures, None where more fixes come into the measurement."""
@@ -231,16 +237,17 @@ class PlanarMember:
         Names of all regressors that are watched, each behind that of its DOF.
     identified : sequence of str
         Names of the DOFs that have thrust.
-    lags : bool
-        Whether a lag of the thrusters was found.
+    thrusters : BothThrusters
+        How they are taken to work.
 
     """
 
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
                  variances: Sequence[float], considered: Mapping[int, float], bounds: Bounds,
                  unmodelled: Unmodelled, current_change: float, noise: float,
-                 watched: Sequence[str], identified: Sequence[str], lags: bool) -> None:
-        self.unmodelled = unmodelled
+                 watched: Sequence[str], identified: Sequence[str],
+                 thrusters: BothThrusters) -> None:
+        self.unmodelled, self.thrusters = unmodelled, thrusters
         self.filter = PlanarFilter(
             rows, theta, variances, unmodelled.force_std, current_change)
         self.innovations = Innovations(noise, AXES)
@@ -249,7 +256,8 @@ class PlanarMember:
             [(f'{dof} ', row.first) for dof, row in zip(DOFS, rows) if dof in identified],
             [f'{dof} {name}' for dof, row in zip(DOFS, rows)
              for name, i in zip(OWN, row.own) if i >= 0], dict.fromkeys(LATE, DOUBTED_LATENCY),
-            [f'{dof} lag' for dof in identified] if lags else ())
+            [f'{dof} {name}' for dof, one in zip(DOFS, thrusters) if dof in identified
+             for name in one.found])
         self._rows = rows
         self._verdict: Verdict | None = None
         self._alternative = NOT_JUDGED
@@ -363,13 +371,20 @@ class PlanarMember:
         return self._verdict
 
     @property
-    def missing_lag(self) -> float:
-        """Return the square of the lag of the thrusters that is named [s^2], 0 for none."""
-        missing = None if self.verdict is None else self.verdict.missing
+    def better_thrusters(self) -> BothThrusters | None:
+        """Return thrusters that have what is named besides, None where that is something else."""
+        verdict = self.verdict
+        missing = None if verdict is None else verdict.missing or verdict.rest
         if missing is None:
-            return 0.0
-        row = self._rows[DOFS.index(missing.name.split()[0])]
-        return square_of_lag(missing, float(self.filter.theta[row.first + ALPHA]))
+            return None
+        dof, name = missing.name.split()
+        k = DOFS.index(dof)
+        found = better_thrusters(self.thrusters[k], replace(missing, name=name),
+                                 float(self.filter.theta[self._rows[k].first + ALPHA]))
+        if found is None:
+            return None
+        other = self.thrusters[1 - k]._replace(lag=found.lag)
+        return (found, other) if k == 0 else (other, found)
 
     @property
     def alternative(self) -> Alternative:

@@ -8,6 +8,7 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.last_minute import DEAD_BAND
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 KEPT: Final = 4.0
 """[s] that are kept, at least."""
@@ -27,8 +28,8 @@ class DelayedForce:
     ----------
     forgets : bool
         Whether what is older than ``KEPT`` may go.
-    lag : float
-        [s] Time constant with which the force follows what it is asked to be; 0 for none.
+    thrusters : Thrusters
+        What is to be made of the force that is asked for.
 
     Attributes
     ----------
@@ -39,8 +40,9 @@ class DelayedForce:
 
     """
 
-    def __init__(self, forgets: bool = True, lag: float = 0.0) -> None:
-        self._forgets, self._lag = forgets, lag
+    def __init__(self, forgets: bool = True, thrusters: Thrusters = AS_CONFIGURED) -> None:
+        self._forgets, self._thrusters, self._lag = forgets, thrusters, thrusters.lag
+        self._is_curved = thrusters.is_curved
         self._lagged: list[float] = []  # at the start of each span, where there is a lag
         self._times = [0.0]
         self._means: list[float] = []
@@ -78,6 +80,8 @@ class DelayedForce:
             if not time > begin:
                 continue
             mean = force / unit
+            if self._is_curved:
+                mean = self._thrusters.given(mean)
             square = mean * mean * length
             squares += square
             cubes += abs(mean) * square
@@ -101,10 +105,14 @@ class DelayedForce:
                 del column[:cut]
             self._near = 0
 
-    def set_lag(self, lag: float) -> None:
-        """Use another lag [s]; before the oldest span the force has been what it is there."""
-        self._lag, self._lagged = lag, []
-        for i in range(len(self._means) if lag else 0):
+    def set_thrusters(self, thrusters: Thrusters) -> None:
+        """Let them work otherwise; before the oldest span the force was what it is there."""
+        for i, mean in enumerate(self._means):
+            self._means[i] = new = thrusters.given(self._thrusters.asked(mean))
+            self._slopes[i] *= new / mean if mean else 1.0
+        self._thrusters, self._lag, self._lagged = thrusters, thrusters.lag, []
+        self._is_curved = thrusters.is_curved
+        for i in range(len(self._means) if self._lag else 0):
             self._lagged.append(self._lagged_end(i - 1) if i else self._means[0])
 
     def _lagged_end(self, i: int) -> float:

@@ -9,6 +9,7 @@ from typing import Any, Final
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import floats, POSITION, VELOCITY
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import Thrusters
 
 LEAST_INTERVAL: Final = 0.039
 """[s] between two measurements; fixes that come faster are taken together, 25 Hz come alone."""
@@ -69,8 +70,8 @@ class MeasurementClock:
         Index among the parameters of those that the filter makes itself; here they are 0.
     forgets : bool
         Whether the force may go when it is old.
-    lag : float
-        [s] Time constant of the thrusters.
+    thrusters : Thrusters
+        How they work, in typical forces.
 
     Attributes
     ----------
@@ -82,27 +83,27 @@ class MeasurementClock:
     """
 
     def __init__(self, force: float, velocity: float, couplings: int, watched: int,
-                 own: tuple[int, int], forgets: bool, lag: float) -> None:
+                 own: tuple[int, int], forgets: bool, thrusters: Thrusters) -> None:
         self._force, self._velocity = force, velocity
         self.couplings = couplings
         self.watched = watched
-        self._forgets, self._lag = forgets, lag
+        self._forgets, self._thrusters = forgets, thrusters
         self._own = [i - 4 for i in own if i >= 0]
         self._no_couplings, self._nothing_watched = [0.0] * couplings, (0.0,) * watched
         self.restart()
 
     def restart(self) -> None:
         """Begin a new path."""
-        self.recent = DelayedForce(self._forgets, self._lag)
+        self.recent = DelayedForce(self._forgets, self._thrusters)
         self._path = 0.0
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []
         self.ahead = 0.0
 
-    def set_lag(self, lag: float) -> None:
-        """Use another time constant [s]."""
-        self._lag = lag
-        self.recent.set_lag(lag)
+    def set_thrusters(self, thrusters: Thrusters) -> None:
+        """Let them work otherwise."""
+        self._thrusters = thrusters
+        self.recent.set_thrusters(thrusters)
 
     def add_step(self, step: Step) -> Measurement | None:
         """Return what a step measures, None where more fixes come into the measurement."""

@@ -32,10 +32,10 @@ INTERPRETED = (
     'rovid_core/trials/')
 # Of rovid_ros and the score, what is on the way of a message to its estimate and to the file.
 ALSO_COMPILED = (
-    'rovid_core/trials/score.py', 'rovid_core/trials/tuning/log.py', 'rovid_ros/logs/log.py',
-    'rovid_ros/logs/mcap_writer.py', 'rovid_ros/messages/converter.py',
-    'rovid_ros/results/dof_encoder.py', 'rovid_ros/results/outputs.py',
-    'rovid_ros/results/wire_encoding.py')
+    'rovid_core/trials/score.py', 'rovid_core/trials/spilling_table.py',
+    'rovid_core/trials/tuning/log.py', 'rovid_ros/logs/log.py', 'rovid_ros/logs/mcap_writer.py',
+    'rovid_ros/messages/converter.py', 'rovid_ros/results/dof_encoder.py',
+    'rovid_ros/results/outputs.py', 'rovid_ros/results/wire_encoding.py')
 
 
 def ros_wheels(distro: str) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 import math
-from typing import NamedTuple, TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
@@ -14,9 +14,7 @@ from rovid_core.model.plant import Array, trajectory
 from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 from rovid_core.trials.joint_simulation import ForceSegment
 from rovid_core.trials.record import LogWater, through_water, Times
-
-if TYPE_CHECKING:
-    from rovid_core.trials.score import SpillingTable
+from rovid_core.trials.spilling_table import SpillingTable
 
 NS = 1e-9
 

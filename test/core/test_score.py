@@ -10,7 +10,8 @@ import pytest
 from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Settings
-from rovid_core.trials.score import Score, ScoreLog, SpillingTable
+from rovid_core.trials.score import Score, ScoreLog
+from rovid_core.trials.spilling_table import SpillingTable
 
 from test.support.memory import lengths
 from test.support.surge import surge_settings, SURGE_TRUTH

@@ -478,7 +478,9 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
          'a_lag_that_no_thruster_has_is_not_taken '
          'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
-         ('a lag that no thruster has is taken', 'if lag <= DELAYS[1] else None', ''),
+         ('a lag that no thruster has is taken', 'if lag > DELAYS[1]:', 'if False:'),
+         ('a lag is longer than all that makes the motion late', 'min(lag, max(now.lag + delay, '
+          '0.0))', 'lag'),
          ('a dead band is half as wide', 'now.dead_band - share *',
           'now.dead_band - 0.5 * share *'),
          ('reverse thrust begins anew', 'now.reverse * (1.0 + share)', '1.0 + share')),

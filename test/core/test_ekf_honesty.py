@@ -9,7 +9,11 @@ import numpy as np
 import pytest
 from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.innovations import Innovations
-from rovid_core.identify.ekf.evidence.missing_terms import clocks_in_doubt, described
+from rovid_core.identify.ekf.evidence.missing_terms import (
+    better_thrusters,
+    clocks_in_doubt,
+    described,
+)
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
@@ -18,6 +22,7 @@ from rovid_core.identify.ekf.single.free_prediction import BlockFits, KEPT, pred
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import Thrusters
 from rovid_core.settings.run import Scales
 import scipy  # of which parts are imported when they are needed
 
@@ -101,8 +106,17 @@ def test_nothing_is_found_of_the_thrusters_that_they_do_not_have(name, there):
 def test_a_velocity_that_was_smoothed_is_no_lag_that_is_trusted(smoothing):
     """As that of an odometry: it looks like a lag, but the motion itself comes late."""
     drive = Drive().go(pieces(Vehicle(smoothing=smoothing), 0, 200.0))
-    assert drive.holds_mass
     assert 'converged' not in drive.judged
+
+
+@pytest.mark.parametrize(('now', 'delay', 'lag'), [
+    (Thrusters(), 0.3, 0.15), (Thrusters(), 0.1, 0.1), (Thrusters(), -0.01, None),
+    (Thrusters(0.1, 0.05, 0.9), 0.02, 0.12), (Thrusters(0.1), 0.0, None)])
+def test_a_lag_is_no_longer_than_all_that_makes_the_motion_late(now, delay, lag):
+    alpha = 0.7
+    missing = Missing('lag', -alpha, 0.1, alpha)  # of 0.15 s
+    better = better_thrusters(now, missing, alpha, delay)
+    assert better == (lag if lag is None else now._replace(lag=pytest.approx(lag)))
 
 
 def test_a_lag_that_no_thruster_has_is_not_taken():

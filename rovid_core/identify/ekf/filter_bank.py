@@ -185,7 +185,8 @@ class Member:
         """Return thrusters that have what is named besides, None where that is something else."""
         verdict = self.verdict
         return None if verdict is None else better_thrusters(
-            self.thrusters, verdict.missing or verdict.rest, self.filter.theta[ALPHA])
+            self.thrusters, verdict.missing or verdict.rest, self.filter.theta[ALPHA],
+            self.filter.theta[-1])
 
     @property
     def unseen(self) -> list[list[float]]:
@@ -377,7 +378,7 @@ class FilterBank(Generic[M]):
         if not self.go_through_again(start, (), False):
             return False
         better, least, verdict = self.best.better_thrusters, self._least, self.best.verdict
-        if better is None or better == self.best.thrusters:
+        if better is None:
             return False
         if verdict is None or verdict.rest is None:
             least -= MARGIN

@@ -379,8 +379,9 @@ class PlanarMember:
             return None
         dof, name = missing.name.split()
         k = DOFS.index(dof)
+        row, theta = self._rows[k], self.filter.theta
         found = better_thrusters(self.thrusters[k], replace(missing, name=name),
-                                 float(self.filter.theta[self._rows[k].first + ALPHA]))
+                                 float(theta[row.first + ALPHA]), float(theta[row.end - 1]))
         if found is None:
             return None
         other = self.thrusters[1 - k]._replace(lag=found.lag)

@@ -473,8 +473,8 @@ MUTANTS = [
          'nothing_is_found_of_the_thrusters_that_they_do_not_have '
          'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
          ('what is hardly likelier is found', 'least -= MARGIN', 'least += 1e9'),
-         ('what was found keeps its first size', 'verdict.missing or verdict.rest',
-          'verdict.missing')),
+         ('thrusters are tried again and again', 'start.duration < start.failed + PERIOD',
+          'False')),
     *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
          'a_lag_that_no_thruster_has_is_not_taken '
          'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
@@ -488,6 +488,10 @@ MUTANTS = [
          'a_lag_of_the_thrusters_is_found_and_said',
          ('a lag that was found is known exactly', 'for name in found if name in left}',
           'for name in found if False}')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
+         'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
+         ('what was found keeps its first size', 'if self.missing else self.rest',
+          'if self.missing else ()')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
          'what_is_found_of_the_thrusters_goes_on_after_a_restore',
          ('a restored filter forgets the thrusters', "read_thrusters(state['thrusters'])",

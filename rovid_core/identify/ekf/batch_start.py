@@ -125,6 +125,8 @@ class BatchStart(Generic[M]):
 
     Attributes
     ----------
+    failed : float
+        [s] of motion after which other thrusters were no better, the last time.
     was_there : bool
         Whether the last solution is where its guess was: one pass settled it.
 
@@ -139,7 +141,7 @@ class BatchStart(Generic[M]):
 
     def clear(self) -> None:
         """Forget all."""
-        self.duration, self.next = 0.0, PERIOD  # [s]
+        self.duration, self.next, self.failed = 0.0, PERIOD, 0.0  # [s]
         self.was_there = False
         self._pieces: list[tuple[Any, int]] = []
         self._measured: list[tuple[Any, Any, int]] = []
@@ -262,7 +264,7 @@ class BatchStart(Generic[M]):
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
-        return {'next': self.next, 'pieces': [
+        return {'next': self.next, 'failed': self.failed, 'pieces': [
             [list(piece.fields() if isinstance(piece, Step) else piece)
              if isinstance(piece, STEPS) else piece, use]
             for piece, use in self._pieces]}
@@ -271,7 +273,7 @@ class BatchStart(Generic[M]):
         """Go on from ``state``; raises ValueError if it does not fit."""
         pieces = [(self._read(piece), int(use)) for piece, use in state['pieces']]
         self.clear()
-        self.next = finite_number(state['next'])
+        self.next, self.failed = finite_number(state['next']), finite_number(state['failed'])
         for piece, use in pieces:
             self.add(piece, use)
 

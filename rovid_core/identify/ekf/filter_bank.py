@@ -8,7 +8,13 @@ import math
 from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
-from rovid_core.identify.ekf.batch_start import BatchStart, Learner, LONGEST, PASSES
+from rovid_core.identify.ekf.batch_start import (
+    BatchStart,
+    Learner,
+    LONGEST,
+    PASSES,
+    PERIOD,
+)
 from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters
@@ -183,10 +189,10 @@ class Member:
     @property
     def better_thrusters(self) -> Thrusters | None:
         """Return thrusters that have what is named besides, None where that is something else."""
-        verdict = self.verdict
-        return None if verdict is None else better_thrusters(
-            self.thrusters, verdict.missing or verdict.rest, self.filter.theta[ALPHA],
-            self.filter.theta[-1])
+        better, verdict, theta = self.thrusters, self.verdict, self.filter.theta
+        for missing in [] if verdict is None else verdict.to_find:
+            better = better_thrusters(better, missing, theta[ALPHA], theta[-1])
+        return None if better == self.thrusters else better
 
     @property
     def unseen(self) -> list[list[float]]:
@@ -324,24 +330,31 @@ class FilterBank(Generic[M]):
             Whether this is the first time.
 
         """
-        best, members, passes = self.best, self.members, PASSES if early else 2
+        guesses = [self.best.filter.theta, *([first_guess] if early else [])]
+        went_well = self._solve(start, guesses, PASSES if early else 2, early, True)
+        self.confirmed = self.confirmed and not early
+        return went_well
+
+    def _solve(self, start: BatchStart[M], guesses: Sequence[Sequence[float]], passes: int,
+               from_best: bool, from_own: bool) -> bool:
+        """Let the best member begin at guesses, and the others where it ends or at their own."""
+        best, members = self.best, self.members
         self.confirmed = False
         with suppress(ArithmeticError, np.linalg.LinAlgError):
-            first = start.solve(
-                best, [best.filter.theta, *([first_guess] if early else [])], passes)
+            first = start.solve(best, guesses, passes)
             noise, was_there = first.innovations.noise, start.was_there
             for k, member in enumerate(members):
                 if member is not best:
                     # one that went astray has taken that for noise
                     member.innovations.noise = min(member.innovations.noise, noise)
                     members[k] = start.solve(
-                        member, [*([first.filter.theta] if early else []), member.filter.theta],
-                        passes)
+                        member, [*([first.filter.theta] if from_best else []),
+                                 *([member.filter.theta] if from_own else [])], passes)
             members[self.number] = first
             for member in members:
                 member.judge()
             self.choose()
-            self.confirmed = was_there and not early and self.best is first
+            self.confirmed = was_there and self.best is first
             return True
         return False
 
@@ -360,12 +373,13 @@ class FilterBank(Generic[M]):
             parameters of the best one whose delay is shorter by the lag.
 
         """
-        if self.best.better_thrusters is None:
+        if self.best.better_thrusters is None or start.duration < start.failed + PERIOD:
             return False
         members, number, before = list(self.members), self.number, self.best.thrusters
         noises = [member.innovations.noise for member in members]
         if self._takes_thrusters(start, use):
             return True
+        start.failed = start.duration
         use(before)
         self.members, self.number = members, number
         for member, noise in zip(members, noises):
@@ -380,10 +394,10 @@ class FilterBank(Generic[M]):
         better, least, verdict = self.best.better_thrusters, self._least, self.best.verdict
         if better is None:
             return False
-        if verdict is None or verdict.rest is None:
+        if verdict is None or verdict.missing:
             least -= MARGIN
         # once more: where fixes come fast there were few passes
-        return self.go_through_again(start, use(better), True) and (
+        return self._solve(start, [use(better)], PASSES, True, False) and (
             self.go_through_again(start, (), False)) and self._least < least
 
     @property

@@ -138,9 +138,9 @@ class Verdict:
         The parameters that fit all of them best, also beyond their bounds.
     untold : tuple of str
         The term of each DOF that it may have and that makes most of its alpha's variance.
-    rest : Missing or None
-        By how much a term whose size was found is off, most significantly; None where nothing is
-        missing besides, or none is off.
+    rest : tuple of Missing
+        By how much terms whose size was found are off, the most significant first; none where
+        something else is missing.
 
     """
 
@@ -150,7 +150,12 @@ class Verdict:
     count: int
     theta: list[float]
     untold: tuple[str, ...]
-    rest: Missing | None = None
+    rest: tuple[Missing, ...] = ()
+
+    @property
+    def to_find(self) -> tuple[Missing, ...]:
+        """Return what may be found of the thrusters: what is missing, or the sizes of the rest."""
+        return (self.missing,) if self.missing else self.rest
 
 
 class BlockFit:
@@ -261,17 +266,15 @@ class BlockFit:
             leaning = self.c @ self.total[a, k]
             covariance = covariance + variance * np.outer(leaning, leaning)
         return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
-                       tuple(untold), None if missing else self._most_off(there, rows))
+                       tuple(untold), () if missing else self._off(there, rows))
 
-    def _most_off(self, there: Mapping[str, UnseenTerm],
-                  rows: Sequence[tuple[str, int]]) -> Missing | None:
-        """Return the term that is off by most standard deviations, None for no more than one."""
-        rest, most = None, 1.0
-        for name, term in there.items():
-            if term.mean * term.mean > most * term.variance:
-                most = term.mean * term.mean / term.variance
-                rest = Missing(name, term.mean, 0.0, self.alpha(name, rows))
-        return rest
+    def _off(self, there: Mapping[str, UnseenTerm],
+             rows: Sequence[tuple[str, int]]) -> tuple[Missing, ...]:
+        """Return the terms that are off by more than a standard deviation, by how many."""
+        off = [(term.mean * term.mean / term.variance, name) for name, term in there.items()
+               if term.mean * term.mean > term.variance]
+        return tuple([Missing(name, there[name].mean, 0.0, self.alpha(name, rows))
+                      for _, name in sorted(off, reverse=True)])
 
     def _most_missing(self, candidates: Mapping[str, list[int]],
                       alone: Mapping[int, Remainder], count: float,

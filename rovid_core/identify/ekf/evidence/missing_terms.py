@@ -110,28 +110,27 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
             for name in thrusters.found]
 
 
-def better_thrusters(now: Thrusters, missing: Missing | None, alpha: float,
-                     delay: float) -> Thrusters | None:
+def better_thrusters(now: Thrusters, missing: Missing, alpha: float, delay: float) -> Thrusters:
     """
-    Return thrusters that also have what is missing, None where that is something else.
+    Return thrusters that also have what is missing, the same where that is something else.
 
     ``alpha`` and ``delay`` [s] are those of the filter, which lacks it.
     """
-    if missing is None or not missing.alpha > 0.0:
-        return None
-    share, better = missing.coefficient / missing.alpha, now
+    if not missing.alpha > 0.0:
+        return now
+    share = missing.coefficient / missing.alpha
     if missing.name == 'lag':
         lag = math.sqrt(max(
             now.lag * now.lag + _square_of_lag(missing.coefficient / alpha), 0.0))
         if lag > DELAYS[1]:
-            return None
+            return now
         # a delay makes the motion late, too, and there is no thrust before it is asked for
-        better = now._replace(lag=min(lag, max(now.lag + delay, 0.0)))
-    elif missing.name == 'dead_band':
-        better = now._replace(dead_band=max(now.dead_band - share * DEAD_BAND, 0.0))
-    elif missing.name == 'reverse_thrust' and share > -1.0:
-        better = now._replace(reverse=now.reverse * (1.0 + share))
-    return None if better == now else better
+        return now._replace(lag=min(lag, max(now.lag + delay, 0.0)))
+    if missing.name == 'dead_band':
+        return now._replace(dead_band=max(now.dead_band - share * DEAD_BAND, 0.0))
+    if missing.name == 'reverse_thrust' and share > -1.0:
+        return now._replace(reverse=now.reverse * (1.0 + share))
+    return now
 
 
 def _square_of_lag(share: float) -> float:

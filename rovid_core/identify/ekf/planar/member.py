@@ -373,19 +373,18 @@ class PlanarMember:
     @property
     def better_thrusters(self) -> BothThrusters | None:
         """Return thrusters that have what is named besides, None where that is something else."""
-        verdict = self.verdict
-        missing = None if verdict is None else verdict.missing or verdict.rest
-        if missing is None:
-            return None
-        dof, name = missing.name.split()
-        k = DOFS.index(dof)
-        row, theta = self._rows[k], self.filter.theta
-        found = better_thrusters(self.thrusters[k], replace(missing, name=name),
-                                 float(theta[row.first + ALPHA]), float(theta[row.end - 1]))
-        if found is None:
-            return None
-        other = self.thrusters[1 - k]._replace(lag=found.lag)
-        return (found, other) if k == 0 else (other, found)
+        better, verdict, theta = list(self.thrusters), self.verdict, self.filter.theta
+        for missing in [] if verdict is None else verdict.to_find:
+            dof, name = missing.name.split()
+            k = DOFS.index(dof)
+            if name == 'lag' and better[k].lag != self.thrusters[k].lag:
+                continue  # that of both is known better from the other DOF
+            row = self._rows[k]
+            better[k] = better_thrusters(better[k], replace(missing, name=name), float(
+                theta[row.first + ALPHA]), float(theta[row.end - 1]))
+            better[1 - k] = better[1 - k]._replace(lag=better[k].lag)
+        one, other = better
+        return None if (one, other) == self.thrusters else (one, other)
 
     @property
     def alternative(self) -> Alternative:

@@ -421,7 +421,9 @@ class ConfigurationCheck:
         names = [f'{k + 1}' + (f' ({self._settings.thrusters.names[k]})'
                                if self._settings.thrusters.names else '') for k in range(n)]
         rows = self._allocation[[DOFS.index(axis) for axis in pushed]]
-        for j in range(n):
+        # which component of a wrench is which the message says
+        exchangeable = 0 if np.array_equal(self._allocation, np.eye(len(DOFS))) else n
+        for j in range(exchangeable):
             for k in range(j + 1, n):
                 if np.any(rows[:, j] != rows[:, k]):
                     exchanged = self._allocation.copy()

@@ -285,6 +285,10 @@ MOST_RESTS: Final = 30
 """Different commands for all thrusters, after which none is taken for their rest."""
 
 
+ROUNDING: Final = 1e-9
+"""Of a typical size, up to which a force or a velocity is none."""
+
+
 class TypicalSizeCheck:
     """
     Compare a DOF's force and velocity with the typical ones.
@@ -339,6 +343,8 @@ class TypicalSizeCheck:
         typical = self._scales.force, self._scales.velocity
         if not is_long and all(map(lt, sizes, typical)):
             return []
+        if any(size < ROUNDING * used for size, used in zip(sizes, typical)):
+            return []  # as of an allocation that was computed and asks nothing of the DOF
         return [f'{self._dof}.typical.{name} {size:.2g} instead of {used:.2g}'
                 for name, size, used in zip(('force', 'velocity'), sizes, typical)
                 if not used / FAR_OFF <= size <= used * FAR_OFF]

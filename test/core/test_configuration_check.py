@@ -149,6 +149,28 @@ def test_what_is_alike_is_named_together() -> None:
     assert 'its row heave' in line and 'thruster 5' in line
 
 
+def test_components_of_a_wrench_are_not_exchanged(data: Drive) -> None:
+    """Which of them is which the message says, unlike the order of thrusters."""
+    commands, headings, world = data
+    wrenches = commands @ ALLOCATION.T
+    wrenches[:, [1, 2]] = wrenches[:, [2, 1]]
+    wrench = ThrusterSettings(('/w',), gain=(1.0,) * 6, allocation=tuple(
+        map(tuple, np.eye(6).tolist())))
+    for thrusters, named in ((wrench, False), (replace(wrench, allocation=tuple(
+            map(tuple, (2.0 * np.eye(6)).tolist()))), True)):
+        check = ConfigurationCheck(replace(
+            settings_of(ALLOCATION), thrusters=thrusters), float, (told := []).append)
+        for k, (force, psi, (x, y, z, r)) in enumerate(zip(wrenches, headings, world)):
+            c, s = math.cos(psi), math.sin(psi)
+            check.add_commands(k * TICK, force.tolist())
+            for input, body in (('position', (c * x + s * y, c * y - s * x, z)),
+                                ('attitude', (0.0, 0.0, r))):
+                check.add_motion(
+                    input, Motion(k * TICK, (k + 1) * TICK, k * TICK, (), body=body), psi)
+        check.look()
+        assert ('exchange thrusters 2 and 3' in ''.join(told)) == named
+
+
 def test_a_gap_hides_nothing(data: Drive) -> None:
     commands, headings, world = data
     check = ConfigurationCheck(replace(settings_of(-ALLOCATION), max_gap=1.0), float, (

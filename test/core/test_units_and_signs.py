@@ -9,8 +9,10 @@ from rovid_core.inputs.units_and_signs import (
     look_like_pulse_widths,
     NeutralCheck,
     TwoSendersCheck,
+    TypicalSizeCheck,
 )
-from rovid_core.settings.run import InputSettings
+from rovid_core.model.samples import Step
+from rovid_core.settings.run import DofSettings, InputSettings
 from rovid_core.velocity.attitude_history import from_yaw
 
 from test.support.injected_faults import clean, run, spoilt, vehicle
@@ -142,3 +144,13 @@ def test_thrusters_that_rest_where_they_should_are_no_slip():
     for k in range(1000):  # at rest, and now and then pushed all alike
         check.add_commands((1500.0 + 80.0 * (k % 10 == 3),) * 3)
     assert told == []
+
+
+@pytest.mark.parametrize(('force', 'advice'), [
+    (1.0, []), (0.1, ['sway.typical.force 0.12 instead of 1']), (1e-15, [])])
+def test_a_force_of_rounding_is_no_typical_size(force, advice):
+    """As of an allocation that was computed and asks nothing of a DOF."""
+    check = TypicalSizeCheck('sway', DofSettings(1.0, typical_force=1.0, typical_velocity=1.0))
+    for sign in (1.0, -1.0):
+        check.add_step(Step(0.1, (sign, sign, sign), (force * sign, force * sign, force * sign)))
+    assert check.advice(True) == advice

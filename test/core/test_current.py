@@ -218,6 +218,18 @@ def test_what_looks_like_a_current_is_named_with_its_size(of, seen, named, true,
         assert last.current.advice in ' '.join(dof.reasons)
 
 
+def test_a_coupling_that_is_missing_comes_before_what_looks_like_a_current():
+    of = settings(FIXES)
+    stream = Stream(replace(of, dof={
+        name: replace(dof, couplings=()) for name, dof in of.dof.items()}))
+    for event in with_fixes_late(replace(FIXES, duration=80.0), late=0.3):
+        stream.receive(event)
+    current = stream.estimate.current
+    assert (current.status, current.advice) == (
+        'inconsistent', 'a coupling is missing, which may look like one')
+    assert 'add couplings: [' in ' '.join(stream.estimate.dofs[0].reasons)
+
+
 def test_a_latency_that_is_off_is_within_the_intervals():
     slow = Run(rate=1.0, noise=0.1, duration=300.0)
     stream = Stream(settings(slow))

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from rovid_core.identify.ekf.batch_start import PERIOD
 from rovid_core.identify.ekf.evidence.block_fit import Regression, Verdict
+from rovid_core.identify.ekf.evidence.missing_terms import is_coupling
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.planar.layout import AXES
@@ -32,6 +33,8 @@ KNOWN, SEEN = 0.02, 1.0 / 3.0
 """Standard deviation [m/s] of a known current, and share of the prior of one that is seen."""
 
 THRUST_ELSEWHERE = 'thrust on other headings'
+
+COUPLING_FIRST = 'a coupling is missing, which may look like one'
 
 FALSE_ALTERNATIVE = 1e-5
 """Probability that something that fits better is found at the end of a block by chance."""
@@ -184,6 +187,9 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
         Of these blocks.
 
     """
+    missing = verdict.missing
+    if is_coupling(missing):
+        return Alternative(math.nan, COUPLING_FIRST)
     best = Alternative(0.0)
     regressions = blocks.regressions((PULL, HEADING, LATE))
     for found, described in zip(regressions, (_pull, _offset, _latency)):
@@ -192,7 +198,7 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
         chi2, advice = min(found.power, found.t_squared), ''
         # what explains more is another regressor that the model lacks
         share = found.power / (found.power + blocks.measurements)
-        least = verdict.missing.share if verdict.missing is not None else 0.0
+        least = missing.share if missing is not None else 0.0
         if share > least and _is_significant(found, verdict.count):
             advice = described(found)
         if (advice != '', chi2) > (best.advice != '', best.chi2):

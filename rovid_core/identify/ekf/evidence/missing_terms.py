@@ -44,7 +44,8 @@ def is_coupling(missing: Missing | None) -> bool:
     Until it is added nothing can be said of what else the model lacks: what is found first hides
     the rest.
     """
-    return missing is not None and missing.name != 'current' and missing.name not in CANDIDATES
+    name = missing.name.split()[-1] if missing is not None else 'current'  # after that of the DOF
+    return name != 'current' and name not in CANDIDATES
 
 
 def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:

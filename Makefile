@@ -26,7 +26,7 @@ export OPENBLAS_NUM_THREADS = 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint figures bench picture browser clean
+.PHONY: help demo test pytest lint figures bench picture browser clean
 
 help:
 	@echo 'make demo   simulate a vehicle and identify it; needs no ROS'
@@ -45,7 +45,10 @@ demo: $(RUN_READY)
 	$(RUN)/bin/python -m rovid_ros.commands.demo
 
 ifeq ($(COMPILE),)
-test: lint
+test: $(TEST_READY)
+	@$(MAKE) --no-print-directory -j2 lint pytest
+
+pytest: $(TEST_READY)
 	$(TEST)/bin/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
 else
 test: $(TEST)/compiled

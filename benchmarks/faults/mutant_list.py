@@ -619,7 +619,7 @@ MUTANTS = [
           "if frames == 'enu':", 'if True:'),
          ('of a current in NED the covariance is that in ENU',
           'covariance=(yy, xy, xx)', 'covariance=(xx, xy, yy)')),
-    *_of('rovid_ros/logs/static_frames.py', 'test/messages/test_static_frames.py',
+    *_of('rovid_ros/logs/static_frames.py', 'test/logs/test_static_frames.py',
          ('a sensor is where its parent is turned from',
           'return (rotate_back(p, (f[0] - b[0]', 'return (rotate(p, (f[0] - b[0]'),
          ('turns hang together the wrong way',

@@ -13,6 +13,7 @@ import sys
 import textwrap
 from typing import Any
 
+from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
 from rovid_core.identify.estimate import Estimate
 from rovid_core.identify.intervals import Z95
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
@@ -443,6 +444,12 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
         'model\npredicts from the logged thrust alone.')
+    noisy = [dof for dof, values in dofs.items() if values['status'] == 'converged'
+             and values['intervals'] and (values['fit'] or 0.0) < HELD_FIT[1]]
+    if noisy:  # with such errors against the fixes themselves it would not have stayed so
+        lines.append(_filled(
+            f'{", ".join(noisy)}: most of what fit counts as an error is noise of the measured '
+            'velocity; without that the last minute is predicted well enough.'))
     if any('fit_joint' in values for values in dofs.values()):
         lines.append(
             'Of a DOF with couplings, fit takes the other DOFs as they were measured; all '

@@ -1,12 +1,17 @@
 """The log that lies beside the tests, as one of a user's: read, checked, replayed, compared."""
 
+from dataclasses import replace
 import json
 from pathlib import Path
 
 import pytest
 from rosbags.highlevel import AnyReader
 from rovid_ros.commands.main import main
+from rovid_ros.commands.replay import replay, report
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 from rovid_ros.logs.log import Log
+from rovid_ros.logs.player import PipelinePlayer
 
 LOG = Path(__file__).parents[1] / 'data' / 'jhurov_dive.mcap'
 CONFIG = Path(__file__).parents[2] / 'config' / 'jhurov.yaml'
@@ -25,6 +30,17 @@ def test_it_is_read_as_by_another_reader() -> None:
 def test_its_check_finds_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(['check', str(CONFIG), str(LOG)]) == 0
     assert 'error' not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('fit', 'status', 'said'), [
+    (0.2, 'converged', True), (0.9, 'converged', False), (0.2, 'converging', False)])
+def test_a_low_fit_of_a_model_that_predicts_is_explained(
+        fit: float, status: str, said: bool) -> None:
+    settings = settings_from(load(CONFIG))
+    result = replay([LOG], settings, PipelinePlayer(settings))
+    dofs = {dof: {**values, 'fit': fit, 'status': status} for dof, values in result.dofs.items()}
+    text = report(replace(result, dofs=dofs))
+    assert ('surge, heave, yaw: most of what fit counts' in text) == said
 
 
 def test_its_replay_finds_the_vehicle(tmp_path: Path) -> None:

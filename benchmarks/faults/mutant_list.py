@@ -472,11 +472,14 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
          'nothing_is_found_of_the_thrusters_that_they_do_not_have '
          'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
-         ('what is hardly likelier is found', 'least -= MARGIN', 'least += 1e9'),
+         ('what is hardly likelier is found', 'least -= MARGIN', 'least += 1e9')),
+    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
+         'thrusters_that_are_no_better_are_not_tried_again_at_once',
          ('thrusters are tried again and again', 'start.duration < start.failed + PERIOD',
           'False')),
     *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
          'a_lag_that_no_thruster_has_is_not_taken '
+         'a_lag_is_no_longer_than_all_that_makes_the_motion_late '
          'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
          ('a lag that no thruster has is taken', 'if lag > DELAYS[1]:', 'if False:'),
          ('a lag is longer than all that makes the motion late', 'min(lag, max(now.lag + delay, '

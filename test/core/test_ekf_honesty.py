@@ -124,6 +124,16 @@ def test_a_lag_that_no_thruster_has_is_not_taken():
     assert 'converged' not in drive.judged
 
 
+def test_thrusters_that_are_no_better_are_not_tried_again_at_once():
+    drive, failed = Drive(), {0.0}
+    steps = pieces(Vehicle(lag=1.2), 0, 130.0)
+    for k in range(0, 1100, 50):
+        drive.go(steps[k:k + 50])
+        failed.add(drive.one.state()['start']['failed'])
+    assert len(failed) > 2
+    assert np.diff(sorted(failed)).min() >= 20.0
+
+
 @pytest.mark.parametrize('vehicle', [
     Vehicle(lag=0.2), VEHICLES['dead-band 3 N'], VEHICLES['reverse thrust x 0.8']])
 def test_what_is_found_of_the_thrusters_goes_on_after_a_restore(vehicle):

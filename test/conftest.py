@@ -44,6 +44,12 @@ def repository() -> Path:
 
 
 @pytest.fixture(scope='session')
+def config(repository: Path) -> Path:
+    """Return the parameter file of a simulated vehicle."""
+    return repository / 'config' / 'jhurov.yaml'
+
+
+@pytest.fixture(scope='session')
 def data() -> Path:
     """Return the folder of the recorded logs that are not part of the repository."""
     folder = Path(os.environ.get('ROVID_DATA', REPOSITORY.parent / 'shared' / 'data'))

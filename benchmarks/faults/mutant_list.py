@@ -495,6 +495,16 @@ MUTANTS = [
          'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
          ('what was found keeps its first size', 'if self.missing else self.rest',
           'if self.missing else ()')),
+    *_of('rovid_core/identify/ekf/evidence/current_status.py', 'test/core/test_current.py '
+         'a_coupling_that_is_missing_comes_before_what_looks_like_a_current',
+         ('a coupling that is missing is taken for a latency', 'if is_coupling(missing):',
+          'if False:')),
+    *_of('rovid_core/inputs/configuration_check.py', 'test/core/test_configuration_check.py '
+         'components_of_a_wrench_are_not_exchanged',
+         ('components of a wrench are exchanged', '() if is_wrench else', '')),
+    *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
+         'a_force_of_rounding_is_no_typical_size',
+         ('a force of rounding is a typical size', 'size < ROUNDING * used', 'False')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
          'what_is_found_of_the_thrusters_goes_on_after_a_restore',
          ('a restored filter forgets the thrusters', "read_thrusters(state['thrusters'])",

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 import math
 from statistics import NormalDist
 from typing import Final
@@ -422,14 +423,13 @@ class ConfigurationCheck:
                                if self._settings.thrusters.names else '') for k in range(n)]
         rows = self._allocation[[DOFS.index(axis) for axis in pushed]]
         # which component of a wrench is which the message says
-        exchangeable = 0 if np.array_equal(self._allocation, np.eye(len(DOFS))) else n
-        for j in range(exchangeable):
-            for k in range(j + 1, n):
-                if np.any(rows[:, j] != rows[:, k]):
-                    exchanged = self._allocation.copy()
-                    exchanged[:, [j, k]] = exchanged[:, [k, j]]
-                    yield Mistake('thrusters.allocation or thrusters.names: exchange thrusters '
-                                  f'{names[j]} and {names[k]}', exchanged)
+        is_wrench = np.array_equal(self._allocation, np.eye(len(DOFS)))
+        for j, k in () if is_wrench else combinations(range(n), 2):
+            if np.any(rows[:, j] != rows[:, k]):
+                exchanged = self._allocation.copy()
+                exchanged[:, [j, k]] = exchanged[:, [k, j]]
+                yield Mistake('thrusters.allocation or thrusters.names: exchange thrusters '
+                              f'{names[j]} and {names[k]}', exchanged)
         for k in range(n):
             if np.any(rows[:, k] != 0.0):
                 yield Mistake('thrusters.allocation or thrusters.gain: turn the sign of thruster '

@@ -444,12 +444,13 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
         'model\npredicts from the logged thrust alone.')
-    noisy = [dof for dof, values in dofs.items() if values['status'] == 'converged'
-             and values['intervals'] and (values['fit'] or 0.0) < HELD_FIT[1]]
-    if noisy:  # with such errors against the fixes themselves it would not have stayed so
+    low = [dof for dof, values in dofs.items() if values['status'] == 'converged'
+           and values['intervals'] and (values['fit'] or 0.0) < HELD_FIT[1]]
+    if low:
         lines.append(_filled(
-            f'{", ".join(noisy)}: most of what fit counts as an error is noise of the measured '
-            'velocity; without that the last minute is predicted well enough.'))
+            f'{", ".join(low)}: the status speaks of the last minute, with the noise of what is '
+            'measured taken off; fit is of the whole log, noise and all. Where they disagree the '
+            'fixes are coarse, or the vehicle was another one before.'))
     if any('fit_joint' in values for values in dofs.values()):
         lines.append(
             'Of a DOF with couplings, fit takes the other DOFs as they were measured; all '

@@ -27,12 +27,6 @@ DURATION = 20  # [s] of the log that most tests use
 
 
 @pytest.fixture(scope='module')
-def config(repository: Path) -> Path:
-    """Return the parameter file of the simulated vehicle."""
-    return repository / 'config' / 'jhurov.yaml'
-
-
-@pytest.fixture(scope='module')
 def log(config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a simulated log."""
     path = tmp_path_factory.mktemp('log') / 'log.mcap'

@@ -31,11 +31,6 @@ MIDDLE = 1_700_000_009_000_000_000
 
 
 @pytest.fixture(scope='module')
-def config(repository: Path) -> Path:
-    return repository / 'config' / 'jhurov.yaml'
-
-
-@pytest.fixture(scope='module')
 def dives(config: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Return the logs of two dives, one after the other."""
     folder = tmp_path_factory.mktemp('dives')

@@ -65,12 +65,16 @@ def settings_of(allocation: np.ndarray, depth: bool = False) -> Settings:
 
 def warnings(data: Drive, allocation: np.ndarray = ALLOCATION, *, depth: bool = False,
              heading: Callable[[float], float] = float, flipped: tuple[int, ...] = (),
-             late: float = 0.0) -> list[str]:
+             late: float = 0.0, settings: Settings | None = None,
+             lost: Callable[[int], bool] = lambda k: False) -> list[str]:
     """Return what is told of a drive; ``flipped`` are world z or the vehicle's y."""
     commands, headings, world = data
     told: list[str] = []
-    check = ConfigurationCheck(settings_of(allocation, depth), float, told.append)
+    check = ConfigurationCheck(
+        settings or settings_of(allocation, depth), float, told.append)
     for k, (command, true, (x, y, z, turned)) in enumerate(zip(commands, headings, world)):
+        if lost(k):
+            continue
         start, end = k * TICK, (k + 1) * TICK
         seen = heading(true)
         c, s = math.cos(seen), math.sin(seen)
@@ -151,41 +155,21 @@ def test_what_is_alike_is_named_together() -> None:
 
 def test_components_of_a_wrench_are_not_exchanged(data: Drive) -> None:
     """Which of them is which the message says, unlike the order of thrusters."""
-    commands, headings, world = data
+    commands, *motion = data
     wrenches = commands @ ALLOCATION.T
     wrenches[:, [1, 2]] = wrenches[:, [2, 1]]
-    wrench = ThrusterSettings(('/w',), gain=(1.0,) * 6, allocation=tuple(
-        map(tuple, np.eye(6).tolist())))
-    for thrusters, named in ((wrench, False), (replace(wrench, allocation=tuple(
-            map(tuple, (2.0 * np.eye(6)).tolist()))), True)):
-        check = ConfigurationCheck(replace(
-            settings_of(ALLOCATION), thrusters=thrusters), float, (told := []).append)
-        for k, (force, psi, (x, y, z, r)) in enumerate(zip(wrenches, headings, world)):
-            c, s = math.cos(psi), math.sin(psi)
-            check.add_commands(k * TICK, force.tolist())
-            for input, body in (('position', (c * x + s * y, c * y - s * x, z)),
-                                ('attitude', (0.0, 0.0, r))):
-                check.add_motion(
-                    input, Motion(k * TICK, (k + 1) * TICK, k * TICK, (), body=body), psi)
-        check.look()
+    for scale, named in ((1.0, False), (2.0, True)):
+        allocation = tuple(map(tuple, (scale * np.eye(6)).tolist()))
+        told = warnings((wrenches, *motion), settings=replace(
+            settings_of(ALLOCATION), thrusters=ThrusterSettings(
+                ('/w',), gain=(1.0,) * 6, allocation=allocation)))
         assert ('exchange thrusters 2 and 3' in ''.join(told)) == named
 
 
 def test_a_gap_hides_nothing(data: Drive) -> None:
-    commands, headings, world = data
-    check = ConfigurationCheck(replace(settings_of(-ALLOCATION), max_gap=1.0), float, (
-        told := []).append)
-    for k, (command, psi, (x, y, z, r)) in enumerate(zip(commands, headings, world)):
-        if k % 200 < 20:
-            continue  # two seconds in twenty
-        c, s = math.cos(psi), math.sin(psi)
-        check.add_commands(k * TICK, command.tolist())
-        for input, body in (('position', (c * x + s * y, c * y - s * x, z)),
-                            ('attitude', (0.0, 0.0, r))):
-            check.add_motion(
-                input, Motion(k * TICK, (k + 1) * TICK, k * TICK, (), body=body), psi)
-    check.look()
-    assert len(told) == 1 and 'thrusters.gain' in told[0]
+    line, = warnings(data, settings=replace(settings_of(-ALLOCATION), max_gap=1.0),
+                     lost=lambda k: k % 200 < 20)  # two seconds in twenty
+    assert 'thrusters.gain' in line
 
 
 def test_thrust_without_motion_says_nothing() -> None:

@@ -47,12 +47,6 @@ def frames_of(*transforms: Transform) -> StaticFrames:
 
 
 @pytest.fixture(scope='module')
-def config(repository: Path) -> Path:
-    """Return the parameter file of the simulated vehicle."""
-    return repository / 'config' / 'jhurov.yaml'
-
-
-@pytest.fixture(scope='module')
 def log(config: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a log of a vehicle whose sensors are neither in the middle nor straight."""
     path = tmp_path_factory.mktemp('log') / 'log.mcap'

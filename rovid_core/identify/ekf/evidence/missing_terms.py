@@ -44,7 +44,8 @@ def is_coupling(missing: Missing | None) -> bool:
     Until it is added nothing can be said of what else the model lacks: what is found first hides
     the rest.
     """
-    name = missing.name.split()[-1] if missing is not None else 'current'  # after that of the DOF
+    # in the filter of two DOFs the name begins with that of one
+    name = missing.name.split()[-1] if missing is not None else 'current'
     return name != 'current' and name not in CANDIDATES
 
 

@@ -102,6 +102,13 @@ def test_nothing_is_found_of_the_thrusters_that_they_do_not_have(name, there):
         assert driven(name, seed).one.thrusters.found == there
 
 
+def test_what_follows_another_axis_is_not_taken_for_the_thrusters():
+    """It pushes more one way in this drive, and no regressor that is watched says why."""
+    drive = Drive(Scales.of(GUESS)).go(pieces(VEHICLES['coupled'], 3, 130.0))
+    assert not drive.one.thrusters.found
+    assert drive.judged[-1] == 'converging'
+
+
 @pytest.mark.parametrize('smoothing', [0.25, 0.5])
 def test_a_velocity_that_was_smoothed_is_no_lag_that_is_trusted(smoothing):
     """As that of an odometry: it looks like a lag, but the motion itself comes late."""

@@ -391,14 +391,18 @@ class FilterBank(Generic[M]):
         # compared are members that went through all the same data at parameters that fit them
         if not self.go_through_again(start, (), False):
             return False
-        better, least, verdict = self.best.better_thrusters, self._least, self.best.verdict
+        better, least, found = self.best.better_thrusters, self._least, self.best.blocks.found
         if better is None:
             return False
-        if verdict is None or verdict.missing:
-            least -= MARGIN
         # once more: where fixes come fast there were few passes
-        return self._solve(start, [use(better)], PASSES, True, False) and (
-            self.go_through_again(start, (), False)) and self._least < least
+        if not (self._solve(start, [use(better)], PASSES, True, False)
+                and self.go_through_again(start, (), False)):
+            return False
+        verdict = self.best.verdict
+        if verdict is not None and self.best.blocks.found != found:
+            # where the blocks scatter more than the model says, the data are worth less
+            least -= MARGIN * verdict.unexplained
+        return self._least < least
 
     @property
     def _least(self) -> float:

@@ -141,6 +141,8 @@ class Verdict:
     rest : tuple of Missing
         By how much terms whose size was found are off, the most significant first; none where
         something else is missing.
+    unexplained : float
+        The scatter that is left when what is missing is added.
 
     """
 
@@ -151,6 +153,7 @@ class Verdict:
     theta: list[float]
     untold: tuple[str, ...]
     rest: tuple[Missing, ...] = ()
+    unexplained: float = 1.0
 
     @property
     def to_find(self) -> tuple[Missing, ...]:
@@ -236,11 +239,12 @@ class BlockFit:
             covariance = covariance * max(1.0, n / LEAST_COUNT)
         sizes = {begin + name: std for begin, first in rows
                  for name, (std, _) in expected(self.all_parameters()[first:]).items()}
-        whole, left = self, dict(candidates)
+        whole, left, unexplained = self, dict(candidates), scatter
         alone = self._remainders([*_single(candidates), *doubted])
         missing = self._most_missing(candidates, alone, float(counts.sum()), sizes)
         if missing is not None:  # it hides what else there may be
             whole = self._with(left.pop(missing.name))
+            unexplained = whole.scatter()
             missing = replace(missing, alpha=whole.alpha(missing.name, rows))
             alone = {k: one._replace(leaning=one.leaning[:len(a)]) for k, one in
                      whole._remainders([*_single(left), *doubted]).items()}
@@ -266,7 +270,7 @@ class BlockFit:
             leaning = self.c @ self.total[a, k]
             covariance = covariance + variance * np.outer(leaning, leaning)
         return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
-                       tuple(untold), () if missing else self._off(there, rows))
+                       tuple(untold), () if missing else self._off(there, rows), unexplained)
 
     def _off(self, there: Mapping[str, UnseenTerm],
              rows: Sequence[tuple[str, int]]) -> tuple[Missing, ...]:
@@ -318,10 +322,8 @@ class BlockFit:
         theta[self.active], variances[self.active] = self._start, 1.0 / self.prior.diagonal()
         for k in columns:
             variances[k] = WIDE / self.total[k, k]
-        found = BlockFit([*self.active, *columns], theta.tolist(), variances.tolist(),
-                         self.information, self.score)
-        found.scatter()
-        return found
+        return BlockFit([*self.active, *columns], theta.tolist(), variances.tolist(),
+                        self.information, self.score)
 
     def unseen(self, candidates: Mapping[str, list[int]],
                rows: Sequence[tuple[str, int]],

@@ -62,7 +62,7 @@ class ScoreBlocks:
                  doubted: Mapping[int, float] | None = None,
                  found: Sequence[str] = ()) -> None:
         p = len(theta)
-        self._rows, self._found = rows, found
+        self._rows, self.found = rows, found
         self._considered = considered or {}
         self._q = p + len(watched) + further
         self._doubted = {k % self._q: std for k, std in (doubted or {}).items()}
@@ -164,7 +164,7 @@ class ScoreBlocks:
             return None
         return self._fit(self.count).verdict(
             self._counts, wrong_model, self._candidates, self._considered, self._rows,
-            self._doubted, self._found)
+            self._doubted, self.found)
 
     def regressions(self, places: Sequence[Sequence[int]]) -> list[Regression | None]:
         """

@@ -29,10 +29,12 @@ PREDICTS = (0.9, 0.85)
 # What a vehicle often has and the model has not, each an acceleration with one regressor.
 CANDIDATES = {
     'dead_band': 'a dead band of the thrusters', 'reverse_thrust': 'reverse thrust',
-    'reverse_drag': 'reverse drag', 'lag': 'a lag of the thrusters'}
+    'reverse_drag': 'reverse drag', 'lag': 'a lag of the thrusters',
+    'thrust_loss': 'thrust that falls with speed'}
 # Where it can be told to the model.
 KEYS = {'dead_band': 'see thrusters.deadband', 'reverse_thrust': 'see thrusters.reverse',
-        'lag': 'see thrusters.time_constant', 'current': 'see current.prior'}
+        'lag': 'see thrusters.time_constant', 'thrust_loss': 'drive slower',
+        'current': 'see current.prior'}
 DEAD_BAND: Final = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
 LAG: Final = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
@@ -241,7 +243,8 @@ class LastMinute:
             *[x * size for x, size in zip(own, self._size)],
             DEAD_BAND * forces / np.maximum(np.abs(forces), dead),
             np.minimum(forces, 0.0) / force_scale, backwards / self._scales.velocity**2,
-            lates / force_scale], axis=1)
+            lates / force_scale,
+            np.sqrt(np.abs(forces) / force_scale) * speeds / self._scales.velocity], axis=1)
 
 
 def mean_changes(start: float, drive: Array, rests: Sequence[float]) -> list[float]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
-from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter
+from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, GAMMA, LinearisedFilter
 from rovid_core.model.thrusters import Thrusters
 from scipy.signal import lfilter
 
@@ -148,6 +148,16 @@ def test_sensitivities_are_derivatives_of_the_motion(i):
     for k in range(2):
         derivative = (ends[2][0][k] - ends[0][0][k]) / (2.0 * small)
         assert ends[1][1][k] == pytest.approx(derivative, rel=0.05, abs=0.01)
+
+
+def test_thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays():
+    """By the root of the force, either way."""
+    filter, recent = LinearisedFilter(THETA, VARIANCES, 0.0), DelayedForce()
+    recent.add([(1.0, -0.49)], held=True)
+    filter.move(recent, 0.2, 0.8)
+    for row in filter.sensitivities[:2]:
+        assert row[5 + CANDIDATES.index('thrust_loss')] == pytest.approx(0.7 * row[GAMMA])
+        assert row[GAMMA]
 
 
 def staircase(duration, dt=0.1):

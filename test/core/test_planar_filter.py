@@ -142,6 +142,20 @@ def test_what_bends_with_the_thrust_is_taken_of_each_command(k, column, bent):
     assert found[:4] == pytest.approx(slope[:4], rel=0.02, abs=2e-3 * abs(slope).max())
 
 
+def test_thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays():
+    filter, recent = PlanarFilter(ROWS, THETA, [0.0] * 15), (DelayedForce(), DelayedForce())
+    filter.set_motion((0.3, -0.1), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
+    for one, force in zip(recent, (-0.49, 0.25)):
+        one.add([(1.0, force)], held=True)
+    filter.move(recent, 0.2, 0.8, [PlanarPiece(1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)],
+                ((), (0.3,)), 0.0)
+    for k, root in enumerate((0.7, 0.5)):
+        drag = filter.sensitivities[:4, ROWS[k].first + 2]
+        loss = len(THETA) + len(CANDIDATES) * k + CANDIDATES.index('thrust_loss')
+        assert abs(drag).max() > 0.0
+        assert filter.sensitivities[:4, loss] == pytest.approx(root * drag)
+
+
 def test_each_dof_has_its_own_doubt():
     """Sway's dead band looks like its mass, surge's thrust has many sizes."""
     theta = [0.5, -1.0, -0.2, 0.0, 0.5, -1.0, -0.2, 0.0]

@@ -45,6 +45,8 @@ class Vehicle:
     reverse_drag, lag, closed_loop, change
         Factor of the drag in reverse, time constant of the thruster [s], whether a controller
         follows a lawn-mower track, and the time [s] and factor of a change of the mass.
+    fades : float
+        [m/s] Speed at which a full command pushes no more; lower ones lose it sooner.
     smoothing : float
         [s] Time constant of each of two low-passes behind each other on what is measured.
     size : float
@@ -59,6 +61,7 @@ class Vehicle:
     closed_loop: bool = False
     change: tuple[float, float] = (inf, 1.0)
     size: float = 0.0
+    fades: float = inf
     smoothing: float = 0.0
 
 
@@ -77,6 +80,7 @@ VEHICLES = {
     'reverse drag x 1.3': Vehicle(reverse_drag=1.3),
     'unknown force 1 N': Vehicle(disturbance='unknown'),
     'lag 0.15 s': Vehicle(lag=0.15),
+    'thrust that fades at 3 m/s': Vehicle(fades=3.0),
     'coupled': Vehicle(disturbance='coupled'),
     'zig-zag': Vehicle(disturbance='zigzag'),
     'tether 1 N': Vehicle(disturbance='tether'),
@@ -156,6 +160,7 @@ def _smooth(fixes: Array, smoothing: float) -> Array:
 
 def _rate(vehicle: Vehicle, v: float, force: float, mass: float) -> float:
     drag = QUADRATIC * (vehicle.reverse_drag if v < 0.0 else 1.0)
+    force -= (FORCE * abs(force))**0.5 * v / vehicle.fades
     return (force - drag * v * abs(v) - LINEAR * v - BIAS) / mass
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.ekf.evidence.unseen_terms import (
     averaged,
+    by_question,
     expected,
     foremost,
     judged,
@@ -256,8 +257,7 @@ class BlockFit:
         covariance = covariance + summed(list(there.values()), len(a), True)
         more, untold = np.zeros_like(covariance), []
         for begin, first in rows:
-            terms = whole._unseen(left, alone, 1.0, begin, first)
-            if terms:
+            for terms in by_question(whole._unseen(left, alone, 1.0, begin, first)):
                 added, alpha = averaged(list(terms.values()), covariance), a.index(first)
                 if added[alpha, alpha] > covariance[alpha, alpha]:
                     untold.append(foremost(terms, alpha))

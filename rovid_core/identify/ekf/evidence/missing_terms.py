@@ -27,8 +27,16 @@ UNTOLD = {
     'reverse_thrust': 'weaker thrust in reverse cannot be told from the mass yet: push both ways',
     'reverse_drag': 'other drag in reverse cannot be told from the mass yet: move both ways',
     'dead_band': UNTOLD_DEAD_BAND,
-    'lag': 'a lag of the thrusters cannot be told from the mass yet: change the thrust more often'}
+    'lag': 'a lag of the thrusters cannot be told from the mass yet: change the thrust more often',
+    'thrust_loss': 'thrust that falls with speed cannot be told from the drag yet: coast now and '
+                   'then'}
 """What to do about a term that a log does not tell, by its name."""
+
+ODD = {
+    'dead_band': 'small commands, which push more than the model of the thrusters says',
+    'lag': 'quick changes of the thrust, which move it more than the model says',
+    'thrust_loss': 'fast motion under thrust, which is faster than the model says'}
+"""What the error follows where a term has the sign that no thruster gives it."""
 
 AT_BOUND, BEYOND = 1.0, 2.0
 """
@@ -69,21 +77,13 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
     elif missing.name == 'reverse_drag':
         drag = 1.0 + kappa / theta[BETA] if theta[BETA] else 0.0
         said = 'reverse drag' + (f': about {drag:.2f} of the forward one' if drag > 0.0 else '')
-    elif missing.name == 'dead_band':
-        if kappa >= 0.0:  # the other way about it is none
-            return (f'{_percent(missing)} of the error follows small commands, which push more '
-                    'than the model of the thrusters says')
-        width = -kappa / alpha * DEAD_BAND * scales.force
-        said = f'a dead band of the thrusters of about {width:.2g} in units of force'
-    elif missing.name == 'lag':
-        if kappa >= 0.0:
-            return (f'{_percent(missing)} of the error follows quick changes of the thrust, which '
-                    'move it more than the model says')
-        lag = math.sqrt(_square_of_lag(kappa / alpha))
-        if lag > LONGEST_LAG:
+    elif missing.name in ODD:
+        if kappa >= 0.0:  # the other way about it is none of thrusters
+            return f'{_percent(missing)} of the error follows {ODD[missing.name]}'
+        said = _of_force(missing.name, kappa / alpha, scales.force)
+        if not said:
             return (f'{_percent(missing)} of the error follows the thrust more slowly than '
                     'thrusters do: is what is measured smoothed?')
-        said = f'a lag of the thrusters of about {lag:.2f} s'
     elif missing.name == 'current':
         # it is dragged along at the slope of the drag at half of the typical velocity
         slope = abs(theta[BETA]) + abs(theta[GAMMA])
@@ -96,6 +96,17 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
                 f'{kappa * scales.velocity:.2g}: add couplings: '
                 f'[{", ".join([*scales.couplings, name])}]')
     return lacking(missing.share, missing.name, said, scales.couplings)
+
+
+def _of_force(name: str, share: float, force: float) -> str:
+    """Return what the thrusters do, for a coefficient relative to alpha; '' if none do so."""
+    if name == 'dead_band':
+        width = -share * DEAD_BAND * force
+        return f'a dead band of the thrusters of about {width:.2g} in units of force'
+    if name == 'thrust_loss':
+        return f'thrust that falls with speed, by about {-100.0 * share:.0f} %'
+    lag = math.sqrt(_square_of_lag(share))
+    return f'a lag of the thrusters of about {lag:.2f} s' if lag <= LONGEST_LAG else ''
 
 
 def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:

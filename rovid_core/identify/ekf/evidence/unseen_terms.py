@@ -27,6 +27,12 @@ REVERSE_THRUST = 0.25
 REVERSE_DRAG = 0.3
 """Of the drag at the typical speed: a blunt end against a rounded one."""
 
+THRUST_LOSS = 0.25
+"""
+Of alpha, lost at the typical speed: a propeller that turns at n and moves along at v pushes by
+n |n| less a part that grows with |n| v, so by the root of the force times v.
+"""
+
 LARGEST_Z = 30.0
 """Standard deviations beyond which a coefficient of the wrong sign is as good as excluded."""
 
@@ -52,7 +58,8 @@ def expected(theta: Sequence[float]) -> dict[str, tuple[float, int]]:
     # of the command is bent as much. A lag is as long (``LAG``): thrusters spin up in 0.1 to 0.2 s
     return {'reverse_thrust': (REVERSE_THRUST * alpha, 0),
             'reverse_drag': (REVERSE_DRAG * drag, 0),
-            'dead_band': (alpha, -1), 'lag': (alpha, -1)}
+            'dead_band': (alpha, -1), 'lag': (alpha, -1),
+            'thrust_loss': (THRUST_LOSS * alpha, -1)}
 
 
 @dataclass(frozen=True)
@@ -107,6 +114,17 @@ def judged(leaning: list[float], coefficient: float, information: float, std: fl
         mean = sign * sigma * (z + ratio)
         variance *= max(1.0 - ratio * (z + ratio), 0.0)
     return UnseenTerm(leaning, evidence, mean, variance)
+
+
+def by_question(terms: Mapping[str, UnseenTerm]) -> list[dict[str, UnseenTerm]]:
+    """
+    Return terms, by name, in groups of which the vehicle is taken to have one or none.
+
+    Whether thrust falls with speed is a question of its own.
+    """
+    loss = {name: term for name, term in terms.items() if name.endswith('thrust_loss')}
+    others = {name: term for name, term in terms.items() if name not in loss}
+    return [group for group in (others, loss) if group]
 
 
 def summed(terms: Sequence[UnseenTerm], size: int, there: bool = False) -> Array:

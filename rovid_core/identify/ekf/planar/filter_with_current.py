@@ -407,7 +407,7 @@ class PlanarFilter:
         per_newton = alpha * scale / row.force
         return [scale * push, scale * drag, scale * w, scale, *coupled, -scale * slope,
                 scale * backwards, scale * drag if w < 0.0 else 0.0, scale * small,
-                scale * given.lag, *watched,
+                scale * given.lag, scale * math.sqrt(abs(given.impulse) / h) * w, *watched,
                 per_newton * piece[2 * k], per_newton * piece[2 * k + 1],
                 scale * (push_way - b * push), scale * (b * slope - delayed),
                 scale * (back_way - b * backwards), scale * (small_way - b * small), *own_way]

@@ -36,7 +36,7 @@ POSITION: Final = 0
 VELOCITY: Final = 1
 """What can be measured."""
 
-CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', 'lag')
+CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', 'lag', 'thrust_loss')
 """Regressors that are watched: what a vehicle often has and the model has not."""
 
 LAG: Final = 0.15
@@ -154,8 +154,9 @@ class LinearisedFilter:
         self._alpha, self._beta, self._gamma, self._delta = self._parameters[:4]
         self._couplings, self._delay = self._parameters[4:-1], self._parameters[-1]
         candidates = [Regressor() for _ in range(len(CANDIDATES) + watched)]
-        self._reverse, self._reverse_drag, self._cut, self._lag = candidates[:4]
-        self._watched = candidates[4:]
+        (self._reverse, self._reverse_drag, self._cut, self._lag,
+         self._loss) = candidates[:len(CANDIDATES)]
+        self._watched = candidates[len(CANDIDATES):]
         self._columns: list[Regressor] = [*self._parameters, *candidates]
         self._delta.push = 1.0
         # those that something has pushed: a watched regressor that no step has stays 0
@@ -297,6 +298,7 @@ class LinearisedFilter:
         self._alpha.push, self._beta.push, self._gamma.push = of_alpha, drag, w
         self._delay.push, self._reverse.push, self._cut.push = -of_delay, of_reverse, of_cut
         self._reverse_drag.push = drag if w < 0.0 else 0.0
+        self._loss.push = math.sqrt(abs(force)) * w
         if self._has_own:
             self._push_by_own(of_reverse, reverse_way - b * of_reverse,
                               drag if goes_back else 0.0)

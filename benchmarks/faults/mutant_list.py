@@ -476,10 +476,12 @@ MUTANTS = [
          ('what is hardly likelier is found', 'least -= MARGIN', 'least += 1e9'),
          ('what a wrong model scatters makes nothing less likely',
           'MARGIN * verdict.unexplained', 'MARGIN')),
-    *_of('rovid_core/identify/ekf/single/linearised_filter.py', 'test/core/test_linearised_filter.py '
+    *_of('rovid_core/identify/ekf/single/linearised_filter.py',
+         'test/core/test_linearised_filter.py '
          'thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays',
          ('thrust falls with speed by the force', 'math.sqrt(abs(force)) * w', 'abs(force) * w')),
-    *_of('rovid_core/identify/ekf/planar/filter_with_current.py', 'test/core/test_planar_filter.py '
+    *_of('rovid_core/identify/ekf/planar/filter_with_current.py',
+         'test/core/test_planar_filter.py '
          'thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays',
          ('so it does in surge and sway', 'math.sqrt(abs(given.impulse) / h) * w', 'w')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '

@@ -48,6 +48,8 @@ class DofModel:
     dead_band, reverse : float
         Force that thrusters are found to lose, either way, and what there is of one backwards;
         the model is of the force that is left.
+    loss : float
+        What they are found to lose with speed: this times velocity times the root of that force.
     std : dict
         Standard deviation by name, NaN where there is none.
     couplings : dict
@@ -78,6 +80,7 @@ class DofModel:
     v_hat_delay: float
     dead_band: float
     reverse: float
+    loss: float
     std: Mapping[str, float]
     couplings: Mapping[str, float]
 
@@ -98,10 +101,12 @@ class DofModel:
             [self.beta * velocity * abs(velocity), self.gamma * velocity, self.delta,
              *(kappas[name] * value for name, value in x.items())])
         reverse = self.couplings.get('reverse_thrust', 0.0) if push < 0.0 else 0.0
-        return Thrusters(
+        alpha = self.alpha + reverse
+        thrusters = Thrusters(
             dead_band=0.0 if math.isnan(self.dead_band) else self.dead_band,
             reverse=1.0 if math.isnan(self.reverse) else self.reverse,
-        ).asked(push / (self.alpha + reverse))
+            loss=0.0 if math.isnan(self.loss) else self.loss * self.alpha / alpha)
+        return thrusters.asked(thrusters.at_rest(push / alpha, velocity))
 
 
 class Model:

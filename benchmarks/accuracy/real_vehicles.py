@@ -45,7 +45,7 @@ from test.support.real_vehicles import (
 NAMES = {
     'dead-band 3 N': 'a dead band of the thrusters', 'reverse thrust x 0.8': 'reverse thrust',
     'reverse drag x 1.3': 'reverse drag', 'lag 0.15 s': 'the thrusters lag',
-    'thrust that fades at 3 m/s': 'thrust that falls with speed',
+    'thrust that fades at 3 m/s': 'thrust falls with speed',
     'coupled': 'v r', 'zig-zag': 'v r'}
 """What is missing, in the words of the notes."""
 

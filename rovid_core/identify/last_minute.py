@@ -33,7 +33,7 @@ CANDIDATES = {
     'thrust_loss': 'thrust that falls with speed'}
 # Where it can be told to the model.
 KEYS = {'dead_band': 'see thrusters.deadband', 'reverse_thrust': 'see thrusters.reverse',
-        'lag': 'see thrusters.time_constant', 'thrust_loss': 'drive slower',
+        'lag': 'see thrusters.time_constant', 'thrust_loss': '',
         'current': 'see current.prior'}
 DEAD_BAND: Final = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
 LAG: Final = 0.15  # [s] of the thruster lag that is looked for
@@ -57,9 +57,9 @@ def lacking(share: float, name: str, said: str, couplings: Sequence[str]) -> str
 
     ``couplings`` are those that the DOF has.
     """
-    advice = KEYS.get(name) or f'add couplings: [{", ".join([*couplings, name])}]'
+    advice = KEYS.get(name, f'add couplings: [{", ".join([*couplings, name])}]')
     return (f'{100.0 * min(share, 1.0):.0f} % of the error follows {said}, which the model does '
-            f'not have: {advice}')
+            f'not have{advice and f": {advice}"}')
 
 
 @dataclass(frozen=True)

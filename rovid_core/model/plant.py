@@ -109,8 +109,8 @@ def _backward_euler(u: float, beta: float, gamma: float, velocity: float, dt: fl
     return 2.0 * target / (linear + root)
 
 
-def trajectory(parameters: Sequence[float] | Array, start: float, dt: Array,
-               force: Array, reverse_drag: float = 0.0) -> Array:
+def trajectory(parameters: Sequence[float] | Array, start: float, dt: Array, force: Array,
+               reverse_drag: float = 0.0, slowing: Array | None = None) -> Array:
     """
     Return the velocity at the start and after each segment of constant force.
 
@@ -124,6 +124,8 @@ def trajectory(parameters: Sequence[float] | Array, start: float, dt: Array,
         Length [s] and mean force [N or N m] of each segment.
     reverse_drag : float
         What comes to beta where the velocity is below 0; the sum counts up to 0.
+    slowing : ndarray, shape (n,), optional
+        What is taken from gamma in each segment, 0 or more.
 
     Returns
     -------
@@ -133,21 +135,23 @@ def trajectory(parameters: Sequence[float] | Array, start: float, dt: Array,
     """
     alpha, beta, gamma, delta = map(float, parameters)
     drive = alpha * force + delta
+    linear = np.full(len(dt), gamma) if slowing is None else gamma - slowing
     largest = float(np.abs(drive).max(initial=0.0))
     least, most = sorted((-beta, max(-beta - reverse_drag, 0.0)))
     # at this speed drag exceeds all thrust (Appendix of the paper)
     fastest = max(abs(start), math.sqrt(largest / most)) if most > 0.0 else 0.0
     with np.errstate(all='ignore'):
-        pieces = (2.0 * most * fastest + abs(gamma)) * dt + 1.0
+        pieces = (2.0 * most * fastest + np.abs(linear)) * dt + 1.0
         if min(least, -gamma) >= 0.0 and pieces.max(initial=1.0) < MAX_PIECES_AT_ONCE:
             number = pieces.astype(int)
             h, u = np.repeat(dt / number, number), np.repeat(drive, number)
+            g = np.repeat(linear, number)
             found, converged = _newton(
-                lambda v: _runge_kutta(drag_at(v, beta, reverse_drag), gamma, v, h, u), start,
+                lambda v: _runge_kutta(drag_at(v, beta, reverse_drag), g, v, h, u), start,
                 len(h))
             if converged:
                 return np.asarray(found[np.concatenate([[0], np.cumsum(number)])])
-    return _step_by_step((alpha, beta, gamma, delta), start, dt, force, reverse_drag)
+    return _step_by_step((alpha, beta, delta), linear, start, dt, force, reverse_drag)
 
 
 def midpoint_trajectory(parameters: Array, start: float, dt: Array, force: Array,
@@ -342,7 +346,7 @@ def _newton(step: Callable[[Array], tuple[Array, Array]], start: float,
     return v, False
 
 
-def _runge_kutta(beta: Array | float, gamma: float, v: Array, dt: Array,
+def _runge_kutta(beta: Array | float, gamma: Array, v: Array, dt: Array,
                  drive: Array) -> tuple[Array, Array]:
     """Return the velocities after one step from each of ``v``, and their slopes by it."""
     rate = slope = rates = slopes = np.zeros_like(v)
@@ -355,13 +359,14 @@ def _runge_kutta(beta: Array | float, gamma: float, v: Array, dt: Array,
     return v + dt / 6.0 * rates, 1.0 + dt / 6.0 * slopes
 
 
-def _step_by_step(parameters: Sequence[float], start: float, dt: Array,
+def _step_by_step(parameters: tuple[float, float, float], gamma: Array, start: float, dt: Array,
                   force: Array, reverse_drag: float) -> Array:
+    alpha, beta, delta = parameters
     velocity = np.full(len(dt) + 1, math.inf)
     velocity[0] = v = start
-    for k, (h, f) in enumerate(zip(dt.tolist(), force.tolist()), 1):
+    for k, (h, f, linear) in enumerate(zip(dt.tolist(), force.tolist(), gamma.tolist()), 1):
         try:
-            v = advance(parameters, v, f, h, reverse_drag)
+            v = advance((alpha, beta, linear, delta), v, f, h, reverse_drag)
         except (ValueError, ArithmeticError):  # no finite speed: drag of the wrong sign
             break
         if not abs(v) < MAX_VELOCITY:

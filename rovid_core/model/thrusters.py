@@ -22,12 +22,15 @@ class Thrusters(NamedTuple):
     reverse : float
         What there is of a force backwards, relative to one forwards. Propellers that run backwards
         give less, so the larger one of both is what is asked for.
+    loss : float
+        What is lost with speed, in the root of a force per speed: by ``slowing`` times the speed.
 
     """
 
     lag: float = 0.0
     dead_band: float = 0.0
     reverse: float = 1.0
+    loss: float = 0.0
 
     @property
     def is_curved(self) -> bool:
@@ -39,7 +42,8 @@ class Thrusters(NamedTuple):
         """Return the names of what is not as configured."""
         return [name for name, is_there in (
             ('lag', self.lag != 0.0), ('dead_band', self.dead_band != 0.0),
-            ('reverse_thrust', self.reverse != 1.0)) if is_there]
+            ('reverse_thrust', self.reverse != 1.0),
+            ('thrust_loss', self.loss != 0.0)) if is_there]
 
     @property
     def shares(self) -> tuple[float, float]:
@@ -58,6 +62,21 @@ class Thrusters(NamedTuple):
         size = np.maximum(np.abs(forces) - self.dead_band, 0.0)
         return np.where(forces > 0.0, ahead * size, -astern * size)
 
+    def slowing(self, force: float) -> float:
+        """
+        Return how much of a force that there is at rest is lost per speed.
+
+        A propeller of diameter D that turns at n pushes by n |n| D^4 less a part that grows with
+        |n| v D^3 (T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 9.1).
+        """
+        return self.loss * math.sqrt(abs(force))
+
+    def at_rest(self, force: float, velocity: float) -> float:
+        """Return the force that there is at rest, where there is this one at a velocity."""
+        lost = self.loss * (velocity if force > 0.0 else -velocity)
+        root = 0.5 * (lost + math.sqrt(lost * lost + 4.0 * abs(force)))
+        return math.copysign(root * root, force) if force else 0.0
+
     def asked(self, force: float) -> float:
         """Return a force that is asked for where there is this one."""
         ahead, astern = self.shares
@@ -69,21 +88,24 @@ class Thrusters(NamedTuple):
         """Return in words how a force that is held differs from what is asked for, '' if not."""
         return ', '.join(said for said, is_there in (
             (f'dead band {self.dead_band!r}', self.dead_band != 0.0),
-            (f'backwards {self.reverse!r} of forwards', self.reverse != 1.0)) if is_there)
+            (f'backwards {self.reverse!r} of forwards', self.reverse != 1.0),
+            (f'{self.loss!r} v sqrt(force) lost with speed', self.loss != 0.0)) if is_there)
 
-    def in_units(self, unit: float) -> Thrusters:
-        """Return the same for forces in other units, of which ``unit`` is what was 1."""
-        return Thrusters(self.lag, self.dead_band * unit, self.reverse)
+    def in_units(self, force: float, velocity: float) -> Thrusters:
+        """Return the same in other units, in which these are what was 1."""
+        return Thrusters(self.lag, self.dead_band * force, self.reverse,
+                         self.loss * math.sqrt(force) / velocity)
 
 
 AS_CONFIGURED: Final = Thrusters()
 
 
 def read_thrusters(values: object) -> Thrusters:
-    """Return thrusters of three numbers; raises ValueError if there are none such."""
-    if not isinstance(values, (list, tuple)) or len(values) != 3:
+    """Return thrusters of four numbers; raises ValueError if there are none such."""
+    if not isinstance(values, (list, tuple)) or len(values) != 4:
         raise ValueError('thrusters that do not fit')
-    lag, dead_band, reverse = [float(value) for value in values]
-    if not (0.0 <= lag < math.inf and 0.0 <= dead_band < math.inf and 0.0 < reverse < math.inf):
+    lag, dead_band, reverse, loss = [float(value) for value in values]
+    if not (0.0 <= lag < math.inf and 0.0 <= dead_band < math.inf and 0.0 < reverse < math.inf
+            and 0.0 <= loss < math.inf):
         raise ValueError('thrusters out of range')
-    return Thrusters(lag, dead_band, reverse)
+    return Thrusters(lag, dead_band, reverse, loss)

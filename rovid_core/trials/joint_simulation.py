@@ -34,6 +34,8 @@ class ForceSegment(NamedTuple):
     begins : float or None
         The velocity [m/s or rad/s] with which a run begins at ``end``; the DOF is not known
         before that, and ``force`` and ``regressors`` mean nothing.
+    slowing : float
+        How much of the thrust is lost per velocity.
 
     """
 
@@ -41,6 +43,7 @@ class ForceSegment(NamedTuple):
     force: float = 0.0
     regressors: tuple[float, ...] = ()
     begins: float | None = None
+    slowing: float = 0.0
 
 
 class JointModel:
@@ -140,7 +143,8 @@ class JointModel:
                     products.append((i, kappa, factors))
                 else:
                     drive += kappa * measured
-            rows.append((i, drive, beta, min(beta + reverse, 0.0) if reverse else beta, gamma))
+            rows.append((i, drive, beta, min(beta + reverse, 0.0) if reverse else beta,
+                         gamma - alpha * segment.slowing))
 
         def rates(v: Sequence[float]) -> list[float]:
             found = [0.0] * len(v)

@@ -148,8 +148,10 @@ class ScoredRun:
         for nodes, values, _ in self._parts(delay, thrusters):
             for (middle, end), row in zip(
                     nodes[1:].reshape(-1, 2).tolist(), values.tolist()):
-                yield ForceSegment(middle, row[0], tuple(row[4:4 + count:2]))
-                yield ForceSegment(end, row[1], tuple(row[5:4 + count:2]))
+                yield ForceSegment(middle, row[0], tuple(row[4:4 + count:2]),
+                                   slowing=thrusters.slowing(row[0]))
+                yield ForceSegment(end, row[1], tuple(row[5:4 + count:2]),
+                                   slowing=thrusters.slowing(row[1]))
 
     def mean_forces(self) -> Array:
         """Return the mean force of every step [N or N m]."""
@@ -177,7 +179,8 @@ class ScoredRun:
             if simulated is None:
                 found = trajectory(
                     parameters[:4], velocity, np.diff(nodes) * NS,
-                    _forces(values, parameters, self.couplings).ravel(), reverse_drag)
+                    _forces(values, parameters, self.couplings).ravel(), reverse_drag,
+                    parameters[0] * thrusters.loss * np.sqrt(np.abs(values[:, :2])).ravel())
             else:
                 last = first + len(values)
                 found = np.concatenate(

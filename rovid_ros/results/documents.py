@@ -26,6 +26,9 @@ from rovid_ros import build
 from rovid_ros.messages.field_paths import nearest
 from rovid_ros.results.current import current_values, told
 
+_THRUSTERS = ('lag_s', 'dead_band', 'reverse', 'loss')
+"""Names of what ``Thrusters`` has."""
+
 
 @dataclass(frozen=True)
 class Result:
@@ -163,8 +166,7 @@ def couplings_document(names: Sequence[str], couplings: Sequence[float],
 
 def thrusters_document(thrusters: Thrusters) -> dict[str, Any]:
     """Return ``thrusters`` as they are found to work; nothing where that is as configured."""
-    return {'thrusters': {'lag_s': thrusters.lag, 'dead_band': thrusters.dead_band,
-                          'reverse': thrusters.reverse}} if thrusters.found else {}
+    return {'thrusters': dict(zip(_THRUSTERS, thrusters))} if thrusters.found else {}
 
 
 def _intervals(found: Mapping[str, Interval]) -> dict[str, list[float | None] | None] | None:
@@ -376,8 +378,8 @@ def _thrusters(values: Mapping[str, Any]) -> Thrusters:
     """Return how thrusters are found to work; as configured where that is not said."""
     found = values.get('thrusters')
     try:
-        return read_thrusters([_number(found.get(name)) for name in (
-            'lag_s', 'dead_band', 'reverse')]) if isinstance(found, dict) else AS_CONFIGURED
+        return read_thrusters([_number(found.get(name)) for name in _THRUSTERS]
+                              ) if isinstance(found, dict) else AS_CONFIGURED
     except ValueError:
         return AS_CONFIGURED
 

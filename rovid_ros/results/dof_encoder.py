@@ -23,15 +23,16 @@ from rovid_ros.results.wire_encoding import known_status, number_pairs, pair, st
 COLUMNS = (
     'stamp', 'age', 'status', 'valid', 'updated', 'fit', 'delay', 'delay_std',
     *(column for name in (*PHYSICAL, *PARAMETERS) for column in (name, f'{name}_std')),
-    'velocity', 'v_hat', 'force', 'velocity_delay', 'v_hat_delay', 'dead_band', 'reverse')
+    'velocity', 'v_hat', 'force', 'velocity_delay', 'v_hat_delay', 'dead_band', 'reverse',
+    'loss')
 """
 Labels of the columns of ``rov/model``; those of couplings follow.
 
 ``stamp`` is the time of velocity, v_hat and force, ``age`` how much later the newest data were
 when the message was made, ``velocity_delay`` and ``v_hat_delay`` by how much these lag behind the
-motion at ``stamp``, all in seconds. ``dead_band`` and ``reverse`` say how much of the force the
-thrusters give, as ``Thrusters`` has it. ``status`` is the index in ``STATUSES``. All else is as in
-``rov/estimate``.
+motion at ``stamp``, all in seconds. ``dead_band``, ``reverse`` and ``loss`` say how much of the
+force the thrusters give, as ``Thrusters`` has it. ``status`` is the index in ``STATUSES``. All
+else is as in ``rov/estimate``.
 """
 
 AGE, UPDATED = COLUMNS.index('age'), COLUMNS.index('updated')
@@ -50,7 +51,7 @@ _MOTION: Final = [
 _TIME: Final = [string('time')]
 _STALE_FOR: Final = string('age')
 _OPTIONAL: Final = [string(name) for name in ('delay', 'delay_std', 'W')]
-_THRUSTERS: Final = [string(name) for name in ('lag', 'dead_band', 'reverse')]
+_THRUSTERS: Final = [string(name) for name in ('lag', 'dead_band', 'reverse', 'loss')]
 _UPDATED: Final = pair('updated', 'false'), pair('updated', 'true')
 _FIXED = 4 + 4 + 4 + 6 + 4  # pairs that are always there: these, and status, reasons and time
 
@@ -81,7 +82,7 @@ def model_row(dof: DofEstimate, own: Sequence[str], couplings: Sequence[str]) ->
         mass, mass_std, quadratic, quadratic_std, linear, linear_std, bias, bias_std,
         alpha, alpha_std, beta, beta_std, gamma, gamma_std, delta, delta_std,
         dof.velocity, dof.v_hat, dof.force, dof.velocity_delay, dof.v_hat_delay,
-        dof.thrusters.dead_band, dof.thrusters.reverse]
+        dof.thrusters.dead_band, dof.thrusters.reverse, dof.thrusters.loss]
     if not couplings:
         return values
     kappas = dict(zip(own, zip_longest(dof.couplings, dof.couplings_std, fillvalue=math.nan)))

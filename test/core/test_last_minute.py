@@ -39,7 +39,7 @@ def test_the_truth_is_not_doubted_after_a_minute():
     ('reverse thrust x 0.8', 'reverse thrust', ': see thrusters.reverse'),
     ('reverse drag x 1.3', 'reverse drag', ': add couplings: [reverse_drag]'),
     ('lag 0.15 s', 'a lag of the thrusters', ': see thrusters.time_constant'),
-    ('thrust that fades at 3 m/s', 'thrust that falls with speed', ': drive slower')])
+    ('thrust that fades at 3 m/s', 'thrust that falls with speed', '')])
 def test_what_the_vehicle_has_and_the_model_has_not_is_named(kind, name, advice):
     assert doubt(kind).endswith(
         f'of the error follows {name}, which the model does not have{advice}')

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, GAMMA, LinearisedFilter
-from rovid_core.model.thrusters import Thrusters
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 from scipy.signal import lfilter
+
+FADING = Thrusters(loss=0.3)
 
 
 def parabola(times, values, i, time):
@@ -123,7 +125,17 @@ def test_what_thrusters_give_of_many_forces_is_what_they_give_of_each():
     for force, given in zip(forces.tolist(), each):
         if given:
             assert thrusters.asked(given) == pytest.approx(force)
-    assert thrusters.in_units(10.0) == (0.1, 2.0, 0.7)
+    assert thrusters.in_units(10.0, 2.0) == (0.1, 2.0, 0.7, 0.0)
+
+
+@pytest.mark.parametrize('force', [-3.0, -0.2, 0.0, 0.4, 5.0])
+def test_what_is_lost_with_speed_is_asked_for_besides(force):
+    for velocity in (-0.8, 0.0, 0.5):
+        asked = FADING.at_rest(force, velocity)
+        assert asked - FADING.slowing(asked) * velocity == pytest.approx(force)
+    # the same in N and m/s
+    whole = FADING.in_units(10.0, 2.0)
+    assert whole.slowing(10.0 * force) * 2.0 == pytest.approx(10.0 * FADING.slowing(force))
 
 
 def sines(duration, dt=0.1):
@@ -134,14 +146,15 @@ def sines(duration, dt=0.1):
         yield force, (k + 2) * dt, (k + 3) * dt
 
 
+@pytest.mark.parametrize('thrusters', [AS_CONFIGURED, FADING])
 @pytest.mark.parametrize('i', range(5))
-def test_sensitivities_are_derivatives_of_the_motion(i):
+def test_sensitivities_are_derivatives_of_the_motion(i, thrusters):
     ends = []
     small = 1e-5
     for sign in (-1.0, 0.0, 1.0):
         theta = list(THETA)
         theta[i] += sign * small
-        filter = LinearisedFilter(theta, VARIANCES, 0.0)
+        filter = LinearisedFilter(theta, VARIANCES, 0.0, thrusters=thrusters)
         for force, start, end in sines(3.0):
             filter.move(force, start, end)
         ends.append((filter.motion[:2], [row[i] for row in filter.sensitivities[:2]]))

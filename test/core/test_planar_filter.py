@@ -12,15 +12,16 @@ from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
 from rovid_core.identify.last_minute import DEAD_BAND
 from rovid_core.model.samples import PlanarPiece, PlanarStep
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 ROWS = (Row(0, 6, 0.5, 4, ()), Row(6, 13, 0.4, 10, ((11, 0),)))
 THETA = [0.6, -0.5, -0.2, 0.05, 0.3, 0.04, 0.5, -0.4, -0.1, -0.03, -0.35, 0.2, 0.03, 0.15, -0.1]
 STEP = 0.1
 
 
-def _moved(theta, velocity=(0.3, -0.1), count=12):
+def _moved(theta, velocity=(0.3, -0.1), count=12, thrusters=(AS_CONFIGURED, AS_CONFIGURED)):
     """Return a filter that went along a turn under a force that changes evenly."""
-    filter = PlanarFilter(ROWS, theta, [0.0] * 15)
+    filter = PlanarFilter(ROWS, theta, [0.0] * 15, thrusters=thrusters)
     filter.set_motion(velocity, (1.0, 0.0, 0.0, 1.0), 0.01, 0.0)
     filter.set_position((2.0, 3.0), 0.0)
     recent = DelayedForce(), DelayedForce()
@@ -35,14 +36,17 @@ def _moved(theta, velocity=(0.3, -0.1), count=12):
     return filter
 
 
+@pytest.mark.parametrize('thrusters', [
+    (AS_CONFIGURED, AS_CONFIGURED), (Thrusters(loss=0.3), Thrusters(loss=0.2))])
 @pytest.mark.parametrize('i', range(len(THETA)))
-def test_sensitivities_are_the_derivatives_of_the_motion(i):
+def test_sensitivities_are_the_derivatives_of_the_motion(i, thrusters):
     """Current and parameters, through drag, turning couplings and the path in the world."""
     size = 1e-5
     ahead, behind = ([x + sign * size * (k == i) for k, x in enumerate(THETA)]
                      for sign in (1.0, -1.0))
-    slope = (_moved(ahead).motion - _moved(behind).motion) / (2.0 * size)
-    found = _moved(THETA).sensitivities[:, i]
+    slope = (_moved(ahead, thrusters=thrusters).motion
+             - _moved(behind, thrusters=thrusters).motion) / (2.0 * size)
+    found = _moved(THETA, thrusters=thrusters).sensitivities[:, i]
     assert found == pytest.approx(slope, rel=0.02, abs=2e-3 * max(abs(slope).max(), 1e-6))
 
 

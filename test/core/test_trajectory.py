@@ -33,6 +33,18 @@ def one_by_one(parameters, start: float, dt: np.ndarray, force: np.ndarray) -> l
     return v
 
 
+def test_what_slows_a_vehicle_down_comes_to_its_linear_drag() -> None:
+    """At once, and step by step where the drag has the wrong sign."""
+    dt, force = segments(400)
+    slowing = np.linspace(0.0, 0.5, 400)
+    for truth in (SURGE_TRUTH, (*SURGE_TRUTH[:2], 0.01, SURGE_TRUTH[3])):
+        alpha, beta, gamma, delta = truth
+        v = [0.1]
+        for h, f, s in zip(dt.tolist(), force.tolist(), slowing.tolist()):
+            v.append(advance((alpha, beta, gamma - s, delta), v[-1], f, h))
+        assert trajectory(truth, 0.1, dt, force, slowing=slowing) == pytest.approx(v, abs=1e-6)
+
+
 @pytest.mark.parametrize('count', [
     0, 1, BLOCK_LENGTH - 1, BLOCK_LENGTH, BLOCK_LENGTH + 1, BLOCK_LENGTH**2 + 5, 5000])
 def test_a_recurrence_is_the_loop(count: int) -> None:

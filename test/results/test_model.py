@@ -179,6 +179,17 @@ def test_a_reverse_thrust_and_drag_are_found_from_force_and_velocity(
     assert other.force_for(-0.1, -0.5) == pytest.approx(wanted / 0.7)
 
 
+def test_what_thrusters_lose_with_speed_is_asked_for_besides(
+        estimates: list[Estimate], read: Callable[[Output], Any]) -> None:
+    plain = Model.from_message(read(message(SETTINGS, estimates[-1])))['surge']
+    assert plain.loss == 0.0
+    other = replace(plain, loss=2.0)
+    for acceleration, velocity in ((0.1, 0.5), (-0.2, 0.3), (0.0, -0.4)):
+        asked = other.force_for(acceleration, velocity)
+        given = asked - 2.0 * math.sqrt(abs(asked)) * velocity
+        assert given == pytest.approx(plain.force_for(acceleration, velocity))
+
+
 @pytest.mark.parametrize('topic', ['rov/params', 'rov/identifier_state'])
 def test_another_message_is_refused_in_a_line(
         topic: str, estimates: list[Estimate], read: Callable[[Output], Any]) -> None:

@@ -138,7 +138,7 @@ class ExtendedKalman(Identifier):
 
     def _take_thrusters(self, thrusters: Thrusters) -> None:
         self._thrusters = thrusters  # in typical forces
-        self.thrusters = thrusters.in_units(self._scales.force)
+        self.thrusters = thrusters.in_units(self._scales.force, self._scales.velocity)
 
     def _use_thrusters(self, thrusters: Thrusters) -> list[float]:
         """Let the thrusters work otherwise; return parameters for it."""
@@ -387,6 +387,7 @@ class ExtendedKalman(Identifier):
         force = self._thrusters.given(
             step.forces[1 if step.interval else 0] / self._scales.force) if ahead else 0.0
         alpha, beta, gamma, delta = self._model.acting(theta, force, v)
+        gamma -= alpha * self._thrusters.slowing(force)
         coupled = self._model.coupled(
             theta, [after for _, after in step.couplings]) if ahead and step.couplings else 0.0
         rate = (alpha * force + (beta * abs(v) + gamma) * v + delta + f

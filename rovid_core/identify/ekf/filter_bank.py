@@ -88,12 +88,12 @@ class Member:
                  own: tuple[int, int] = NONE_OWN, thrusters: Thrusters = AS_CONFIGURED) -> None:
         self.unmodelled, self.thrusters = unmodelled, thrusters
         self.filter = LinearisedFilter(
-            theta, variances, unmodelled.force_std, len(watched), own)
+            theta, variances, unmodelled.force_std, len(watched), own, thrusters)
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(
             theta, variances, (*CANDIDATES, *watched),
             configured=[name for name, i in zip(OWN, own) if i >= 0], found=thrusters.found)
-        self.prediction = FreePrediction(own)
+        self.prediction = FreePrediction(own, thrusters)
         self._verdict: Verdict | None = None
         self._is_judged = True
         self._bounds = bounds

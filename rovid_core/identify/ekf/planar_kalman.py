@@ -126,7 +126,7 @@ class PlanarKalman:
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
-        self._prediction = PlanarPrediction(self._model.rows, self._model.size)
+        self._prediction = PlanarPrediction(self._model.rows, self._model.size, thrusters)
         self._time = 0.0
         self._moving = False
         self._usable = [False, False]
@@ -165,7 +165,8 @@ class PlanarKalman:
     def _take_thrusters(self, thrusters: BothThrusters) -> None:
         self._thrusters = thrusters
         for row in self.rows.values():
-            row.thrusters = thrusters[row.k].in_units(self._model.scales[row.k].force)
+            scales = self._model.scales[row.k]
+            row.thrusters = thrusters[row.k].in_units(scales.force, scales.velocity)
 
     def _use_thrusters(self, thrusters: BothThrusters) -> list[float]:
         """Let the thrusters work otherwise; return parameters for it."""
@@ -403,6 +404,7 @@ class PlanarKalman:
             scale, own = row.velocity, theta[row.first:row.end]
             force = self._thrusters[k].given(step.forces[k][1] / self._model.scales[k].force)
             alpha, beta, gamma, delta = self._model.of[k].acting(own, force, v)
+            gamma -= alpha * self._thrusters[k].slowing(force)
             rate = alpha * force + (beta * abs(v / scale) + gamma) * v / scale + delta
             rate += math.fsum([theta[i] * step.couplings[k][m] for i, m in row.measured])
             if row.turning >= 0:

@@ -118,8 +118,10 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
         'lag': f'the thrusters lag by about {thrusters.lag:.2f} s more than the model says',
         'dead_band': 'the thrusters have a dead band of about '
                      f'{thrusters.dead_band * force:.2g} in units of force',
-        'reverse_thrust': f'{weaker} one'}
-    return [f'{said[name]}, which is taken into account: {KEYS[name]}'
+        'reverse_thrust': f'{weaker} one',
+        'thrust_loss': f'thrust falls with speed, by about {100.0 * thrusters.loss:.0f} % at the '
+                       'typical one'}
+    return [f'{said[name]}, which is taken into account{KEYS[name] and f": {KEYS[name]}"}'
             for name in thrusters.found]
 
 
@@ -141,6 +143,8 @@ def better_thrusters(now: Thrusters, missing: Missing, alpha: float, delay: floa
         return now._replace(lag=min(lag, max(now.lag + delay, 0.0)))
     if missing.name == 'dead_band':
         return now._replace(dead_band=max(now.dead_band - share * DEAD_BAND, 0.0))
+    if missing.name == 'thrust_loss':
+        return now._replace(loss=max(now.loss - share, 0.0))
     if missing.name == 'reverse_thrust' and share > -1.0:
         return now._replace(reverse=now.reverse * (1.0 + share))
     return now

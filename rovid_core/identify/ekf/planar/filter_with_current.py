@@ -43,6 +43,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarPiece
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 Law = tuple[float, float, float, float, float]
 """What moves a row: v' = push +- rise + (drag |v| + linear) v + turning w, in this order."""
@@ -123,8 +124,9 @@ class PlanarFilter:
 
     def __init__(self, rows: tuple[Row, Row], theta: Sequence[float],
                  variances: Sequence[float], force_std: float = 0.0,
-                 current_change: float = 0.0) -> None:
-        self._rows = rows
+                 current_change: float = 0.0, thrusters: tuple[Thrusters, Thrusters] = (
+                     AS_CONFIGURED, AS_CONFIGURED)) -> None:
+        self._rows, self.thrusters = rows, thrusters
         self._pushes = [Push(), Push()]
         p = self._p = len(theta)
         self.theta = np.array(theta, dtype=float)
@@ -274,8 +276,9 @@ class PlanarFilter:
                 3.0 * push.reverse / h - 6.0 * push.reverse_moment / (h * h))
         if own_drag >= 0 and velocity < 0.0:
             beta = min(beta + theta[own_drag], 0.0)
+        slowing = self.thrusters[k].slowing(push.impulse / h)
         return (scale * rest + force, rise, beta / scale,
-                theta[row.first + 2],
+                theta[row.first + 2] - alpha * slowing,
                 scale * theta[row.turning] * rate if row.turning >= 0 else 0.0)
 
     def _predict(self, recent: Sequence[DelayedForce], start: float, end: float,
@@ -383,14 +386,15 @@ class PlanarFilter:
         scale, alpha, (own_thrust, own_drag) = row.velocity, self._values[row.first], row.own
         if own_thrust >= 0 and given.impulse < 0.0:
             alpha += self._values[own_thrust]  # as a delay feels it
-        rise = given.last - given.before
+        w, slowing = along / scale, self.thrusters[k].slowing
+        rise = given.last - given.before - (slowing(given.last) - slowing(given.before)) * w
         late = 2.0 * given.moment - given.before * h * h
         way = given.impulse - h * given.before + 0.5 * decay * late
         slope, delayed = alpha / s * (rise + decay * way), alpha * way
         push, push_way = felt(given.impulse, given.moment, h, decay, s)
+        force = given.impulse / h
         backwards, back_way = felt(given.reverse, given.reverse_moment, h, decay, s)
         small, small_way = felt(given.cut, given.cut_moment, h, decay, s)
-        w = along / scale
         drag = w * abs(w)
         coupled = [0.0] * row.couplings
         if row.turning >= 0:
@@ -405,9 +409,10 @@ class PlanarFilter:
             own_way = [scale * (back_way - b * backwards)]
         watched = [scale * one for one in couplings[row.couplings:]] if row.watched else []
         per_newton = alpha * scale / row.force
-        return [scale * push, scale * drag, scale * w, scale, *coupled, -scale * slope,
+        return [scale * (push - slowing(force) * w), scale * drag, scale * w, scale, *coupled,
+                -scale * slope,
                 scale * backwards, scale * drag if w < 0.0 else 0.0, scale * small,
-                scale * given.lag, scale * math.sqrt(abs(given.impulse) / h) * w, *watched,
+                scale * given.lag, scale * math.sqrt(abs(force)) * w, *watched,
                 per_newton * piece[2 * k], per_newton * piece[2 * k + 1],
                 scale * (push_way - b * push), scale * (b * slope - delayed),
                 scale * (back_way - b * backwards), scale * (small_way - b * small), *own_way]

@@ -249,7 +249,7 @@ class PlanarMember:
                  thrusters: BothThrusters) -> None:
         self.unmodelled, self.thrusters = unmodelled, thrusters
         self.filter = PlanarFilter(
-            rows, theta, variances, unmodelled.force_std, current_change)
+            rows, theta, variances, unmodelled.force_std, current_change, thrusters)
         self.innovations = Innovations(noise, AXES)
         self.blocks = ScoreBlocks(
             theta, variances, watched, considered, len(ALTERNATIVES),
@@ -420,6 +420,8 @@ class PlanarPrediction:
         Surge and sway.
     size : int
         Number of parameters.
+    thrusters : BothThrusters
+        How they are taken to work until the first block ends.
 
     Attributes
     ----------
@@ -429,8 +431,8 @@ class PlanarPrediction:
 
     """
 
-    def __init__(self, rows: tuple[Row, Row], size: int) -> None:
-        self._model = PlanarFilter(rows, [0.0] * size, [0.0] * size)
+    def __init__(self, rows: tuple[Row, Row], size: int, thrusters: BothThrusters) -> None:
+        self._model = PlanarFilter(rows, [0.0] * size, [0.0] * size, thrusters=thrusters)
         self._noise = 0.0
         self._fits = BlockFits(clean=True), BlockFits(clean=True)
         self.interrupt()
@@ -481,7 +483,7 @@ class PlanarPrediction:
         for one in self._fits:
             one.end_block()
         self._noise = noise
-        self._model.theta = filter.theta
+        self._model.theta, self._model.thrusters = filter.theta, filter.thrusters
         self._model.motion[:] = filter.motion
         self._mark, self._runs = [], True
 

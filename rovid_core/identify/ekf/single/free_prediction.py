@@ -9,6 +9,7 @@ from typing import Any, Final
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import floats, LinearisedFilter, NONE_OWN
 from rovid_core.identify.ekf.single.measurements import Measurement
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 SPAN: Final = 1.0
 """[s] over which velocities are taken from the path."""
@@ -108,7 +109,7 @@ class FreePrediction:
 
     Parameters
     ----------
-    own : tuple of 2 ints
+    own, thrusters
         As of a ``LinearisedFilter``.
 
     Attributes
@@ -118,7 +119,8 @@ class FreePrediction:
 
     """
 
-    def __init__(self, own: tuple[int, int]) -> None:
+    def __init__(self, own: tuple[int, int], thrusters: Thrusters = AS_CONFIGURED) -> None:
+        self._thrusters = thrusters
         self._thrust, self._drag = own
         self._has_own = own != NONE_OWN
         self._fits, self._noise = BlockFits(clean=False), 0.0
@@ -183,9 +185,10 @@ class FreePrediction:
                 astern, _ = recent.bent(begin, end, delay)
                 u += self._of(self._thrust) * astern[0] / h
                 drag = min(beta + self._of(self._drag if v < 0.0 else -1), 0.0)
-            w = v + 0.5 * h * (u + (drag * abs(v) + gamma) * v)
+            linear = gamma - alpha * self._thrusters.slowing(impulse / h)
+            w = v + 0.5 * h * (u + (drag * abs(v) + linear) * v)
             x += h * w
-            v += h * (u + (drag * abs(w) + gamma) * w)
+            v += h * (u + (drag * abs(w) + linear) * w)
         return x, v
 
     def _of(self, i: int) -> float:

@@ -25,6 +25,7 @@ from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.last_minute import DEAD_BAND
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.dofs import Three
+from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 ALPHA: Final = 0
 BETA: Final = 1
@@ -138,6 +139,8 @@ class LinearisedFilter:
     own : tuple of 2 ints
         Index of the parameter of each of ``OWN``, -1 for none. Their regressors are made here;
         among the measured ones they are 0.
+    thrusters : Thrusters
+        What they lose with speed; the force is what they give at rest.
 
     Attributes
     ----------
@@ -149,7 +152,8 @@ class LinearisedFilter:
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float],
-                 force_std: float, watched: int = 0, own: tuple[int, int] = NONE_OWN) -> None:
+                 force_std: float, watched: int = 0, own: tuple[int, int] = NONE_OWN,
+                 thrusters: Thrusters = AS_CONFIGURED) -> None:
         self._parameters = [Parameter(value) for value in theta]
         self._alpha, self._beta, self._gamma, self._delta = self._parameters[:4]
         self._couplings, self._delay = self._parameters[4:-1], self._parameters[-1]
@@ -163,6 +167,7 @@ class LinearisedFilter:
         self._pushed = self._columns
         self._own_thrust, self._own_drag = own
         self._has_own = own != NONE_OWN
+        self._thrusters, self._is_slowed = thrusters, thrusters.loss != 0.0
         p = len(theta)
         self.theta_covariance = [
             [variances[i] if i == j else 0.0 for j in range(p)] for i in range(p)]
@@ -237,6 +242,8 @@ class LinearisedFilter:
             for column, regressor in zip(self._watched, watched):
                 column.push = regressor
         fastest = 2.0 * abs(self._beta.value * self.motion[1]) + abs(self._gamma.value)
+        if self._is_slowed:
+            fastest += self._alpha.value * self._thrusters.slowing(1.0)
         turn = (end - start) * max(fastest, 1.0 / LONGEST)
         if turn < 1.000001:
             self._predict(recent, start, end, couplings)
@@ -261,6 +268,8 @@ class LinearisedFilter:
             for one, regressor in zip(self._couplings, couplings):
                 u += one.value * regressor
         goes_back = v < 0.0
+        slowing = self._thrusters.slowing(force) if self._is_slowed else 0.0
+        gamma -= alpha * slowing
         if self._has_own:
             astern, _ = recent.bent(start, end, delay)
             more = self._astern(astern[0] / h, astern[1] / (h * h), goes_back, force < 0.0)
@@ -279,9 +288,12 @@ class LinearisedFilter:
         # the last step, which is all of its jumps, each of them once
         before = first if self._force != self._force else self._force
         self._force = last
+        rise = last - before
+        if self._is_slowed:
+            rise -= (self._thrusters.slowing(last) - self._thrusters.slowing(before)) * w
         late = 2.0 * moment - before * h * h
         way = impulse - h * before + 0.5 * rate * late
-        of_delay, delay_way = alpha / s * (last - before + rate * way), alpha * way
+        of_delay, delay_way = alpha / s * (rise + rate * way), alpha * way
         of_alpha, alpha_way = felt(impulse, moment, h, rate, s)
         if first == last and abs(force - first) < STEADY:
             of_reverse, reverse_way = (of_alpha, alpha_way) if force < 0.0 else (0.0, 0.0)
@@ -295,7 +307,7 @@ class LinearisedFilter:
         spun = 1.0 - math.exp(-h / LAG)
         self._lag.push = (force - self._lagged) * spun * LAG / h
         self._lagged += spun * (force - self._lagged)
-        self._alpha.push, self._beta.push, self._gamma.push = of_alpha, drag, w
+        self._alpha.push, self._beta.push, self._gamma.push = of_alpha - slowing * w, drag, w
         self._delay.push, self._reverse.push, self._cut.push = -of_delay, of_reverse, of_cut
         self._reverse_drag.push = drag if w < 0.0 else 0.0
         self._loss.push = math.sqrt(abs(force)) * w

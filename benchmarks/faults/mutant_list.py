@@ -480,6 +480,15 @@ MUTANTS = [
          'test/core/test_linearised_filter.py '
          'thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays',
          ('thrust falls with speed by the force', 'math.sqrt(abs(force)) * w', 'abs(force) * w')),
+    *_of('rovid_core/identify/ekf/single/linearised_filter.py',
+         'test/core/test_linearised_filter.py sensitivities_are_derivatives_of_the_motion',
+         ('the mass does not feel what is lost with speed', 'of_alpha - slowing * w', 'of_alpha'),
+         ('nor does the delay', 'rise -= (', 'rise -= 0.0 * (')),
+    *_of('rovid_core/trials/scored_run.py', 'test/core/test_reverse.py '
+         'what_is_lost_with_speed_counts_in_every_score',
+         ('what is lost with speed is not in a score', 'parameters[0] * thrusters.loss', '0.0'),
+         ('nor in one of all rows together', 'slowing=thrusters.slowing(row[0])',
+          'slowing=0.0')),
     *_of('rovid_core/identify/ekf/planar/filter_with_current.py',
          'test/core/test_planar_filter.py '
          'thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays',

@@ -18,6 +18,7 @@ from rovid_core.identify.estimate import Estimate
 from rovid_core.model.dofs import OWN
 from rovid_core.model.plant import advance, midpoint_trajectory, sensitivities, trajectory
 from rovid_core.model.samples import Event, PlanarPiece, Sample
+from rovid_core.model.thrusters import Thrusters
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import (
     CurrentSettings,
@@ -110,7 +111,7 @@ def test_what_is_found_of_the_thrusters_is_in_every_result(ahead: bool, tmp_path
     assert surge.status == 'converged', surge.judgement
     assert 1.0 / surge.parameters[0] == pytest.approx(MASS, rel=0.02)
     weaker = WEAKER if ahead else 1.0 / WEAKER
-    assert surge.thrusters == (0.0, 0.0, pytest.approx(weaker, rel=0.02))
+    assert surge.thrusters == (0.0, 0.0, pytest.approx(weaker, rel=0.02), 0.0)
     assert ('reverse thrust' if ahead else 'forward thrust') in ' '.join(surge.reasons)
     # scores of the row by itself are taken with it
     score = scores.score('surge', surge.parameters, surge.delay, surge.thrusters)
@@ -132,6 +133,17 @@ def test_what_is_found_of_the_thrusters_is_in_every_result(ahead: bool, tmp_path
     assert abs(pushed) == pytest.approx(MASS / WEAKER, rel=0.1)
     told = types.deserialize_cdr(messages['rov/estimate'].cdr, DIAGNOSTIC_TYPE).status[0].values
     assert {one.key: one.value for one in told}['reverse'] == repr(surge.thrusters.reverse)
+
+
+def test_what_is_lost_with_speed_counts_in_every_score() -> None:
+    """Of a row by itself, and of all together."""
+    estimate, scores = identified(vehicle('reverse_drag'), 'reverse_drag', 60.0)
+    surge, = estimate.dofs
+    model, fading = (*surge.parameters, *surge.couplings), Thrusters(loss=1.0)
+    own = scores.score('surge', model, thrusters=fading)
+    assert own.fit < scores.score('surge', model).fit - 0.02
+    joint = scores.score_joint({'surge': model}, thrusters={'surge': fading})
+    assert joint['surge'].fit == pytest.approx(own.fit, abs=2e-3)
 
 
 @pytest.mark.parametrize('name', OWN)

@@ -471,7 +471,7 @@ MUTANTS = [
          ('nothing is ever found of the thrusters', 'self._least < least', 'False')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
          'nothing_is_found_of_the_thrusters_that_they_do_not_have '
-         'a_dead_band_and_weaker_reverse_thrust_are_found_and_said '
+         'what_the_thrusters_lose_is_found_and_said '
          'what_follows_another_axis_is_not_taken_for_the_thrusters',
          ('what is hardly likelier is found', 'least -= MARGIN', 'least += 1e9'),
          ('what a wrong model scatters makes nothing less likely',
@@ -492,7 +492,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar/filter_with_current.py',
          'test/core/test_planar_filter.py '
          'thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays',
-         ('so it does in surge and sway', 'math.sqrt(abs(given.impulse) / h) * w', 'w')),
+         ('so it does in surge and sway', 'math.sqrt(abs(force)) * w', 'w')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
          'thrusters_that_are_no_better_are_not_tried_again_at_once',
          ('thrusters are tried again and again', 'start.duration < start.failed + PERIOD',
@@ -500,7 +500,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
          'a_lag_that_no_thruster_has_is_not_taken '
          'a_lag_is_no_longer_than_all_that_makes_the_motion_late '
-         'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
+         'what_the_thrusters_lose_is_found_and_said',
          ('a lag that no thruster has is taken', 'if lag > DELAYS[1]:', 'if False:'),
          ('a lag is longer than all that makes the motion late', 'min(lag, max(now.lag + delay, '
           '0.0))', 'lag'),
@@ -512,7 +512,7 @@ MUTANTS = [
          ('a lag that was found is known exactly', 'for name in found if name in left}',
           'for name in found if False}')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
-         'a_dead_band_and_weaker_reverse_thrust_are_found_and_said',
+         'what_the_thrusters_lose_is_found_and_said',
          ('what was found keeps its first size', 'if self.missing else self.rest',
           'if self.missing else ()')),
     *_of('rovid_core/identify/ekf/evidence/current_status.py', 'test/core/test_current.py '

@@ -179,7 +179,7 @@ def test_what_the_data_say_of_several_dofs_is_said_once(
     said = capsys.readouterr().out
     assert said.count('cannot be told apart yet') == 1
     assert 'surge, heave, yaw, from all of the data: linear and quadratic drag' in said
-    assert 'surge is converging: it takes a minute of thrust' in said
+    assert 'heave is converging: it takes a minute of thrust' in said
 
 
 def test_a_part_of_the_log(config: Path, log: Path, tmp_path: Path) -> None:

@@ -564,7 +564,7 @@ MUTANTS = [
           'found, most = made, ours + EXPLAINED', 'found, most = made, 9.0')),
     *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
          'a_lag_is_said_in_seconds_up_to_what_a_configuration_takes',
-         ('a lag is said in minutes', 'if lag > LONGEST_LAG:', 'if False:')),
+         ('a lag is said in minutes', 'if lag <= LONGEST_LAG else', 'if True else')),
     *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
          'the_force_behind_a_lag_is_that_of_short_steps',
          ('a lag moves the way by the impulse that was asked for',

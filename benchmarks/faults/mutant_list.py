@@ -641,7 +641,7 @@ MUTANTS = [
           'return (now - dof.time) * 1e-9 if not dof.stale_for else 0.0')),
     *_of('rovid_ros/model.py', 'test/results/test_model.py',
          ('a reverse thrust does not count',
-          'push / (self.alpha + reverse)', 'push / self.alpha'),
+          'alpha = self.alpha + reverse', 'alpha = self.alpha'),
          ('drag pushes when it goes backwards',
           '[self.beta * velocity * abs(velocity)', '[self.beta * velocity * velocity'),
          ('the columns go by their place',

@@ -67,7 +67,8 @@ class Thrusters(NamedTuple):
         Return how much of a force that there is at rest is lost per speed.
 
         A propeller of diameter D that turns at n pushes by n |n| D^4 less a part that grows with
-        |n| v D^3 (T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 9.1).
+        |n| v D^3 (T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd
+        edition, section 9.1).
         """
         return self.loss * math.sqrt(abs(force))
 

@@ -43,7 +43,7 @@ from test.support.real_vehicles import (
 )
 
 NAMES = {
-    'dead-band 3 N': 'a dead band of the thrusters', 'reverse thrust x 0.8': 'reverse thrust',
+    'dead-band 3 N': 'the thrusters have a dead band', 'reverse thrust x 0.8': 'reverse thrust',
     'reverse drag x 1.3': 'reverse drag', 'lag 0.15 s': 'the thrusters lag',
     'thrust that fades at 3 m/s': 'thrust falls with speed',
     'coupled': 'v r', 'zig-zag': 'v r'}
@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             errors = np.array([one.errors for one in found])
             at = [one.changed_at for one in found if one.changed_at < inf]
             # without the numbers, which are others in each drive
-            notes = [re.split(' % of the error follows |, | (?:of|by) about |: | with a', note)[
+            notes = [re.split(' % of the error follows |, | (?:of|by|is) about |: | with a', note)[
                 note[0].isdigit()] for one in found for note in one.notes if note]
             named = '' if name not in NAMES else (
                 f'{100 * sum(note == NAMES[name] for note in notes) / len(found):.0f}')

@@ -482,8 +482,9 @@ MUTANTS = [
          ('thrust falls with speed by the force', 'math.sqrt(abs(force)) * w', 'abs(force) * w')),
     *_of('rovid_core/identify/ekf/single/linearised_filter.py',
          'test/core/test_linearised_filter.py sensitivities_are_derivatives_of_the_motion',
-         ('the mass does not feel what is lost with speed', 'of_alpha - slowing * w', 'of_alpha'),
-         ('nor does the delay', 'rise -= (', 'rise -= 0.0 * (')),
+         ('the mass does not feel what is lost with speed', 'of_alpha - slowing(force) * w',
+          'of_alpha'),
+         ('nor does the delay', 'rise = last - before - (', 'rise = last - before - 0.0 * (')),
     *_of('rovid_core/trials/scored_run.py', 'test/core/test_reverse.py '
          'what_is_lost_with_speed_counts_in_every_score',
          ('what is lost with speed is not in a score', 'parameters[0] * thrusters.loss', '0.0'),

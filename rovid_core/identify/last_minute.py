@@ -31,10 +31,10 @@ CANDIDATES = {
     'dead_band': 'a dead band of the thrusters', 'reverse_thrust': 'reverse thrust',
     'reverse_drag': 'reverse drag', 'lag': 'a lag of the thrusters',
     'thrust_loss': 'thrust that falls with speed'}
-# Where it can be told to the model.
-KEYS = {'dead_band': 'see thrusters.deadband', 'reverse_thrust': 'see thrusters.reverse',
-        'lag': 'see thrusters.time_constant', 'thrust_loss': '',
-        'current': 'see current.prior'}
+# Where it can be told to the model, if it can, as the end of a sentence.
+KEYS = {'dead_band': ': see thrusters.deadband', 'reverse_thrust': ': see thrusters.reverse',
+        'lag': ': see thrusters.time_constant', 'thrust_loss': '',
+        'current': ': see current.prior'}
 DEAD_BAND: Final = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
 LAG: Final = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
@@ -57,9 +57,9 @@ def lacking(share: float, name: str, said: str, couplings: Sequence[str]) -> str
 
     ``couplings`` are those that the DOF has.
     """
-    advice = KEYS.get(name, f'add couplings: [{", ".join([*couplings, name])}]')
+    advice = KEYS.get(name, f': add couplings: [{", ".join([*couplings, name])}]')
     return (f'{100.0 * min(share, 1.0):.0f} % of the error follows {said}, which the model does '
-            f'not have{advice and f": {advice}"}')
+            f'not have{advice}')
 
 
 @dataclass(frozen=True)

@@ -181,7 +181,7 @@ class DofStatus:
             reason = self._last_minute.doubt(trusted)
         if not reason and self._hides_weaker and self._weaker:
             reason = (f'{min(self._weaker)} shows that the thrusters push otherwise backwards, '
-                      f'which scales this mass, too: {KEYS["reverse_thrust"]}')
+                      f'which scales this mass, too{KEYS["reverse_thrust"]}')
         return reason
 
 

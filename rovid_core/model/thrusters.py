@@ -66,9 +66,8 @@ class Thrusters(NamedTuple):
         """
         Return how much of a force that there is at rest is lost per speed.
 
-        A propeller of diameter D that turns at n pushes by n |n| D^4 less a part that grows with
-        |n| v D^3 (T. I. Fossen, Handbook of Marine Craft Hydrodynamics and Motion Control, 2nd
-        edition, section 9.1).
+        That of a propeller at rest goes with n |n| of its turns n; its coefficient falls with the
+        advance ratio, v over n times the diameter, about in proportion: by |n| v.
         """
         return self.loss * math.sqrt(abs(force))
 

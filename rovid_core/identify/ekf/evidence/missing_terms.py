@@ -121,7 +121,7 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
         'reverse_thrust': f'{weaker} one',
         'thrust_loss': f'thrust falls with speed, by about {100.0 * thrusters.loss:.0f} % at the '
                        'typical one'}
-    return [f'{said[name]}, which is taken into account{KEYS[name] and f": {KEYS[name]}"}'
+    return [f'{said[name]}, which is taken into account{KEYS[name]}'
             for name in thrusters.found]
 
 

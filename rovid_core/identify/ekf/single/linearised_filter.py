@@ -167,7 +167,7 @@ class LinearisedFilter:
         self._pushed = self._columns
         self._own_thrust, self._own_drag = own
         self._has_own = own != NONE_OWN
-        self._thrusters, self._is_slowed = thrusters, thrusters.loss != 0.0
+        self._thrusters = thrusters
         p = len(theta)
         self.theta_covariance = [
             [variances[i] if i == j else 0.0 for j in range(p)] for i in range(p)]
@@ -241,9 +241,8 @@ class LinearisedFilter:
             self._pushed = self._columns
             for column, regressor in zip(self._watched, watched):
                 column.push = regressor
-        fastest = 2.0 * abs(self._beta.value * self.motion[1]) + abs(self._gamma.value)
-        if self._is_slowed:
-            fastest += self._alpha.value * self._thrusters.slowing(1.0)
+        fastest = (2.0 * abs(self._beta.value * self.motion[1]) + abs(self._gamma.value)
+                   + self._alpha.value * self._thrusters.loss)
         turn = (end - start) * max(fastest, 1.0 / LONGEST)
         if turn < 1.000001:
             self._predict(recent, start, end, couplings)
@@ -268,8 +267,8 @@ class LinearisedFilter:
             for one, regressor in zip(self._couplings, couplings):
                 u += one.value * regressor
         goes_back = v < 0.0
-        slowing = self._thrusters.slowing(force) if self._is_slowed else 0.0
-        gamma -= alpha * slowing
+        slowing = self._thrusters.slowing
+        gamma -= alpha * slowing(force)
         if self._has_own:
             astern, _ = recent.bent(start, end, delay)
             more = self._astern(astern[0] / h, astern[1] / (h * h), goes_back, force < 0.0)
@@ -288,9 +287,7 @@ class LinearisedFilter:
         # the last step, which is all of its jumps, each of them once
         before = first if self._force != self._force else self._force
         self._force = last
-        rise = last - before
-        if self._is_slowed:
-            rise -= (self._thrusters.slowing(last) - self._thrusters.slowing(before)) * w
+        rise = last - before - (slowing(last) - slowing(before)) * w
         late = 2.0 * moment - before * h * h
         way = impulse - h * before + 0.5 * rate * late
         of_delay, delay_way = alpha / s * (rise + rate * way), alpha * way
@@ -307,7 +304,8 @@ class LinearisedFilter:
         spun = 1.0 - math.exp(-h / LAG)
         self._lag.push = (force - self._lagged) * spun * LAG / h
         self._lagged += spun * (force - self._lagged)
-        self._alpha.push, self._beta.push, self._gamma.push = of_alpha - slowing * w, drag, w
+        self._alpha.push = of_alpha - slowing(force) * w
+        self._beta.push, self._gamma.push = drag, w
         self._delay.push, self._reverse.push, self._cut.push = -of_delay, of_reverse, of_cut
         self._reverse_drag.push = drag if w < 0.0 else 0.0
         self._loss.push = math.sqrt(abs(force)) * w

@@ -373,7 +373,7 @@ class FilterBank(Generic[M]):
             parameters of the best one whose delay is shorter by the lag.
 
         """
-        if self.best.better_thrusters is None or start.duration < start.failed + PERIOD:
+        if self._better_thrusters is None or start.duration < start.failed + PERIOD:
             return False
         members, number, before = list(self.members), self.number, self.best.thrusters
         noises = [member.innovations.noise for member in members]
@@ -391,7 +391,7 @@ class FilterBank(Generic[M]):
         # compared are members that went through all the same data at parameters that fit them
         if not self.go_through_again(start, (), False):
             return False
-        better, least, found = self.best.better_thrusters, self._least, self.best.blocks.found
+        better, least, found = self._better_thrusters, self._least, self.best.blocks.found
         if better is None:
             return False
         # once more: where fixes come fast there were few passes
@@ -403,6 +403,16 @@ class FilterBank(Generic[M]):
             # where the blocks scatter more than the model says, the data are worth less
             least -= MARGIN * verdict.unexplained
         return self._least < least
+
+    @property
+    def _better_thrusters(self) -> Any:
+        """
+        Return thrusters that have what the best member says, or else the first one.
+
+        Where an unknown force follows what is missing, hardly any of the error is left to say it.
+        """
+        better = self.best.better_thrusters
+        return self.members[0].better_thrusters if better is None else better
 
     @property
     def _least(self) -> float:

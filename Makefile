@@ -30,9 +30,9 @@ export OPENBLAS_NUM_THREADS = 1
 
 help:
 	@echo 'make demo   simulate a vehicle and identify it; needs no ROS'
-	@echo 'make test   linters, types and all tests, on real ROS 2 from PyPI'
+	@echo 'make test   linters, types and all tests but the long ones, on real ROS 2 from PyPI'
 	@echo '            ROS_DISTRO=kilted|jazzy, ARGS="-k replay" goes to pytest, WORKERS=3 at once'
-	@echo '            COMPILE=1: the same tests on an installation that mypyc has compiled'
+	@echo '            COMPILE=1: all tests, the long ones too, on what mypyc has compiled'
 	@echo 'make lint   linters and types only'
 	@echo 'make figures  every table of docs/measurements/, in about 90 minutes; ARGS="accuracy speed.step"'
 	@echo 'make bench  those of docs/measurements/speed.md alone'
@@ -57,7 +57,7 @@ test: $(TEST)/compiled
 	cp -r $(filter-out build rovid_core rovid_ros %.egg-info,$(wildcard *)) $(TREE)
 	ln -s $(addprefix ../lib/python$(PYTHON_VERSION)/site-packages/,rovid_core rovid_ros) $(TREE)
 	cd $(TREE) && ROVID_DATA=$${ROVID_DATA:-$(CURDIR)/../shared/data} \
-		../bin/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
+		../bin/python -m pytest -m '' -n $(WORKERS) --dist worksteal $(ARGS)
 endif
 
 $(TEST)/compiled: $(TEST_READY) $(SOURCES)

@@ -74,7 +74,7 @@ def extensions() -> list[Extension]:
         from mypyc.build import mypycify
     except ImportError:
         sys.exit(f'ROVID_COMPILE=1: {sys.executable} has no mypyc; pip install {COMPILERS[0]!r}')
-    modules = mypycify(compiled_modules(), opt_level='3', group_name='rovid')
+    modules = mypycify(compiled_modules(), opt_level='3', debug_level='0', group_name='rovid')
     for module in modules:
         # a fused multiply-add would round otherwise than Python does; and a new warning of a
         # compiler is no error

@@ -99,7 +99,7 @@ def run(copy: Path, tests: Sequence[str]) -> int:
                    'PYTEST_DISABLE_PLUGIN_AUTOLOAD': '1'}  # those of ROS take longer than a test
     try:
         return subprocess.run(
-            [sys.executable, '-m', 'pytest', '-xq', '-p', 'no:cacheprovider', *tests],
+            [sys.executable, '-m', 'pytest', '-xq', '-m', '', '-p', 'no:cacheprovider', *tests],
             cwd=copy, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             timeout=PATIENCE).returncode
     except subprocess.TimeoutExpired:

@@ -284,6 +284,7 @@ def backwards(message: Message) -> Message:
         else message
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('change', 'level', 'subject', 'says'), [
     (in_millimetres, WARNING, 'position', 'is it in m?'),
     (stuck, WARNING, 'position', 'never changes'),
@@ -307,6 +308,7 @@ def test_what_the_data_give_away(
     assert any(says in line for line in lines), outcome.text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('frames', ['enu', 'ned'])
 @pytest.mark.parametrize('gravity', [9.8, -9.8, 3.0])
 def test_the_accelerometer_beside_the_attitude_tells_the_frames(
@@ -327,6 +329,7 @@ def test_the_accelerometer_beside_the_attitude_tells_the_frames(
         assert f'as with frames: {other}, but they are {frames}' in told[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('scale', [1.0, -1.0])
 def test_a_dvl_that_moves_against_the_depth_is_told(scale: float, tmp_path: Path) -> None:
     velocity = {'velocity.topic': '/dvl', 'velocity.type': 'geometry_msgs/msg/TwistStamped',
@@ -373,6 +376,7 @@ def test_stamps_after_their_receipt_are_told_by_their_sign(
     assert not findings(outcome, WARNING), outcome.text
 
 
+@pytest.mark.long
 def test_nothing_is_said_of_models_that_push_the_wrong_way(tmp_path: Path) -> None:
     log = tmp_path / 'dive.mcap'
     simulate_log(settings_from(VALUES), log, 120.0, seed=1)
@@ -407,6 +411,7 @@ def test_it_refuses_what_a_replay_refuses(tmp_path: Path, log: Path) -> None:
     assert counts == replayed['rejected']
 
 
+@pytest.mark.long
 def test_the_tank_logs_fit_their_file(data: Path, repository: Path) -> None:
     for log in sorted((data / 'bluerov2_tank').glob('*.mcap')):
         outcome = check(repository / 'config' / 'bluerov2_tank.yaml', [log], duration=60.0)

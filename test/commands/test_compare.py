@@ -26,6 +26,8 @@ from rovid_ros.logs.writer import LogWriter
 from rovid_ros.results.documents import read_estimates
 import yaml
 
+pytestmark = pytest.mark.long
+
 CONFIG = Path(__file__).parents[2] / 'config' / 'jhurov.yaml'
 STILL = ',heave=0,yaw=0'
 

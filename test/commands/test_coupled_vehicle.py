@@ -17,6 +17,8 @@ from rovid_ros.config.parameter_file import load
 from rovid_ros.messages.types import standard_types
 from rovid_ros.results.documents import read_estimates
 
+pytestmark = pytest.mark.long
+
 MASSES = {'surge': 20.0, 'sway': 30.0, 'yaw': 1.5}
 KAPPAS = {'surge': ('vr', 1.5), 'sway': ('ur', -2.0 / 3.0), 'yaw': ('uv', -10.0 / 1.5)}
 """Kirchhoff's: m_v / m_u, -m_u / m_v, (m_u - m_v) / I."""

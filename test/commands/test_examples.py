@@ -23,6 +23,7 @@ def written(request: Any, tmp_path_factory: Any) -> tuple[str, Path, Settings]:
     return request.param, log, settings_from(load(log.with_suffix('.yaml')))
 
 
+@pytest.mark.long
 def test_configuration_reads_its_log(written: tuple[str, Path, Settings]) -> None:
     name, log, settings = written
     result = replay([log], settings, PipelinePlayer(settings))

@@ -456,6 +456,7 @@ def test_a_reader_that_leaves_is_no_error_and_costs_no_file(
     assert 'surge' in json.loads(written.read_text())['dofs']
 
 
+@pytest.mark.long
 def test_a_recorded_dive_is_identified(
         repository: Path, data: Path, tmp_path: Path,
         capsys: pytest.CaptureFixture[str]) -> None:

@@ -95,6 +95,7 @@ def restored(settings: Settings, state: dict[str, Any], log: Path) -> PipelinePl
     return player
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('method', METHODS)
 def test_a_dive_goes_on_from_the_one_before(
         method: str, call: Call, dives: list[Path], tmp_path: Path,
@@ -327,6 +328,7 @@ def test_a_replay_without_a_step_leaves_no_state(
     assert not call.state.exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('moment', ['fsync', 'replace'])
 def test_a_kill_during_writing_leaves_the_old_state(
         moment: str, call: Call, dives: list[Path]) -> None:

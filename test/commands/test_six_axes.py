@@ -12,6 +12,8 @@ from rovid_ros.config.parameters import settings_from
 from test.support.six_axes import Dive, dive
 from test.support.trials import CONFIG
 
+pytestmark = pytest.mark.long
+
 SHIPPED = CONFIG / 'bluerov2_ardusub.yaml'
 
 

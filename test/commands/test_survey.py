@@ -101,6 +101,7 @@ def test_another_configuration_begins_afresh(
     assert '2 of 3 dives were finished before' in capsys.readouterr().out
 
 
+@pytest.mark.long
 def test_parquet_holds_the_same_with_tags_as_numbers(season: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip('pyarrow.parquet')
     for k, temperature in ((1, '8.5'), (2, '11')):
@@ -192,6 +193,7 @@ def test_nobody_is_left_where_the_work_is_given_up() -> None:
     assert time.monotonic() - begun < 30
 
 
+@pytest.mark.long
 def test_a_dask_cluster_gives_the_same_table(season: Path) -> None:
     distributed = pytest.importorskip('distributed')
     with distributed.LocalCluster(n_workers=1, threads_per_worker=1,

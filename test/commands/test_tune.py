@@ -19,6 +19,8 @@ from rovid_ros.commands.tune import tuned_text
 from rovid_ros.config.parameter_file import edited, load
 from rovid_ros.config.parameters import settings_from
 
+pytestmark = pytest.mark.long
+
 CONFIG = Path(__file__).parents[2] / 'config'
 SURGE = """\
 # mine

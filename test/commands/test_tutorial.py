@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from rovid_ros.commands.main import main
 
+pytestmark = pytest.mark.long
+
 TRUE = {'surge': 22.5, 'sway': 27.0, 'yaw': 0.52}
 
 

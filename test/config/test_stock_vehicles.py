@@ -117,6 +117,7 @@ def test_the_thrust_curve_is_odd_and_rises_up_to_its_end(bluerov2: Settings) -> 
     assert curve(2200) == forces[400]
 
 
+@pytest.mark.long
 def test_a_dive_of_the_bluerov2_is_identified(bluerov2: Settings, dive: Path) -> None:
     result = identified(dive, bluerov2)
     check_truth(result, bluerov2, within=0.03)
@@ -150,6 +151,7 @@ def with_port(data: bytes, channels: list[int]) -> bytes:
     return header + rest + np.array(channels, '<u2').tobytes()
 
 
+@pytest.mark.long
 def test_a_type_is_read_as_its_log_defines_it(
         bluerov2: Settings, dive: Path, tmp_path: Path) -> None:
     # a definition that no program knows: one more field, and all 16 outputs
@@ -165,6 +167,7 @@ def test_a_type_is_read_as_its_log_defines_it(
     assert found.dofs == identified(dive, bluerov2, 15.0).dofs
 
 
+@pytest.mark.long
 def test_outputs_that_are_off_are_no_commands(
         bluerov2: Settings, dive: Path, tmp_path: Path) -> None:
     rows = messages(dive)
@@ -181,12 +184,14 @@ def test_outputs_that_are_off_are_no_commands(
     check_truth(result, bluerov2, within=0.03)
 
 
+@pytest.mark.long
 def test_odometry_and_a_wrench_are_enough(tmp_path: Path) -> None:
     settings = settings_from(load(ODOMETRY))
     simulate_log(settings, tmp_path / 'log.mcap', 60.0, seed=2)
     check_truth(identified(tmp_path / 'log.mcap', settings), settings, within=0.02)
 
 
+@pytest.mark.long
 def test_the_twist_of_an_odometry_is_a_body_velocity(tmp_path: Path) -> None:
     settings = settings_from({
         **load(ODOMETRY), 'velocity.topic': '/odometry', 'angular_velocity.topic': '/odometry'})

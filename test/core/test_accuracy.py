@@ -49,6 +49,7 @@ def logs():
     return [surge_log(seed) for seed in range(2)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('initial', [HEAVY, LIGHT], ids=['heavy', 'light'])
 def test_default_settings_predict_another_profile_within_1_mm_s(logs, initial):
     for log in logs:
@@ -58,6 +59,7 @@ def test_default_settings_predict_another_profile_within_1_mm_s(logs, initial):
         assert not stream.rejected
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('time', 'force', 'speed'), [
     (1.0, 0.0, 0.0), (10.0, 0.0, 0.0), (3.0, 385.0, 1.5), (3.0, 43.0, 0.17), (3.0, 43.0, 1.5)])
 def test_neither_typical_sizes_nor_adaptation_time_decide(logs, time, force, speed):

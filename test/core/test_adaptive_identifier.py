@@ -18,6 +18,7 @@ from rovid_core.settings.run import IdentifierSettings, Scales, SettingsError
 from test.support.identifier_steps import DOF, run, steps, TRUTH, values
 
 
+@pytest.mark.long
 @given(st.data())
 @hypothesis_settings(max_examples=300, deadline=None)
 def test_nothing_makes_it_leave_its_bounds(data):

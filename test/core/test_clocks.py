@@ -26,6 +26,8 @@ from test.support.injected_faults import (
 )
 from test.support.memory import lengths
 
+pytestmark = pytest.mark.long
+
 ALL = ('position', 'depth', 'attitude', 'thrusters')
 UNHEARD = {'no_attitude', 'stale_thrust', 'no_thrust', 'gap'}
 """Reasons of what lacks the input whose clock is off."""

@@ -29,6 +29,8 @@ from rovid_core.trials.offline import METHODS
 from rovid_core.trials.score import ScoreLog
 from rovid_core.velocity.couplings import MeanVelocities
 
+pytestmark = pytest.mark.long
+
 TRUTH = {
     'surge': SimulatedDof(20.0, 40.0, 8.0, 0.0, (25.0,), (0.05,)),
     'sway': SimulatedDof(30.0, 90.0, 12.0, 0.0, (25.0,), (0.07,)),

@@ -21,6 +21,8 @@ from test.support.moving_water import (
     with_headings_off,
 )
 
+pytestmark = pytest.mark.long
+
 FIXES, STRAIGHT = Run(), Run(stiff=True, duration=75.0)
 
 

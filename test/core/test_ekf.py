@@ -36,6 +36,8 @@ from test.support.surge import HEAVY, LIGHT, SURGE_TRUTH, TRAINING
 from test.support.tank import LEAST, online_fits, replayed, yaw_fit
 from test.support.trials import CONFIG
 
+pytestmark = pytest.mark.long
+
 TRUE = np.array(SURGE_TRUTH)
 MINUTE = replace(CLEAN, duration=60.0)
 

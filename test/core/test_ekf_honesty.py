@@ -28,6 +28,8 @@ import scipy  # of which parts are imported when they are needed
 
 from test.support.real_vehicles import GUESS, MASS, pieces, TRUTH, Vehicle, VEHICLES
 
+pytestmark = pytest.mark.long
+
 SCALES = replace(Scales.of(GUESS), watched=('vr',))
 
 

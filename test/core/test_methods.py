@@ -131,6 +131,7 @@ def test_velocity_in_another_unit_scales_the_parameters(settings):
     assert (a, b, g, d) == pytest.approx((k * alpha, beta / k, gamma, k * delta), rel=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('method', METHODS)
 @given(data=st.data())
 @hypothesis_settings(max_examples=100, deadline=None)

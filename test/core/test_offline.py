@@ -58,6 +58,7 @@ def test_each_method_finds_the_vehicle(method, tolerance):
     assert fit.note == ''
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('method', METHODS)
 def test_left_out_terms_are_zero_and_short_trials_give_nothing(method):
     for known in subsets(HEAVY):
@@ -89,6 +90,7 @@ def medians(dof, k, seeds=3, methods=COMPARED):
         [scores(dof, TRIALS[dof][k], seed, methods) for seed in range(seeds)], axis=0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('dof', 'k'), [('surge', 0), ('surge', 2), ('heave', 0), ('yaw', 1)])
 def test_single_sinusoids_of_any_period_suffice(dof, k):
     # slow ones hardly show the mass: only a Gamma that is not diagonal finds it in time
@@ -97,6 +99,7 @@ def test_single_sinusoids_of_any_period_suffice(dof, k):
     assert own[1] <= own[0], 'no worse than least squares'
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('dof', TRIALS)
 def test_large_thrust_gives_a_model_for_all_trials(dof):
     large, small = (medians(dof, k, 2, [aid])[0, 1:].max() for k in (1, -1))

@@ -23,6 +23,8 @@ from test.support.injected_faults import (
     worse,
 )
 
+pytestmark = pytest.mark.long
+
 
 def spikes(share, size):
     """Let some be off by up to ``size`` either way."""

@@ -128,6 +128,7 @@ def test_velocity_and_gyro_sensors_are_used_where_there_are_some():
         assert ratio == pytest.approx(1.0, abs=0.1), dof
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('gyro_rate', [50.0, 4.0])
 def test_what_turning_adds_at_a_dvl_is_taken_off(gyro_rate):
     at = InputSettings('/dvl', lever_arm=(0.5, 0.4, -0.3))
@@ -544,6 +545,7 @@ def test_slow_sampling_clamps_the_cutoff_and_says_so():
     assert 'velocity.cutoff' in stream.take_warnings()[0]
 
 
+@pytest.mark.long
 def test_the_truth_scores_noise_against_the_pipe_and_nothing_against_a_reference():
     noiseless = {'position_noise': 0.0, 'attitude_noise': 0.0}
     for reference, limit in ((InputSettings(), 5e-4), (InputSettings('/truth'), 3e-4)):
@@ -576,6 +578,7 @@ def test_scales_far_from_the_data_are_told_with_what_to_set():
     assert stream.take_warnings() == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(('velocity', 'duration', 'told'), [
     (5.0, 100.0, False),  # it may not have been driven yet
     (0.3, 100.0, True), (5.0, 310.0, True)])
@@ -587,6 +590,7 @@ def test_a_dof_that_hardly_moves_yet_has_no_wrong_sizes(velocity, duration, told
     assert any('set surge.typical.force' in w for w in stream.take_warnings()) is told
 
 
+@pytest.mark.long
 def test_sizes_of_a_whole_log_are_judged_at_its_end():
     settings = surge_settings(DofSettings(300.0, typical_force=2000.0, typical_velocity=5.0))
     for whole in (False, True):
@@ -621,6 +625,7 @@ samples = st.one_of(
     st.tuples(st.just('depth'), st.tuples(wild)))
 
 
+@pytest.mark.long
 @given(st.lists(st.tuples(st.sampled_from([0, 1, 10**6, 10**8, 10**10, -10**6, -10**10]),
                           samples), max_size=60), st.floats(0.05, 1e4))
 @hypothesis_settings(max_examples=200, deadline=None)

@@ -148,6 +148,7 @@ def test_samples_are_the_waveform(waveform: Sinusoid | Steps) -> None:
     assert samples((waveform,), t) == pytest.approx([waveform.at(x) for x in t])
 
 
+@pytest.mark.long
 def test_output_error_reaches_what_the_plan_promises(surge: Plan) -> None:
     """And it is better than the sinusoid that one would have driven."""
     scales = Scales(150.0, 0.5, SURGE_TRUTH, ALL)

@@ -41,6 +41,8 @@ from rovid_ros.model import Model
 from rovid_ros.results.documents import dofs_document, read_estimates
 from rovid_ros.results.outputs import ARRAY_TYPE, DIAGNOSTIC_TYPE, Outputs
 
+pytestmark = pytest.mark.long
+
 MASS, DRAG, ASTERN, WEAKER = 20.0, 40.0, 1.5, 0.7
 KAPPAS = {'reverse_thrust': (WEAKER - 1.0) / MASS, 'reverse_drag': (1.0 - ASTERN) * DRAG / MASS}
 

@@ -89,6 +89,7 @@ HOSTILE = hypothesis_settings(  # to shrink a whole state takes for ever
     suppress_health_check=list(HealthCheck))
 
 
+@pytest.mark.long
 @HOSTILE
 @given(data=st.data())
 def test_a_damaged_state_is_refused_or_works(

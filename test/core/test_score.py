@@ -74,6 +74,7 @@ def test_rows_can_be_read_by_processes_that_were_forked_from_this_one() -> None:
     assert [os.waitpid(child, 0)[1] for child in children] == [0, 0, 0, 0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('sensor', [False, True])
 @pytest.mark.parametrize('reference', [False, True])
 @pytest.mark.parametrize('counts', [(), (0,), (5, 0, 63, 64, 65), (1000,), (1, 128, 1, 2)])

@@ -88,6 +88,7 @@ def logs(request: pytest.FixtureRequest) -> tuple[Found, Found]:
     return still, found(log)
 
 
+@pytest.mark.long
 def test_the_true_model_predicts_the_velocity_over_ground(logs: tuple[Found, Found]) -> None:
     still, known = logs
     for dof in HORIZONTAL:

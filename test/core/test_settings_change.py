@@ -98,6 +98,7 @@ CHANGES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('method', ['aid', 'ekf'])
 @pytest.mark.parametrize('case', CHANGES)
 def test_changed_at_the_start_is_as_if_it_had_been_so(

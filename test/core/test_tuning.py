@@ -25,6 +25,8 @@ from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningE
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 
+pytestmark = pytest.mark.long
+
 DELAY, LAG = 0.12, 0.3
 
 Reader = Callable[[Settings], TuningLog]

@@ -43,6 +43,7 @@ SLIPS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', SLIPS)
 def test_a_slip_is_told_once_with_the_key(name):
     input, fault, text = SLIPS[name]

@@ -70,6 +70,7 @@ def test_a_coefficient_that_nothing_can_have_is_chance(size, coefficient, name):
     assert (missing and missing.name) == name
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', [
     'dead-band 3 N', 'reverse thrust x 0.8', 'reverse drag x 1.3', 'coupled'])
 def test_the_interval_holds_before_blocks_can_judge_the_model(name):

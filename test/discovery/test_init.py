@@ -29,6 +29,8 @@ from rovid_ros.logs.writer import LogWriter
 from test.support.dataflash_logs import dive, heavy, PARAMETERS
 from test.support.six_axes import Dive, dive as six_axes_dive
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture
 def initialised(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[[Path], Settings]:

@@ -151,6 +151,7 @@ def test_damage_costs_a_record_or_two(tmp_path: Path) -> None:
             assert bool(opened.warnings) == (k != 12)
 
 
+@pytest.mark.long
 def test_no_damage_makes_a_traceback(tmp_path: Path) -> None:
     draw = random.Random(1)
     whole = bytes(dive(heavy(['heave']), 0.5, busy=0, parameters={'FRAME_CONFIG': 2.0}).data)

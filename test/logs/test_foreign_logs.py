@@ -16,6 +16,7 @@ READ = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', READ)
 def test_every_topic_as_another_reader_gives_it(name: str, data: Path) -> None:
     with AnyReader([data / name]) as reader, Log([data / name]) as log:

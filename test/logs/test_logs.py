@@ -207,6 +207,7 @@ BIG = {**FORMATS, 'zstd.mcap': mcap(), 'no_summary.mcap': mcap(
     index=IndexType.NONE, summary=False)}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     'name', ['zstd.mcap', 'no_summary.mcap', 'unchunked.mcap', 'old.db3', 'none.bag'])
 def test_memory_does_not_grow_with_the_log(name: str, tmp_path: Path) -> None:
@@ -424,6 +425,7 @@ def test_the_cut_is_reported(tmp_path: Path) -> None:
             f'{count} messages before the cut are used']
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('tail', ['nothing', 'zeros'])
 @pytest.mark.parametrize('name', [name for name in FORMATS if name.endswith('.mcap')])
 def test_a_cut_mcap_gives_all_before_the_cut(name: str, tail: str, tmp_path: Path) -> None:
@@ -474,6 +476,7 @@ def test_a_cut_plain_mcap_gives_every_whole_message(tmp_path: Path) -> None:
         assert len(read_or_nothing(path)) == sum(end <= cut for end in ends)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name, tail', [
     ('old.db3', 0), ('none.bag', 0), ('none.bag', 3000), ('bz2.bag', 0), ('lz4.bag', 3000)])
 def test_other_cut_logs(name: str, tail: int, tmp_path: Path) -> None:

@@ -203,6 +203,7 @@ class Both:
         return found[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', CASES)
 @profile(max_examples=40, deadline=None)
 @given(random=st.builds(Random, st.integers(0, 2**32)), form=st.sampled_from(FORMS))

@@ -207,6 +207,7 @@ def test_numbers_are_rounded() -> None:
     assert [0.0, 12345.68, 12345.78] in columns and [0.33333, None, None] in columns
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('key', [
     'best', 'std', 'low', 'high', 'value', 'scores', 'mae', 'fit', 'W', 'reference', 'dv',
     'v_hat', 'gamma', 'velocity', 'force', 'relative_bound', 'condition', 'series', 'adaptation',

@@ -10,6 +10,8 @@ from test.support.fault_edits import Messages, Recording
 from test.support.fault_outcomes import Outcome
 from test.support.fault_runs import Bench, replayed, simulated, tank
 
+pytestmark = pytest.mark.long
+
 HARD = ['position silent 10 s', 'attitude silent 10 s', 'thrusters silent 10 s', 'outliers 5 %',
         'fix jumps by 2 m', 'a name missing', 'position in bursts', 'position 1 h ahead',
         'clocks back 1 h']

@@ -164,6 +164,7 @@ def check_refused(run: subprocess.CompletedProcess[str]) -> str:
     return line
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('name', HOSTILE)
 def test_a_hostile_log_is_one_line_and_no_memory(name: str, tmp_path: Path) -> None:
     path = tmp_path / 'log.mcap'

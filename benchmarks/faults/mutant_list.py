@@ -495,6 +495,10 @@ MUTANTS = [
          'thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays',
          ('so it does in surge and sway', 'math.sqrt(abs(force)) * w', 'w')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
+         'what_the_thrusters_lose_is_found_and_said',
+         ('what an unknown force follows is not found of the thrusters',
+          'self.members[0].better_thrusters if better is None else better', 'better')),
+    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
          'thrusters_that_are_no_better_are_not_tried_again_at_once',
          ('thrusters are tried again and again', 'start.duration < start.failed + PERIOD',
           'False')),

@@ -156,6 +156,7 @@ def test_settings_that_freeze_win(call: Call, dives: list[Path], tmp_path: Path)
     assert {found['status'] for found in call.dofs().values()} == {'frozen'}
 
 
+@pytest.mark.long
 def test_the_state_wins_over_that_of_a_record(
         call: Call, dives: list[Path], tmp_path: Path) -> None:
     """A node's own log says where that node began; who names a state wants that one."""

@@ -42,6 +42,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+@pytest.mark.long
 def test_a_row_holds_the_numbers_of_a_replay(season: Path) -> None:
     out = season / 'out.json'
     log = season / 'dives' / 'd2.mcap'
@@ -75,6 +76,7 @@ def test_the_summary_says_what_says_nothing(
     assert 'A line takes three dives.' in ' '.join(said.split())
 
 
+@pytest.mark.long
 def test_one_process_gives_the_same_table(season: Path) -> None:
     assert survey(season, 'one.csv', '--workers', '1') == 1
     assert (season / 'one.csv').read_bytes() == (season / 'table.csv').read_bytes()

@@ -234,6 +234,7 @@ def test_without_adaptation_the_motion_counts_with_uncertain_parameters():
     assert filter.covariance[0] > 0.0
 
 
+@pytest.mark.long
 def test_the_covariance_stays_symmetric_and_positive_over_very_many_updates():
     random = np.random.default_rng(0)
     filter = LinearisedFilter(THETA, VARIANCES, 0.05)

@@ -106,6 +106,7 @@ def test_large_thrust_gives_a_model_for_all_trials(dof):
     assert small > 4 * large
 
 
+@pytest.mark.long
 def test_only_heave_has_a_bias():
     for dof in TRIALS:
         found = np.array([bias(dof, seed) for seed in range(3)])
@@ -143,6 +144,7 @@ def test_the_noise_of_unfiltered_velocities_leaves_no_bias():
     assert errors_on('surge', slow, aid, [slow], seeds=3)[0] < 0.001
 
 
+@pytest.mark.long
 def test_output_error_attains_the_bound():
     ratio, bound = bound_ratio(8)
     assert ratio.max() < 1.6  # 200 seeds are in the benchmark; 8 scatter
@@ -174,6 +176,7 @@ def test_slow_and_large_thrust_says_more():
     assert (bound(150.0, 0.05) < bound(30.0, 0.05)).all()
 
 
+@pytest.mark.long
 def test_the_tank_is_predicted(data):
     fits = offline_fits(data / 'bluerov2_tank')
     limits = {'surge': (0.034, 0.69), 'sway': (0.034, 0.61), 'heave': (0.026, 0.59),

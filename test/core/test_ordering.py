@@ -172,6 +172,7 @@ def test_a_log_of_whole_messages_starts_again():
     assert order.jumped
 
 
+@pytest.mark.long
 def test_events_that_nothing_releases_are_bounded():
     order = Order(inputs=[('position', 0), ('thrusters', 0)])
     order.push(0, 'position')

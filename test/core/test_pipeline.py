@@ -70,6 +70,7 @@ def mass_ratios(estimate):
     return {d.dof: 1.0 / d.parameters[0] / TRUTH[d.dof].mass for d in estimate.dofs}
 
 
+@pytest.mark.long
 def test_six_dofs_from_fixes_depth_and_attitude_at_their_own_rates():
     settings = vehicle(DOFS, depth=InputSettings('/depth'))
     stream, estimates = identified(settings)
@@ -94,6 +95,7 @@ def test_heading_that_turns_all_the_way_round_does_not_mix_the_axes():
         assert mass_ratios(estimates[-1])[dof] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_lever_arm_is_taken_off():
     at = InputSettings('/fix', lever_arm=(0.5, 0.4, 0.0))
     settings = vehicle(('surge', 'sway', 'yaw'), position=at)
@@ -119,6 +121,7 @@ def test_a_lever_arm_without_an_attitude_is_left_out():
     assert mass_ratios(estimates[-1])['heave'] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.long
 def test_velocity_and_gyro_sensors_are_used_where_there_are_some():
     settings = vehicle(
         ('surge', 'heave', 'yaw'), position=InputSettings(),
@@ -519,6 +522,7 @@ def test_a_state_of_another_configuration_is_refused():
     assert stream.state() == state
 
 
+@pytest.mark.long
 def test_magnitudes_without_a_sign_are_told_and_a_sign_input_heals_them():
     settings = vehicle(('surge',))
     measured = list(simulate(settings, 200.0, 1))
@@ -603,6 +607,7 @@ def test_sizes_of_a_whole_log_are_judged_at_its_end():
         assert (len(early), len(late)) == ((0, 1) if whole else (1, 0))
 
 
+@pytest.mark.long
 def test_w_is_published_where_the_truth_is_known():
     settings = surge_settings()
     assert math.isnan(feed(Stream(settings), events(settings))[-1].dofs[0].W)

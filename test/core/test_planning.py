@@ -164,6 +164,7 @@ def test_output_error_reaches_what_the_plan_promises(surge: Plan) -> None:
     assert (rms[0][:3] < 0.5 * rms[1][:3]).all(), rms[0] / rms[1]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize('truth', [(290.0, 290.0, 43.5, 2.9), FASTEST])
 def test_the_limits_hold_in_the_simulator(
         surge: Plan, truth: tuple[float, float, float, float]) -> None:

@@ -96,6 +96,7 @@ def test_the_true_model_predicts_the_velocity_over_ground(logs: tuple[Found, Fou
         assert still.alone[dof].fit < 0.7, dof
 
 
+@pytest.mark.long
 def test_all_dofs_together_are_simulated_through_the_water(logs: tuple[Found, Found]) -> None:
     still, known = logs
     for dof in MODELS:

@@ -154,6 +154,7 @@ def patience() -> Iterator[None]:
     signal.signal(signal.SIGALRM, before)
 
 
+@pytest.mark.long
 @many
 @given(method=st.sampled_from(['ekf', 'aid']),
        happenings=st.lists(happening, min_size=5, max_size=40))

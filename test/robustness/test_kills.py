@@ -7,6 +7,7 @@ import pytest
 from test.support.replay_kills import replay_kills
 
 
+@pytest.mark.long
 def test_killed_replays(tmp_path: Path) -> None:
     tally = replay_kills(tmp_path, 2, seed=3, duration=25.0)
     assert tally.faults == []
@@ -16,6 +17,7 @@ def test_killed_replays(tmp_path: Path) -> None:
     assert tally.finished > 0
 
 
+@pytest.mark.long
 def test_killed_nodes(tmp_path: Path) -> None:
     pytest.importorskip('rclpy')
     from test.support.live_kills import live_kills

@@ -222,8 +222,8 @@ class CouplingRegressors:
         return 'no_coupling' if found == 'no_attitude' else found
 
     def has_velocity(self, names: tuple[str, ...]) -> bool:
-        """Tell whether a linear velocity is in any of some regressors."""
-        return self._needed(names).linear
+        """Tell whether a linear velocity of another DOF is in any of some regressors."""
+        return self._needed(tuple([name for name in names if name not in OWN])).linear
 
     def _needed(self, names: tuple[str, ...]) -> Needed:
         known = self._known_needs.get(names)

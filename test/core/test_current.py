@@ -94,6 +94,14 @@ def test_yaw_is_coupled_with_the_velocity_through_the_water():
     assert scores.score('yaw', (*yaw.parameters, *yaw.couplings)).fit > 0.97
 
 
+@pytest.mark.parametrize('own', ['reverse_thrust', 'reverse_drag'])
+def test_what_a_dof_has_of_its_own_does_not_wait_for_the_current(own):
+    known = with_yaw()
+    of_its_own = replace(known, dof={
+        **known.dof, 'yaw': replace(known.dof['yaw'], couplings=(own,))})
+    assert followed(Stream(of_its_own), FIXES, 40.0)[-1].dofs[2].steps > 750  # at 20 Hz
+
+
 def test_yaw_goes_on_when_the_filter_of_surge_and_sway_begins_anew():
     stream = Stream(with_yaw())
     followed(stream, FIXES, 40.0)

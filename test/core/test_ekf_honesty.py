@@ -98,6 +98,22 @@ def test_what_the_thrusters_lose_is_found_and_said(name, said, size, least):
         assert drive.judged[-1] == 'converged'
 
 
+def test_thrust_that_falls_as_a_battery_runs_down_is_said_and_the_interval_holds_it():
+    for seed in range(3):
+        drive = driven('battery: thrust -15 % in 300 s', seed, 300.0)
+        said = 'thrust falls by ([0-9]+) % from the beginning to the end of the data'
+        assert float(re.search(said, drive.notes[-1])[1]) == pytest.approx(15, abs=2)
+        low, high = intervals(drive.one.parameters, drive.one.covariance)['mass']
+        assert low < MASS and MASS / 0.9 < high < 1.3 * MASS
+        assert not any('changed' in note for note in drive.notes)
+
+
+@pytest.mark.parametrize('name', ['exact', 'closed loop', 'lag 0.15 s'])
+def test_no_battery_runs_down_that_does_not(name):
+    assert not any('battery' in note or 'thrust rises' in note
+                   for seed in range(2) for note in driven(name, seed, 300.0).notes)
+
+
 @pytest.mark.parametrize(('name', 'there'), [
     ('exact', []), ('dead-band 3 N', ['dead_band']), ('lag 0.15 s', ['lag']),
     ('reverse thrust x 0.8', ['reverse_thrust']), ('closed loop', []), ('zig-zag', []),

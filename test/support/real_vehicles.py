@@ -47,6 +47,8 @@ class Vehicle:
         follows a lawn-mower track, and the time [s] and factor of a change of the mass.
     fades : float
         [m/s] Speed at which a full command pushes no more; lower ones lose it sooner.
+    runs_down : float
+        [1/s] Share of the thrust at the beginning that is lost per time.
     smoothing : float
         [s] Time constant of each of two low-passes behind each other on what is measured.
     size : float
@@ -62,6 +64,7 @@ class Vehicle:
     change: tuple[float, float] = (inf, 1.0)
     size: float = 0.0
     fades: float = inf
+    runs_down: float = 0.0
     smoothing: float = 0.0
 
 
@@ -81,6 +84,7 @@ VEHICLES = {
     'unknown force 1 N': Vehicle(disturbance='unknown'),
     'lag 0.15 s': Vehicle(lag=0.15),
     'thrust that fades at 3 m/s': Vehicle(fades=3.0),
+    'battery: thrust -15 % in 300 s': Vehicle(runs_down=0.15 / 300.0),
     'coupled': Vehicle(disturbance='coupled'),
     'zig-zag': Vehicle(disturbance='zigzag'),
     'tether 1 N': Vehicle(disturbance='tether'),
@@ -129,7 +133,7 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
         logged[k] = held
         if vehicle.disturbance == 'zigzag':
             turning[k] = 0.2 * held / FORCE * abs(side[k])**0.5
-        real = vehicle.thrust(held)
+        real = vehicle.thrust(held) * (1.0 - vehicle.runs_down * time[k])
         force = real if not vehicle.lag else force + (real - force) * STEP / vehicle.lag
         if time[k] >= vehicle.change[0]:
             mass = MASS * vehicle.change[1]

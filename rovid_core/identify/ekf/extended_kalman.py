@@ -31,6 +31,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     clocks_in_doubt,
     COUPLING_MISSING,
     described,
+    drifting,
     is_coupling,
     of_thrusters,
     UNTOLD,
@@ -245,6 +246,7 @@ class ExtendedKalman(Identifier):
             said.append(self._clocks)
         said += of_thrusters(self._thrusters, self._scales.force)
         verdict = self._bank.best.verdict
+        said.append(drifting(verdict))
         missing = verdict.missing if verdict is not None else None
         if missing is not None:
             said.append(described(missing, self._bank.best.filter.theta, self._scales))

@@ -37,6 +37,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     clocks_in_doubt,
     COUPLING_MISSING,
     described,
+    drifting,
     is_coupling,
     of_thrusters,
     UNTOLD,
@@ -461,6 +462,7 @@ class PlanarKalman:
             said.append(self._clocks(k))
         said += of_thrusters(self._thrusters[k], self._model.scales[k].force)
         verdict, missing = self._bank.best.verdict, self._missing(k)
+        said.append(drifting(verdict))
         if missing is not None:
             said.append(described(missing, self._theta_of(k), self._model.scales[k]))
         elif verdict is not None and verdict.scatter > UNEXPLAINED and (

@@ -44,6 +44,9 @@ from which the data say anything of it; less is what rounding and the steps of t
 """
 
 
+MATTERS = 0.05
+"""Least change of the force that is one, in what the model says."""
+
 WIDE = 1e6
 """Variance of a regressor that is added, in that with which all blocks tell it."""
 
@@ -95,6 +98,11 @@ class Regression:
     t_squared: float
     moved: Array
 
+    @property
+    def is_significant(self) -> bool:
+        """Tell whether it is more than chance, by the model and by the scatter of the blocks."""
+        return min(self.power, self.t_squared) > NAMED_T * NAMED_T
+
 
 class Remainder(NamedTuple):
     """
@@ -144,6 +152,9 @@ class Verdict:
         something else is missing.
     unexplained : float
         The scatter that is left when what is missing is added.
+    drift : float
+        By which share the thrust rose from the first block to the last one, 0 where that cannot
+        be told from no change.
 
     """
 
@@ -155,6 +166,7 @@ class Verdict:
     untold: tuple[str, ...]
     rest: tuple[Missing, ...] = ()
     unexplained: float = 1.0
+    drift: float = 0.0
 
     @property
     def to_find(self) -> tuple[Missing, ...]:
@@ -225,7 +237,34 @@ class BlockFit:
     def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                 considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
                 doubted: Mapping[int, float], found: Sequence[str] = ()) -> Verdict:
-        """Return what the blocks say; the arguments are those of ``ScoreBlocks``."""
+        """
+        Return what the blocks say; the arguments are those of ``ScoreBlocks``.
+
+        The last regressor of the blocks is that of ``with_drift``.
+        """
+        own = self._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
+        last, whole = len(self.total) - 1, self
+        if own.missing is not None:  # what it lacks is no drift
+            whole = self._with(candidates[own.missing.name])
+            whole.scatter()
+        drift = whole.regression([last])
+        if drift is None or not drift.is_significant or abs(drift.kappa.item()) < MATTERS:
+            return own
+        whole = self._with([last])
+        verdict = whole._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
+        # what the parameters are is what they are at any time, from the first to the last
+        share, gained = whole.theta.item(-1), np.zeros(self._p)
+        for _, first in rows:
+            gained[first] = share * own.theta[first]
+        middle = own.theta - (whole.all_parameters()[:self._p] + 0.5 * gained)
+        covariance = np.array(verdict.covariance)[:self._p, :self._p] + (
+            np.outer(middle, middle) + np.outer(gained, gained) / 12.0)
+        return replace(verdict, covariance=covariance.tolist(), theta=own.theta, drift=share)
+
+    def _verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
+                 considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
+                 doubted: Mapping[int, float], found: Sequence[str]) -> Verdict:
+        """Return what the blocks say where thrust stays the same; the arguments are as above."""
         n, a, scatter = self.n, self.active, self.scatter()
         known, seen = scatter * self.known, n / max(n - len(a), 0.5) * self.v
         # how far what is seen lies from what the model says, and how far chance alone puts it;
@@ -415,6 +454,34 @@ class BlockFit:
         spread = self.n / (self.n - 1) * scatter.T @ scatter
         return Regression(kappa, float(total @ kappa), float(
             total @ np.linalg.pinv(spread, hermitian=True) @ total), w @ kappa)
+
+
+def with_drift(information: Array, score: Array, counts: Array, older: int,
+               weights: Array) -> tuple[Array, Array]:
+    """
+    Return blocks with a further regressor: what the thrust does, the more the later it is.
+
+    A coefficient of it is the share by which the thrust rises from the beginning to the end of the
+    older blocks. Within a block it counts as in its middle.
+
+    Parameters
+    ----------
+    information, score, counts : ndarray, shapes (n, q, q), (n, q) and (n,)
+        Of all blocks: the latter are their measurements.
+    older : int
+        How many of them are the older ones.
+    weights : ndarray, shape (q,)
+        The parameters of the thrust where they stand, 0 for all else.
+
+    """
+    ends = np.cumsum(counts)
+    time = ((ends - 0.5 * counts) / ends[older - 1])[:, None]
+    to = time * (information @ weights)
+    own = time * (to @ weights)[:, None]
+    wider = np.concatenate([
+        np.concatenate([information, to[:, :, None]], 2),
+        np.concatenate([to, own], 1)[:, None]], 1)
+    return wider, np.concatenate([score, time * (score @ weights)[:, None]], 1)
 
 
 def _single(candidates: Mapping[str, list[int]]) -> list[int]:

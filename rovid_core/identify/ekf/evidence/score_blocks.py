@@ -8,7 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.evidence.block_fit import BlockFit, LEAST_COUNT, Regression, Verdict
+from rovid_core.identify.ekf.evidence.block_fit import (
+    BlockFit,
+    LEAST_COUNT,
+    Regression,
+    Verdict,
+    with_drift,
+)
 from rovid_core.identify.ekf.evidence.unseen_terms import expected
 from rovid_core.identify.ekf.evidence.vehicle_change import contradicts
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, CANDIDATES, floats
@@ -25,6 +31,9 @@ SINGLE: Final = 8
 
 PENDING: Final = 64
 """Measurements that are added up at once."""
+
+DRIFT: Final = 0.25
+"""Share of the thrust that may be lost from the beginning to the end: a battery runs down."""
 
 
 class ScoreBlocks:
@@ -162,7 +171,8 @@ class ScoreBlocks:
         """Return what the blocks say; None while there are too few."""
         if self.count < LEAST_COUNT:
             return None
-        return self._fit(self.count).verdict(
+        information, score = self._with_drift(self._fit(self.count))
+        return BlockFit(self._active, self._theta, self._variances, information, score).verdict(
             self._counts, wrong_model, self._candidates, self._considered, self._rows,
             self._doubted, self.found)
 
@@ -189,6 +199,13 @@ class ScoreBlocks:
         """Return what the oldest blocks give."""
         return BlockFit(self._active, self._theta, self._variances, self._information[:count],
                     self._score[:count])
+
+    def _with_drift(self, older: BlockFit) -> tuple[Array, Array]:
+        """Return information and score of all blocks with the regressor of ``with_drift``."""
+        weights, theta = np.zeros(self._q), older.all_parameters()
+        for _, first in self._rows:
+            weights[first + ALPHA] = theta[first + ALPHA]
+        return with_drift(self._information, self._score, self._counts, older.n, weights)
 
     def solution(self) -> tuple[list[float], list[list[float]]]:
         """Return the parameters that fit all data best, and their covariance."""
@@ -227,16 +244,25 @@ class ScoreBlocks:
             older = self.count - newest
             if older < max(LEAST_COUNT, len(self._active) + 1):
                 break
-            newer, fit = (self._information[older:], self._score[older:]), self._fit(older)
-            if contradicts(*newer, fit, largest_scatter) and contradicts(
-                    *newer, self._with_all_that_may_be_missing(fit), largest_scatter):
+            fit = self._fit(older)
+            if not contradicts(self._information[older:], self._score[older:], fit,
+                               largest_scatter):
+                continue
+            information, score = self._with_drift(fit)
+            whole = self._with_all_that_may_be_missing(fit, information[:older], score[:older])
+            if contradicts(information[older:], score[older:], whole, largest_scatter):
                 return True
         return False
 
-    def _with_all_that_may_be_missing(self, fit: BlockFit) -> BlockFit:
-        """Return what the same blocks give for a model that has every regressor watched."""
-        variances = [*self._variances, *[0.0] * (self._q - len(self._variances))]
-        information = fit.total.diagonal().tolist()
+    def _with_all_that_may_be_missing(self, fit: BlockFit, information: Array,
+                                      score: Array) -> BlockFit:
+        """
+        Return what the same blocks give for a model that has every regressor watched.
+
+        ``information`` and ``score`` have that of ``with_drift`` besides.
+        """
+        variances = [*self._variances, *[0.0] * (self._q - len(self._variances)), DRIFT**2]
+        known = fit.total.diagonal().tolist()
         for begin, first in self._rows:
             theta = fit.all_parameters()[first:]
             sizes = expected(theta)
@@ -246,13 +272,13 @@ class ScoreBlocks:
                 term = name[len(begin):]
                 for k in columns:
                     if term in sizes:
-                        variances[k] = sizes[term][0]**2 if information[k] > 0.0 else 0.0
-                    elif information[k] > 0.0:
+                        variances[k] = sizes[term][0]**2 if known[k] > 0.0 else 0.0
+                    elif known[k] > 0.0:
                         # a coupling may move the vehicle as much as the thrust does
-                        variances[k] = theta[ALPHA]**2 * information[first] / information[k]
-        theta = [*self._theta, *[0.0] * (self._q - len(self._theta))]
+                        variances[k] = theta[ALPHA]**2 * known[first] / known[k]
+        theta = [*self._theta, *[0.0] * (len(variances) - len(self._theta))]
         active = [k for k, variance in enumerate(variances) if variance > 0.0]
-        return BlockFit(active, theta, variances, fit.information, fit.score, len(self._active))
+        return BlockFit(active, theta, variances, information, score, len(self._active))
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

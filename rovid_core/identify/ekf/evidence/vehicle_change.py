@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from rovid_core.identify.ekf.evidence.block_fit import BlockFit
+from rovid_core.identify.ekf.evidence.block_fit import BlockFit, MATTERS
 
 Array = NDArray[np.float64]
 
@@ -19,9 +19,6 @@ WEIGHT = 6.0
 
 FALSE_ALARM = 1e-6
 """Probability that one test takes an unchanged vehicle for changed."""
-
-MATTERS = 0.05
-"""Least change of the force that is one, in what the model says."""
 
 STILL = 0.1
 """

@@ -104,7 +104,7 @@ def test_thrust_that_falls_as_a_battery_runs_down_is_said_and_the_interval_holds
         said = 'thrust falls by ([0-9]+) % from the beginning to the end of the data'
         assert float(re.search(said, drive.notes[-1])[1]) == pytest.approx(15, abs=2)
         low, high = intervals(drive.one.parameters, drive.one.covariance)['mass']
-        assert low < MASS and MASS / 0.9 < high < 1.3 * MASS
+        assert low < MASS and MASS / 0.9 < high < 1.4 * MASS
         assert not any('changed' in note for note in drive.notes)
 
 
@@ -521,6 +521,6 @@ def test_a_dof_with_a_left_out_term_is_honest_too():
 
 
 @pytest.mark.parametrize(('fit', 'said'), [
-    (0.41, 'it predicts 41 % of'), (-2.0, 'it predicts 0 % of'), (-inf, 'less than the noise')])
-def test_a_prediction_that_does_not_suffice_is_said_in_numbers_that_can_be(fit, said):
+    (0.94, 'does no more'), (0.41, 'it predicts 41 % of'), (-2.0, 'it predicts 0 % of'), (-inf, 'less than the noise')])
+def test_what_is_said_of_a_prediction_suits_it(fit, said):
     assert said in predicted(fit)

@@ -25,7 +25,9 @@ HELD_FIT = (0.5, 0.35)  # mypyc would take a Final tuple of floats to be missing
 
 
 def predicted(fit: float) -> str:
-    """Return what is said of a fit that does not suffice."""
+    """Return what is said of a model that was not to be used when that was judged last."""
+    if fit > HELD_FIT[0]:
+        return 'what spoke against it some seconds ago does no more: drive on'
     if fit == -math.inf:
         return 'the motion is less than the noise of its measurements: push harder and longer'
     return f'without corrections it predicts {100.0 * max(fit, 0.0):.0f} % of the motion'

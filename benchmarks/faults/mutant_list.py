@@ -832,9 +832,12 @@ MUTANTS = [
          ('a motor that turns the other way hides nothing',
           'share * gain for share, gain in zip', 'share for share, _ in zip')),
     *_of('rovid_core/identify/status.py', 'test/core/test_status.py '
-         'what_a_dof_cannot_see_of_the_thrusters_it_is_told',
+         'what_a_dof_cannot_see_of_the_thrusters_it_is_told '
+         'of_a_wrench_any_dof_may_hide_it',
          ('what another DOF shows does not count',
-          'if not reason and self._hides_weaker and self._weaker:', 'if False:'),
+          'if not reason and believes and self._weaker:', 'if False:'),
+         ('what a DOF shows itself counts twice', 'self._of_wrench and self._name not in '
+          'self._weaker', 'self._of_wrench'),
          ('what was forgotten still counts for the others',
           'self._weaker.discard(self._name)\n        self._was_excited',
           'self._was_excited')),

@@ -66,6 +66,9 @@ class DofStatus:
         The DOFs that show that the vehicle's thrusters push otherwise backwards; shared by all.
     hides_weaker : bool
         Whether this DOF cannot say so itself: then it believes the others.
+    of_wrench : bool
+        Whether it may be such a DOF, as which thrusters drive it is not known: then it believes
+        the others unless it shows the same.
 
     Attributes
     ----------
@@ -79,9 +82,10 @@ class DofStatus:
     """
 
     def __init__(self, scales: Scales, adaptation_time: float, name: str = '',
-                 weaker: set[str] | None = None, hides_weaker: bool = False) -> None:
+                 weaker: set[str] | None = None, hides_weaker: bool = False,
+                 of_wrench: bool = False) -> None:
         self._scales = scales
-        self._name, self._hides_weaker = name, hides_weaker
+        self._name, self._hides_weaker, self._of_wrench = name, hides_weaker, of_wrench
         self._weaker = set() if weaker is None else weaker
         self._drift = _Drift()
         self._set_times(adaptation_time)
@@ -179,9 +183,12 @@ class DofStatus:
             reason = '' if trusted else 'the parameters are frozen'
         if not (reason or identifier.judges_errors):
             reason = self._last_minute.doubt(trusted)
-        if not reason and self._hides_weaker and self._weaker:
+        believes = self._hides_weaker or self._of_wrench and self._name not in self._weaker
+        if not reason and believes and self._weaker:
+            advice = (': log what each thruster is commanded' if self._of_wrench else
+                      KEYS['reverse_thrust'])
             reason = (f'{min(self._weaker)} shows that the thrusters push otherwise backwards, '
-                      f'which scales this mass, too{KEYS["reverse_thrust"]}')
+                      f'which scales this mass, too{advice}')
         return reason
 
 

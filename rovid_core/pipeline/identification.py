@@ -106,7 +106,7 @@ class Identification:
         scales = replace(Scales.of(dof), couplings=settings.couplings(name))
         self._status = DofStatus(scales, getattr(
             self.identifier, 'adaptation_time', method.adaptation_time), name, weaker,
-            settings.thrusters.hides_reverse(DOFS.index(name)))
+            settings.thrusters.hides_reverse(DOFS.index(name)), settings.thrusters.is_wrench)
         self.sizes = TypicalSizeCheck(name, dof)
         self._reject = reject
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None

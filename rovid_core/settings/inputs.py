@@ -75,6 +75,11 @@ class ThrusterSettings:
         """Return the number of thrusters."""
         return len(self.gain)
 
+    @property
+    def is_wrench(self) -> bool:
+        """Tell whether commands are forces and moments of thrusters that are not known."""
+        return 'Wrench' in self.type and self.count == len(self.allocation)
+
     def hides_reverse(self, dof: int) -> bool:
         """
         Tell whether a DOF, by its number, is driven both ways by some negative commands.

@@ -521,6 +521,7 @@ def test_a_dof_with_a_left_out_term_is_honest_too():
 
 
 @pytest.mark.parametrize(('fit', 'said'), [
-    (0.94, 'does no more'), (0.41, 'it predicts 41 % of'), (-2.0, 'it predicts 0 % of'), (-inf, 'less than the noise')])
+    (0.94, 'does no more'), (0.41, 'it predicts 41 % of'), (-2.0, 'it predicts 0 % of'),
+    (-inf, 'less than the noise')])
 def test_what_is_said_of_a_prediction_suits_it(fit, said):
     assert said in predicted(fit)

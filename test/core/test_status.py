@@ -93,6 +93,21 @@ def test_what_a_dof_cannot_see_of_the_thrusters_it_is_told():
     assert not weaker
 
 
+def test_of_a_wrench_any_dof_may_hide_it():
+    scales, weaker = Scales(150.0, 0.5, TRUTH, (True,) * 4), set()
+    heave, surge = (DofStatus(scales, 3.0, name, weaker, of_wrench=True)
+                    for name in ('heave', 'surge'))
+    shown = Known(0.02)
+    shown.note = f'reverse thrust: {KEYS["reverse_thrust"]}'
+    assert judge(heave, shown)[0] == 'converged'
+    name, reasons = judge(surge, Known(0.02))
+    assert name == 'converging'
+    assert reasons[0].endswith('log what each thruster is commanded')
+    # one that shows it itself has it in its own model
+    assert judge(surge, shown)[0] == 'converged'
+    assert judge(heave, Known(0.02))[0] == 'converging'
+
+
 def test_an_acceleration_that_is_not_known_is_not_converged(status):
     name, reasons = judge(status, Known(0.001, 1.0))
     assert (name, reasons[0][:26]) == ('converging', 'the acceleration is known ')

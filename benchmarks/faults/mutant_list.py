@@ -391,7 +391,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'no_battery_runs_down_that_does_not',
          ('chance runs a battery down', 'if drift is None or not drift.is_significant or '
-          'abs(drift.kappa.item()) < MATTERS:', 'if drift is None:')),
+          'drift.kappa.item() > -MATTERS:', 'if drift is None:')),
     *_of('rovid_core/velocity/couplings.py', 'test/core/test_current.py '
          'what_a_dof_has_of_its_own_does_not_wait_for_the_current',
          ('what a DOF has of its own is a product of velocities',

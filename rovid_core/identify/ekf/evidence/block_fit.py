@@ -153,8 +153,8 @@ class Verdict:
     unexplained : float
         The scatter that is left when what is missing is added.
     drift : float
-        By which share the thrust rose from the first block to the last one, 0 where that cannot
-        be told from no change.
+        By which share the thrust rose from the beginning of the data to their end: below 0, or 0
+        where that cannot be told from no change.
 
     """
 
@@ -248,7 +248,7 @@ class BlockFit:
             whole = self._with(candidates[own.missing.name])
             whole.scatter()
         drift = whole.regression([last])
-        if drift is None or not drift.is_significant or abs(drift.kappa.item()) < MATTERS:
+        if drift is None or not drift.is_significant or drift.kappa.item() > -MATTERS:
             return own
         whole = self._with([last])
         verdict = whole._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)

@@ -126,13 +126,12 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
 
 
 def drifting(verdict: Verdict | None) -> str:
-    """Return what is said of thrust that changes while the data go on, '' if it does not."""
+    """Return what is said of thrust that falls while the data go on, '' if it does not."""
     if verdict is None or not verdict.drift:
         return ''
-    said = (f'falls by {-100.0 * verdict.drift:.0f} % from the beginning to the end of the data, '
-            'as with a battery that runs down' if verdict.drift < 0.0 else
-            f'rises by {100.0 * verdict.drift:.0f} % from the beginning to the end of the data')
-    return f'thrust {said}, which the interval of the mass takes into account'
+    return (f'thrust falls by {-100.0 * verdict.drift:.0f} % from the beginning to the end of the '
+            'data, as with a battery that runs down, which the interval of the mass takes into '
+            'account')
 
 
 def better_thrusters(now: Thrusters, missing: Missing, alpha: float, delay: float) -> Thrusters:

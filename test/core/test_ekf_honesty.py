@@ -101,8 +101,10 @@ def test_what_the_thrusters_lose_is_found_and_said(name, said, size, least):
 def test_thrust_that_falls_as_a_battery_runs_down_is_said_and_the_interval_holds_it():
     for seed in range(3):
         drive = driven('battery: thrust -15 % in 300 s', seed, 300.0)
-        said = 'thrust falls by ([0-9]+) % from the beginning to the end of the data'
-        assert float(re.search(said, drive.notes[-1])[1]) == pytest.approx(15, abs=2)
+        said = 'thrust falls by ([0-9]+) % from the beginning .* the mass is ([0-9.]+)[)]'
+        share, mass = map(float, re.search(said, drive.notes[-1]).groups())
+        assert share == pytest.approx(15, abs=2)
+        assert mass == pytest.approx(MASS, rel=0.03)
         low, high = intervals(drive.one.parameters, drive.one.covariance)['mass']
         assert low < MASS and MASS / 0.9 < high < 1.4 * MASS
         assert not any('changed' in note for note in drive.notes)

@@ -462,14 +462,15 @@ class PlanarKalman:
             said.append(self._clocks(k))
         said += of_thrusters(self._thrusters[k], self._model.scales[k].force)
         verdict, missing = self._bank.best.verdict, self._missing(k)
-        said.append(drifting(verdict))
+        row = self._model.rows[k]
+        said.append(drifting(verdict, self._model.of[k].parameters, row.first, row.end))
         if missing is not None:
             said.append(described(missing, self._theta_of(k), self._model.scales[k]))
         elif verdict is not None and verdict.scatter > UNEXPLAINED and (
                 verdict.count >= MANY_BLOCKS):
             said.append('the model does not explain all of the motion: the intervals are wider')
         if verdict is not None:
-            i = self._model.rows[k].first + ALPHA
+            i = row.first + ALPHA
             limit = (self.rows[DOFS[k]].converged_share * self._bank.best.filter.theta.item(i))**2
             said += [UNTOLD[name] for dof, name in map(str.split, verdict.untold)
                      if dof == DOFS[k] and verdict.covariance[i][i] > limit]

@@ -10,7 +10,7 @@ Econometrica 50(1), 1982).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 import math
 from typing import NamedTuple
 
@@ -155,6 +155,8 @@ class Verdict:
     drift : float
         By which share the thrust rose from the beginning of the data to their end: below 0, or 0
         where that cannot be told from no change.
+    begin : list of p floats
+        The parameters with the thrust of the beginning, where it falls.
 
     """
 
@@ -167,6 +169,7 @@ class Verdict:
     rest: tuple[Missing, ...] = ()
     unexplained: float = 1.0
     drift: float = 0.0
+    begin: list[float] = field(default_factory=list)
 
     @property
     def to_find(self) -> tuple[Missing, ...]:
@@ -256,10 +259,12 @@ class BlockFit:
         share, gained = whole.theta.item(-1), np.zeros(self._p)
         for _, first in rows:
             gained[first] = share * own.theta[first]
-        middle = own.theta - (whole.all_parameters()[:self._p] + 0.5 * gained)
+        begin = whole.all_parameters()[:self._p]
+        middle = own.theta - (begin + 0.5 * gained)
         covariance = np.array(verdict.covariance)[:self._p, :self._p] + (
             np.outer(middle, middle) + np.outer(gained, gained) / 12.0)
-        return replace(verdict, covariance=covariance.tolist(), theta=own.theta, drift=share)
+        return replace(verdict, covariance=covariance.tolist(), theta=own.theta, drift=share,
+                       begin=begin)
 
     def _verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                  considered: Mapping[int, float], rows: Sequence[tuple[str, int]],

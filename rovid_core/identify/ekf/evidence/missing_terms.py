@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 import math
 
 from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
@@ -15,7 +15,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     LAG,
 )
 from rovid_core.identify.last_minute import DEAD_BAND, KEYS, lacking, UNTOLD_DEAD_BAND
-from rovid_core.model.dofs import RESTORING
+from rovid_core.model.dofs import Four, RESTORING
 from rovid_core.model.thrusters import Thrusters
 from rovid_core.settings.inputs import LONGEST_LAG
 from rovid_core.settings.run import Scales
@@ -125,13 +125,29 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
             for name in thrusters.found]
 
 
-def drifting(verdict: Verdict | None) -> str:
-    """Return what is said of thrust that falls while the data go on, '' if it does not."""
+def drifting(verdict: Verdict | None, parameters: Callable[[Sequence[float]], Four],
+             begin: int = 0, end: int | None = None) -> str:
+    """
+    Return what is said of thrust that falls while the data go on, '' if it does not.
+
+    Parameters
+    ----------
+    verdict : Verdict or None
+        What the blocks say.
+    parameters : callable
+        Makes those of the vehicle from those of the filter.
+    begin, end : int
+        Where the latter stand.
+
+    """
     if verdict is None or not verdict.drift:
         return ''
+    alpha = parameters(verdict.begin[begin:end])[0]
+    mass = (f' (with the thrust of the beginning the mass is {1.0 / alpha:.4g})' if alpha > 0.0
+            else '')
     return (f'thrust falls by {-100.0 * verdict.drift:.0f} % from the beginning to the end of the '
             'data, as with a battery that runs down, which the interval of the mass takes into '
-            'account')
+            f'account{mass}')
 
 
 def better_thrusters(now: Thrusters, missing: Missing, alpha: float, delay: float) -> Thrusters:

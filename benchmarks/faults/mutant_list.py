@@ -835,7 +835,7 @@ MUTANTS = [
          'what_a_dof_cannot_see_of_the_thrusters_it_is_told '
          'of_a_wrench_any_dof_may_hide_it',
          ('what another DOF shows does not count',
-          'if not reason and believes and self._weaker:', 'if False:'),
+          'if believes and self._weaker:', 'if False:'),
          ('what a DOF shows itself counts twice', 'self._of_wrench and self._name not in '
           'self._weaker', 'self._of_wrench'),
          ('what was forgotten still counts for the others',

@@ -184,7 +184,7 @@ class DofStatus:
         if not (reason or identifier.judges_errors):
             reason = self._last_minute.doubt(trusted)
         believes = self._hides_weaker or self._of_wrench and self._name not in self._weaker
-        if not reason and believes and self._weaker:
+        if believes and self._weaker:  # more of the same data would not help
             advice = (': log what each thruster is commanded' if self._of_wrench else
                       KEYS['reverse_thrust'])
             reason = (f'{min(self._weaker)} shows that the thrusters push otherwise backwards, '

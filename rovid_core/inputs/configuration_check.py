@@ -415,7 +415,9 @@ class ConfigurationCheck:
     def _row_advice(self, axis: str) -> str:
         if axis == 'heave' and self._settings.depth.topic:
             return 'depth.scale, or the row heave of thrusters.allocation: turn its sign'
-        return f'thrusters.allocation: turn the sign of its row {axis}'
+        # the force of a brake follows the velocity as thrust that is turned does
+        return (f'thrusters.allocation: turn the sign of its row {axis} (unless all that a '
+                'controller does there is to brake)')
 
     def _thruster_mistakes(self, pushed: Sequence[str]) -> Iterator[Mistake]:
         n = self._settings.thrusters.count

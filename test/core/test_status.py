@@ -85,6 +85,8 @@ def test_what_a_dof_cannot_see_of_the_thrusters_it_is_told():
     name, reasons = judge(surge, Known(0.02))
     assert name == 'converging'
     assert reasons[0].startswith('heave shows that the thrusters push otherwise backwards')
+    # more data would not help
+    assert judge(surge, Known(0.2))[1][0] == reasons[0]
     assert judge(DofStatus(scales, 3.0, 'roll', weaker), Known(0.02))[0] == 'converged'
     heave.reset()
     assert judge(surge, Known(0.02))[0] == 'converged'

@@ -385,13 +385,13 @@ MUTANTS = [
           'whole = self._with(left.pop(missing.name))', 'left.clear()')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'thrust_that_falls_as_a_battery_runs_down_is_said_and_the_interval_holds_it',
-         ('a battery that runs down is not seen', 'if drift is None or', 'if True or'),
+         ('a battery that runs down is not seen', 'if seen is None or', 'if True or'),
          ('what the thrust was before and after does not widen the interval',
           'np.outer(middle, middle) + np.outer(gained, gained) / 12.0', '0.0')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'no_battery_runs_down_that_does_not',
-         ('chance runs a battery down', 'if drift is None or not drift.is_significant or '
-          'drift.kappa.item() > -MATTERS:', 'if drift is None:')),
+         ('chance runs a battery down', 'if seen is None or not seen.is_significant or '
+          'seen.kappa.item() > -MATTERS:', 'if seen is None:')),
     *_of('rovid_core/velocity/couplings.py', 'test/core/test_current.py '
          'what_a_dof_has_of_its_own_does_not_wait_for_the_current',
          ('what a DOF has of its own is a product of velocities',

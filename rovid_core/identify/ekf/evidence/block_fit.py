@@ -240,26 +240,24 @@ class BlockFit:
     def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                 considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
                 doubted: Mapping[int, float], found: Sequence[str] = ()) -> Verdict:
-        """
-        Return what the blocks say; the arguments are those of ``ScoreBlocks``.
-
-        The last regressor of the blocks is that of ``with_drift``.
-        """
+        """Return what the blocks say; the arguments are those of ``ScoreBlocks``."""
         own = self._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
-        last, whole = len(self.total) - 1, self
+        whole, thrust = self, np.zeros(len(self.total))
         if own.missing is not None:  # what it lacks is no drift
             whole = self._with(candidates[own.missing.name])
             whole.scatter()
-        drift = whole.regression([last])
-        if drift is None or not drift.is_significant or drift.kappa.item() > -MATTERS:
+        for _, first in rows:
+            thrust[first] = own.theta[first]
+        drift = drift_of(self.information, self.score, middles(counts, self.n), thrust)
+        seen = whole.regressed(drift.to[:, whole.active, None], drift.own[:, None, None],
+                               drift.score[:, None])
+        if seen is None or not seen.is_significant or seen.kappa.item() > -MATTERS:
             return own
-        whole = self._with([last])
+        whole = self._with([len(thrust)], *drift.beside(self.information, self.score))
         verdict = whole._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
         # what the parameters are is what they are at any time, from the first to the last
-        share, gained = whole.theta.item(-1), np.zeros(self._p)
-        for _, first in rows:
-            gained[first] = share * own.theta[first]
-        begin = whole.all_parameters()[:self._p]
+        share = whole.theta.item(-1)
+        begin, gained = whole.all_parameters()[:self._p], share * thrust[:self._p]
         middle = own.theta - (begin + 0.5 * gained)
         covariance = np.array(verdict.covariance)[:self._p, :self._p] + (
             np.outer(middle, middle) + np.outer(gained, gained) / 12.0)
@@ -359,15 +357,18 @@ class BlockFit:
                     missing, most = Missing(name, size, share), share
         return missing
 
-    def _with(self, columns: Sequence[int]) -> BlockFit:
-        """Return the fit with further regressors, of any size."""
-        q = len(self.total)
+    def _with(self, columns: Sequence[int], information: Array | None = None,
+              score: Array | None = None) -> BlockFit:
+        """Return the fit with further regressors, of any size; those of other blocks if given."""
+        information = self.information if information is None else information
+        score = self.score if score is None else score
+        q = score.shape[1]
         theta, variances = np.zeros(q), np.zeros(q)
         theta[self.active], variances[self.active] = self._start, 1.0 / self.prior.diagonal()
         for k in columns:
-            variances[k] = WIDE / self.total[k, k]
+            variances[k] = WIDE / information[:, k, k].sum()
         return BlockFit([*self.active, *columns], theta.tolist(), variances.tolist(),
-                        self.information, self.score)
+                        information, score)
 
     def unseen(self, candidates: Mapping[str, list[int]],
                rows: Sequence[tuple[str, int]],
@@ -442,15 +443,27 @@ class BlockFit:
     def regression(self, columns: Sequence[int]) -> Regression | None:
         """Return what regressors would explain, None where it cannot be told."""
         k = np.array(columns)
-        to, own = self.information[:, self._rows, k], self.information[:, k[:, None], k]
+        return self.regressed(self.information[:, self._rows, k],
+                              self.information[:, k[:, None], k], self.score[:, k])
+
+    def regressed(self, to: Array, own: Array, score: Array) -> Regression | None:
+        """
+        Return the same of regressors that the blocks do not hold.
+
+        Parameters
+        ----------
+        to, own, score : ndarray, shapes (n, a, k), (n, k, k) and (n, k)
+            Their information with the active parameters and with each other, and their score.
+
+        """
         whole = to.sum(axis=0)
         w = self.c @ whole
         rest = own.sum(axis=0) - whole.T @ w
         most = float(np.diag(own.sum(axis=0)).max())
         if not float(np.diag(rest).min()) > NAMED_LEFT * most or (
-                len(columns) > 1 and np.linalg.cond(rest) > 1e6):
+                len(rest) > 1 and np.linalg.cond(rest) > 1e6):
             return None
-        s = self.score[:, k] - self.theta @ to - self.u @ w
+        s = score - self.theta @ to - self.u @ w
         mixed = w.T @ to
         i = own - mixed - mixed.transpose(0, 2, 1) + w.T @ self.own @ w
         total = s.sum(axis=0)
@@ -461,32 +474,54 @@ class BlockFit:
             total @ np.linalg.pinv(spread, hermitian=True) @ total), w @ kappa)
 
 
-def with_drift(information: Array, score: Array, counts: Array, older: int,
-               weights: Array) -> tuple[Array, Array]:
+class Drift(NamedTuple):
     """
-    Return blocks with a further regressor: what the thrust does, the more the later it is.
+    A regressor that no block holds: what the thrust does, the more the later it is.
 
-    A coefficient of it is the share by which the thrust rises from the beginning to the end of the
-    older blocks. Within a block it counts as in its middle.
+    A coefficient of it is the share by which the thrust rises. Within a block it counts as in its
+    middle.
+
+    Attributes
+    ----------
+    to, own, score : ndarray, shapes (n, q), (n,) and (n,)
+        Its information with the regressors of the blocks and by itself, and its score.
+
+    """
+
+    to: Array
+    own: Array
+    score: Array
+
+    def beside(self, information: Array, score: Array) -> tuple[Array, Array]:
+        """Return the blocks with this regressor as the last one."""
+        return np.concatenate([
+            np.concatenate([information, self.to[:, :, None]], 2),
+            np.concatenate([self.to, self.own[:, None]], 1)[:, None]], 1), np.concatenate(
+                [score, self.score[:, None]], 1)
+
+
+def middles(counts: Array, older: int) -> Array:
+    """Return the time in the middle of each block; the first ``older`` ones go from 0 to 1."""
+    ends = np.cumsum(counts)
+    return np.asarray((ends - 0.5 * counts) / ends[older - 1])
+
+
+def drift_of(information: Array, score: Array, time: Array, thrust: Array) -> Drift:
+    """
+    Return the regressor of thrust that changes.
 
     Parameters
     ----------
-    information, score, counts : ndarray, shapes (n, q, q), (n, q) and (n,)
-        Of all blocks: the latter are their measurements.
-    older : int
-        How many of them are the older ones.
-    weights : ndarray, shape (q,)
+    information, score : ndarray, shapes (n, q, q) and (n, q)
+        Of the blocks.
+    time : ndarray, shape (n,)
+        As of ``middles``.
+    thrust : ndarray, shape (q,)
         The parameters of the thrust where they stand, 0 for all else.
 
     """
-    ends = np.cumsum(counts)
-    time = ((ends - 0.5 * counts) / ends[older - 1])[:, None]
-    to = time * (information @ weights)
-    own = time * (to @ weights)[:, None]
-    wider = np.concatenate([
-        np.concatenate([information, to[:, :, None]], 2),
-        np.concatenate([to, own], 1)[:, None]], 1)
-    return wider, np.concatenate([score, time * (score @ weights)[:, None]], 1)
+    to = time[:, None] * (information @ thrust)
+    return Drift(to, time * (to @ thrust), time * (score @ thrust))
 
 
 def _single(candidates: Mapping[str, list[int]]) -> list[int]:

@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.ekf.evidence.block_fit import (
     BlockFit,
+    drift_of,
     LEAST_COUNT,
+    middles,
     Regression,
     Verdict,
-    with_drift,
 )
 from rovid_core.identify.ekf.evidence.unseen_terms import expected
 from rovid_core.identify.ekf.evidence.vehicle_change import contradicts
@@ -171,8 +172,7 @@ class ScoreBlocks:
         """Return what the blocks say; None while there are too few."""
         if self.count < LEAST_COUNT:
             return None
-        information, score = self._with_drift(self._fit(self.count))
-        return BlockFit(self._active, self._theta, self._variances, information, score).verdict(
+        return self._fit(self.count).verdict(
             self._counts, wrong_model, self._candidates, self._considered, self._rows,
             self._doubted, self.found)
 
@@ -199,13 +199,6 @@ class ScoreBlocks:
         """Return what the oldest blocks give."""
         return BlockFit(self._active, self._theta, self._variances, self._information[:count],
                     self._score[:count])
-
-    def _with_drift(self, older: BlockFit) -> tuple[Array, Array]:
-        """Return information and score of all blocks with the regressor of ``with_drift``."""
-        weights, theta = np.zeros(self._q), older.all_parameters()
-        for _, first in self._rows:
-            weights[first + ALPHA] = theta[first + ALPHA]
-        return with_drift(self._information, self._score, self._counts, older.n, weights)
 
     def solution(self) -> tuple[list[float], list[list[float]]]:
         """Return the parameters that fit all data best, and their covariance."""
@@ -248,7 +241,12 @@ class ScoreBlocks:
             if not contradicts(self._information[older:], self._score[older:], fit,
                                largest_scatter):
                 continue
-            information, score = self._with_drift(fit)
+            thrust, theta = np.zeros(self._q), fit.all_parameters()
+            for _, first in self._rows:
+                thrust[first] = theta[first]
+            information, score = drift_of(
+                self._information, self._score, middles(self._counts, older), thrust).beside(
+                    self._information, self._score)
             whole = self._with_all_that_may_be_missing(fit, information[:older], score[:older])
             if contradicts(information[older:], score[older:], whole, largest_scatter):
                 return True
@@ -259,7 +257,7 @@ class ScoreBlocks:
         """
         Return what the same blocks give for a model that has every regressor watched.
 
-        ``information`` and ``score`` have that of ``with_drift`` besides.
+        ``information`` and ``score`` have that of thrust that falls besides.
         """
         variances = [*self._variances, *[0.0] * (self._q - len(self._variances)), DRIFT**2]
         known = fit.total.diagonal().tolist()

@@ -392,6 +392,13 @@ MUTANTS = [
          'no_battery_runs_down_that_does_not',
          ('chance runs a battery down', 'if seen is None or not seen.is_significant or '
           'seen.kappa.item() > -MATTERS:', 'if seen is None:')),
+    *_of('rovid_core/identify/ekf/evidence/score_blocks.py', 'test/core/test_ekf_honesty.py '
+         'thrust_that_goes_on_falling_is_no_change',
+         ('a battery that runs down is a change', 'DRIFT**2]', '0.0]')),
+    *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
+         'thrust_that_falls_is_told_of_both_at_once',
+         ('the mass of surge is said for sway', 'row.first, row.end))',
+          '0, self._model.rows[0].end))')),
     *_of('rovid_core/velocity/couplings.py', 'test/core/test_current.py '
          'what_a_dof_has_of_its_own_does_not_wait_for_the_current',
          ('what a DOF has of its own is a product of velocities',

@@ -78,7 +78,7 @@ class ThrusterSettings:
     @property
     def is_wrench(self) -> bool:
         """Tell whether commands are forces and moments of thrusters that are not known."""
-        return 'Wrench' in self.type and self.count == len(self.allocation)
+        return 'Wrench' in self.type
 
     def hides_reverse(self, dof: int) -> bool:
         """

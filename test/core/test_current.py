@@ -128,6 +128,17 @@ def test_the_interval_of_the_current_holds_it(turning):
         assert abs(x - true) < 3.0 * y
 
 
+def test_thrust_that_falls_is_told_of_both_at_once():
+    run = Run(duration=200.0, runs_down=0.2 / 200.0)
+    last = followed(Stream(settings(run)), run)[-1]
+    said = 'thrust falls by ([0-9]+) % .* the mass is ([0-9.]+)[)]'
+    for dof in last.dofs:
+        share, mass = map(float, re.search(said, ' '.join(dof.judgement.reasons)).groups())
+        assert share == pytest.approx(20, abs=3)
+        assert mass == pytest.approx(TRUTH[dof.dof].mass, rel=0.03)
+    assert all(masses_held(last))
+
+
 def test_until_it_has_turned_the_current_cannot_be_seen(turning):
     assert turning[0].current.status == 'unobservable'
     assert turning[0].current.std == (0.3, 0.3)

@@ -512,6 +512,21 @@ def test_what_a_missing_term_explains_is_no_change(backwards, factor, changed):
     assert blocks.has_changed(np.inf) is changed
 
 
+@pytest.mark.parametrize(('alphas', 'changed'), [
+    (np.linspace(1.0, 0.85, 40), False), ([1.0] * 34 + [0.8] * 6, True)])
+def test_thrust_that_goes_on_falling_is_no_change(alphas, changed):
+    """The vehicle is driven harder in the end, which lets that count more than what was before."""
+    blocks, random = ScoreBlocks([0.0] * 5, [1.0] * 5), np.random.default_rng(0)
+    found = []
+    for k, alpha in enumerate(alphas):
+        for _ in range(100):
+            thrust = (3.0 if k >= 34 else 1.0) * random.normal()
+            blocks.add(alpha * thrust + 0.1 * random.normal(), 0.01,
+                       [thrust, *[0.0] * 9], 0.101)
+        found.append(blocks.has_changed(np.inf))
+    assert (True in found) is changed
+
+
 def test_a_dof_with_a_left_out_term_is_honest_too():
     scales = Scales.of(replace(GUESS, terms=('alpha', 'beta', 'delta')))
     one = ExtendedKalman(scales)

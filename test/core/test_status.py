@@ -74,20 +74,32 @@ def test_between_the_two_limits_it_stays_what_it_was(status):
     assert judge(status, Known(0.2))[0] == 'converging'
 
 
-def test_what_a_dof_cannot_see_of_the_thrusters_it_is_told():
+@pytest.fixture
+def shown():
+    """Return an identifier that shows weaker thrust backwards."""
+    known = Known(0.02)
+    known.note = f'reverse thrust: {KEYS["reverse_thrust"]}'
+    return known
+
+
+@pytest.fixture
+def vehicle():
+    """Return what makes a DOF of a vehicle, and those of its DOFs that show it."""
     scales, weaker = Scales(150.0, 0.5, TRUTH, (True,) * 4), set()
-    heave = DofStatus(scales, 3.0, 'heave', weaker)
-    surge = DofStatus(scales, 3.0, 'surge', weaker, hides_weaker=True)
+    return lambda name, **how: DofStatus(scales, 3.0, name, weaker, **how), weaker
+
+
+def test_what_a_dof_cannot_see_of_the_thrusters_it_is_told(vehicle, shown):
+    dof, weaker = vehicle
+    heave, surge = dof('heave'), dof('surge', hides_weaker=True)
     assert judge(surge, Known(0.02))[0] == 'converged'
-    shown = Known(0.02)
-    shown.note = f'reverse thrust: {KEYS["reverse_thrust"]}'
     assert judge(heave, shown)[0] == 'converged'
     name, reasons = judge(surge, Known(0.02))
     assert name == 'converging'
     assert reasons[0].startswith('heave shows that the thrusters push otherwise backwards')
     # more data would not help
     assert judge(surge, Known(0.2))[1][0] == reasons[0]
-    assert judge(DofStatus(scales, 3.0, 'roll', weaker), Known(0.02))[0] == 'converged'
+    assert judge(dof('roll'), Known(0.02))[0] == 'converged'
     heave.reset()
     assert judge(surge, Known(0.02))[0] == 'converged'
     # what it sees itself is no more than a chance
@@ -95,13 +107,9 @@ def test_what_a_dof_cannot_see_of_the_thrusters_it_is_told():
     assert not weaker
 
 
-def test_of_a_wrench_any_dof_may_hide_it():
-    scales, weaker = Scales(150.0, 0.5, TRUTH, (True,) * 4), set()
-    heave, surge = (DofStatus(scales, 3.0, name, weaker, of_wrench=True)
-                    for name in ('heave', 'surge'))
-    shown = Known(0.02)
-    shown.note = f'reverse thrust: {KEYS["reverse_thrust"]}'
-    assert judge(heave, shown)[0] == 'converged'
+def test_of_a_wrench_any_dof_may_hide_it(vehicle, shown):
+    heave, surge = (vehicle[0](name, of_wrench=True) for name in ('heave', 'surge'))
+    judge(heave, shown)
     name, reasons = judge(surge, Known(0.02))
     assert name == 'converging'
     assert reasons[0].endswith('log what each thruster is commanded')

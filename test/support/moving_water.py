@@ -44,6 +44,7 @@ class Run:
     duration: float = 100.0  # [s]
     pull: tuple[float, float] = (0.0, 0.0)  # of a tether, in the world [N]
     weak: tuple[float, float] = (math.inf, 1.0)  # from when [s] thrust is how much of itself
+    runs_down: float = 0.0  # [1/s] share of the thrust at the beginning that is lost per time
     lag: float = 0.0  # [s] of the thrusters of surge and sway
     reverse: float = 1.0  # thrust of surge backwards, relative to one forwards
 
@@ -68,8 +69,8 @@ def _advanced(run: Run) -> Callable[..., list[float]]:
         now += dt
         x, y, _ = rotate_back(attitude, (*run.pull, 0.0))
         surge, sway, *rest = forces
-        if now > since:
-            surge, sway = factor * surge, factor * sway
+        left = (factor if now > since else 1.0) * (1.0 - run.runs_down * now)
+        surge, sway = left * surge, left * sway
         if surge < 0.0:
             surge *= run.reverse
         if run.lag:

@@ -242,22 +242,20 @@ class BlockFit:
                 doubted: Mapping[int, float], found: Sequence[str] = ()) -> Verdict:
         """Return what the blocks say; the arguments are those of ``ScoreBlocks``."""
         own = self._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
-        whole, thrust = self, np.zeros(len(self.total))
+        whole = self
         if own.missing is not None:  # what it lacks is no drift
             whole = self._with(candidates[own.missing.name])
             whole.scatter()
-        for _, first in rows:
-            thrust[first] = own.theta[first]
-        drift = drift_of(self.information, self.score, middles(counts, self.n), thrust)
+        drift = drift_of(self, self.information, self.score, counts, rows)
         seen = whole.regressed(drift.to[:, whole.active, None], drift.own[:, None, None],
                                drift.score[:, None])
         if seen is None or not seen.is_significant or seen.kappa.item() > -MATTERS:
             return own
-        whole = self._with([len(thrust)], *drift.beside(self.information, self.score))
+        whole = self._with([len(drift.thrust)], *drift.beside(self.information, self.score))
         verdict = whole._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
         # what the parameters are is what they are at any time, from the first to the last
         share = whole.theta.item(-1)
-        begin, gained = whole.all_parameters()[:self._p], share * thrust[:self._p]
+        begin, gained = whole.all_parameters()[:self._p], share * drift.thrust[:self._p]
         middle = own.theta - (begin + 0.5 * gained)
         covariance = np.array(verdict.covariance)[:self._p, :self._p] + (
             np.outer(middle, middle) + np.outer(gained, gained) / 12.0)
@@ -483,11 +481,14 @@ class Drift(NamedTuple):
 
     Attributes
     ----------
+    thrust : ndarray, shape (q,)
+        The parameters of the thrust where they stand, 0 for all else.
     to, own, score : ndarray, shapes (n, q), (n,) and (n,)
         Its information with the regressors of the blocks and by itself, and its score.
 
     """
 
+    thrust: Array
     to: Array
     own: Array
     score: Array
@@ -500,28 +501,28 @@ class Drift(NamedTuple):
                 [score, self.score[:, None]], 1)
 
 
-def middles(counts: Array, older: int) -> Array:
-    """Return the time in the middle of each block; the first ``older`` ones go from 0 to 1."""
-    ends = np.cumsum(counts)
-    return np.asarray((ends - 0.5 * counts) / ends[older - 1])
-
-
-def drift_of(information: Array, score: Array, time: Array, thrust: Array) -> Drift:
+def drift_of(older: BlockFit, information: Array, score: Array, counts: Array,
+             rows: Sequence[tuple[str, int]]) -> Drift:
     """
-    Return the regressor of thrust that changes.
+    Return the regressor of thrust that changes from the beginning to the end of older blocks.
 
     Parameters
     ----------
-    information, score : ndarray, shapes (n, q, q) and (n, q)
-        Of the blocks.
-    time : ndarray, shape (n,)
-        As of ``middles``.
-    thrust : ndarray, shape (q,)
-        The parameters of the thrust where they stand, 0 for all else.
+    older : BlockFit
+        Of these, which come first.
+    information, score, counts : ndarray, shapes (n, q, q), (n, q) and (n,)
+        Of all blocks, and how many measurements each has.
+    rows : sequence of (str, int)
+        As of ``ScoreBlocks``.
 
     """
+    thrust, theta = np.zeros(score.shape[1]), older.all_parameters()
+    for _, first in rows:
+        thrust[first] = theta[first]
+    ends = np.cumsum(counts)
+    time = (ends - 0.5 * counts) / ends[older.n - 1]
     to = time[:, None] * (information @ thrust)
-    return Drift(to, time * (to @ thrust), time * (score @ thrust))
+    return Drift(thrust, to, time * (to @ thrust), time * (score @ thrust))
 
 
 def _single(candidates: Mapping[str, list[int]]) -> list[int]:

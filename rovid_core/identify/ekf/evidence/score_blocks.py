@@ -12,7 +12,6 @@ from rovid_core.identify.ekf.evidence.block_fit import (
     BlockFit,
     drift_of,
     LEAST_COUNT,
-    middles,
     Regression,
     Verdict,
 )
@@ -241,12 +240,8 @@ class ScoreBlocks:
             if not contradicts(self._information[older:], self._score[older:], fit,
                                largest_scatter):
                 continue
-            thrust, theta = np.zeros(self._q), fit.all_parameters()
-            for _, first in self._rows:
-                thrust[first] = theta[first]
-            information, score = drift_of(
-                self._information, self._score, middles(self._counts, older), thrust).beside(
-                    self._information, self._score)
+            blocks = self._information, self._score
+            information, score = drift_of(fit, *blocks, self._counts, self._rows).beside(*blocks)
             whole = self._with_all_that_may_be_missing(fit, information[:older], score[:older])
             if contradicts(information[older:], score[older:], whole, largest_scatter):
                 return True

@@ -30,17 +30,18 @@ METHODS: dict[
 
 def make_identifier(settings: IdentifierSettings, dof: DofSettings,
                     raw_gains: tuple[float, ...] | None = None,
-                    watched: tuple[str, ...] = ()) -> Identifier:
+                    watched: tuple[str, ...] = (), shares: bool = False) -> Identifier:
     """
     Return the configured identifier for one DOF; raises SettingsError if there is no such method.
 
     ``raw_gains`` is the diagonal of Gamma where the settings give raw gains (``aid``);
-    ``watched`` names the regressors that steps carry besides those of the model.
+    ``watched`` names the regressors that steps carry besides those of the model; ``shares`` tells
+    whether the DOF's thrusters drive others, too.
     """
     if settings.method not in METHODS:
         raise SettingsError(
             'identifier.method', f'got {settings.method!r}, takes {", ".join(METHODS)}')
-    scales = replace(Scales.of(dof), watched=watched)
+    scales = replace(Scales.of(dof), watched=watched, shares=shares)
     return METHODS[settings.method](scales, settings, raw_gains)
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import DEAD_BAND
 from rovid_core.settings.run import Scales
 
 BLOCK: Final = 10.0  # length of a block [s]
@@ -33,9 +34,11 @@ CANDIDATES = {
     'thrust_loss': 'thrust that falls with speed'}
 # Where it can be told to the model, if it can, as the end of a sentence.
 KEYS = {'dead_band': ': see thrusters.deadband', 'reverse_thrust': ': see thrusters.reverse',
+        'dead_band_of_each': ': see thrusters.deadband',
+        'reverse_of_each': ': see thrusters.reverse',
+        'thrust_loss_of_each': ': drive one axis at a time',
         'lag': ': see thrusters.time_constant', 'thrust_loss': '',
         'current': ': see current.prior'}
-DEAD_BAND: Final = 0.2  # thrust up to which a dead-band is looked for, in the size that thrust has
 LAG: Final = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share
 # of the model's acceleration that it is.

@@ -17,6 +17,13 @@ Couplings that are made of a DOF's own force and velocity: min(tau, 0), and v|v|
 Whoever simulates a model makes them of the force and the velocity that it has there.
 """
 
+EACH = ('reverse_of_each', 'dead_band_of_each', 'thrust_loss_of_each')
+"""
+What the thrusters of a DOF do, each by itself: how much of the force is of those that push
+backwards, what a dead band takes, and what is lost per speed. Watched where they drive other
+DOFs, too: then none of these is a function of the DOF's own force.
+"""
+
 COUPLINGS = {
     'surge': ('vr', 'wq', *OWN),
     'sway': ('ur', 'wp', *OWN),

@@ -170,12 +170,15 @@ class Step(Values):
     watched : tuple of float
         Mean of each regressor that the method watches, over the interval that ends with the
         fix within the step, not filtered; 0 where it is not known.
+    each : tuple of tuples of 3 floats
+        Where the DOF's thrusters drive others, too: the means of ``EACH`` over each of the pieces,
+        or over each part where there are none.
 
     """
 
     NAMES: ClassVar[tuple[str, ...]] = (
         'dt', 'velocity', 'force', 'mean', 'interval', 'parts', 'forces', 'turn', 'path_noise',
-        'couplings', 'filtered_couplings', 'pieces', 'watched')
+        'couplings', 'filtered_couplings', 'pieces', 'watched', 'each')
 
     def __init__(self, dt: float, velocity: Three, force: Three, mean: float = math.nan,
                  interval: float = 0.0, parts: tuple[float, float] = (0.0, 0.0),
@@ -183,7 +186,7 @@ class Step(Values):
                  path_noise: float = 0.0, couplings: tuple[tuple[float, float], ...] = (),
                  filtered_couplings: tuple[float, ...] = (),
                  pieces: tuple[tuple[float, float], ...] = (),
-                 watched: tuple[float, ...] = ()) -> None:
+                 watched: tuple[float, ...] = (), each: tuple[Three, ...] = ()) -> None:
         self.dt = dt
         self.velocity = velocity
         self.force = force
@@ -197,6 +200,7 @@ class Step(Values):
         self.filtered_couplings = filtered_couplings
         self.pieces = pieces
         self.watched = watched
+        self.each = each
 
 
 class PlanarPiece(NamedTuple):
@@ -279,6 +283,8 @@ class PlanarStep(NamedTuple):
     held : two tuples of (float, float)
         Lengths [s] of the pieces in which the force on surge and on sway is held, and the
         force of each [N]; compare ``Step.pieces``.
+    each : two tuples of tuples of 3 floats
+        Those of ``Step`` of surge and of sway.
 
     """
 
@@ -293,6 +299,7 @@ class PlanarStep(NamedTuple):
     heading_noise: float = 0.0
     couplings: tuple[tuple[float, ...], tuple[float, ...]] = ((), ())
     held: tuple[tuple[tuple[float, float], ...], ...] = ((), ())
+    each: tuple[tuple[Three, ...], ...] = ((), ())
 
 
 def finite(values: tuple[float, ...]) -> bool:

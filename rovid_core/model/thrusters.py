@@ -8,6 +8,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from rovid_core.model.plant import Array
 
+DEAD_BAND: Final = 0.2
+"""Force up to which a dead band is looked for, in the size that thrust has."""
+
 
 class Thrusters(NamedTuple):
     """

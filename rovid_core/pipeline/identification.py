@@ -101,7 +101,8 @@ class Identification:
         self._name = name
         dof, method = settings.dof[name], settings.identifier
         self.identifier = identifier or make_identifier(
-            method, dof, settings.raw_gains(name), settings.watched(name))
+            method, dof, settings.raw_gains(name), settings.watched(name),
+            name in settings.sharing)
         # a method may leave couplings out, and raw gains have their own adaptation time
         scales = replace(Scales.of(dof), couplings=settings.couplings(name))
         self._status = DofStatus(scales, getattr(

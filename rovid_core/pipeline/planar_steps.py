@@ -43,7 +43,8 @@ class PlanarSteps:
         self._attitude = attitude
         self.input = next(settings.source(dof) for dof in settings.dofs if dof in DOFS)
         scales = {dof: replace(Scales.of(settings.dof[dof]), watched=tuple([
-            name for name in settings.watched(dof) if name not in HEADING]))
+            name for name in settings.watched(dof) if name not in HEADING]),
+            shares=dof in settings.sharing)
             for dof in settings.dofs if dof in DOFS}
         self._watched = {dof: len(one.watched) for dof, one in scales.items()}
         self.filter = PlanarKalman(scales, settings.current)
@@ -92,7 +93,7 @@ class PlanarSteps:
                          0.5 * (last.body[2] + motion.body[2])),
             self._axes(span[2]), self._attitude.noise_density,
             (self._regressors('surge', surge), self._regressors('sway', sway)),
-            (surge.pieces, sway.pieces)), adapt)
+            (surge.pieces, sway.pieces), (surge.each, sway.each)), adapt)
         self._at, self.filter.newest = span[1], span[2]
 
     def _regressors(self, dof: str, step: Step) -> tuple[float, ...]:

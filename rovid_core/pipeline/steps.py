@@ -16,7 +16,7 @@ from rovid_core.ordering.cadence import Cadence
 from rovid_core.pipeline.filtered_source import FilteredSource
 from rovid_core.pipeline.identification import Identification
 from rovid_core.pipeline.planar_steps import PlanarSteps
-from rovid_core.settings.run import Settings
+from rovid_core.settings.run import Scales, Settings
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.velocity.attitude_history import normalised, rotate, rotate_back, SharedMotion
@@ -104,7 +104,8 @@ class Pipeline:
         self._patience = round(settings.longest_timeout / NS)
         self._sees_current = settings.sees_current
         self._shared = SharedMotion(settings)
-        self._forces = ForceHistory(settings.thrusters, settings.dofs)
+        self._forces = ForceHistory(settings.thrusters, settings.dofs, {
+            dof: Scales.of(settings.dof[dof]).force for dof in settings.sharing})
         self._commands = CommandIntake(settings, self._forces, warn)
         self._configuration = ConfigurationCheck(
             settings, thruster_model(settings.thrusters), warn)
@@ -453,6 +454,7 @@ class Pipeline:
             filtered = source.regressors.step(
                 dt, tuple([(lead * x + rest * y) / dt for x, y in couplings]))
         pieces = self._forces.pieces(begin, time, source.indices) if self._watches else ()
+        split = middle if interval else time
         watched: tuple[float, ...] = ()
         if source.watched:
             watched = self._couplings.as_known(
@@ -470,8 +472,10 @@ class Pipeline:
                 path_noise[j] if path_noise else 0.0,
                 () if none else tuple([couplings[k] for k in source.coupling_indices[j]]),
                 () if none else tuple([filtered[k] for k in source.coupling_indices[j]]),
-                pieces[j] if pieces else (),
-                tuple([watched[k] for k in source.watched_indices[j]]) if watched else ()))
+                pieces[j].held if pieces else (),
+                tuple([watched[k] for k in source.watched_indices[j]]) if watched else (),
+                pieces[j].each if pieces and pieces[j].held else
+                self._forces.each(begin, split, time, source.indices[j])))
         return steps
 
     def _begin(self, source: FilteredSource, motion: Motion) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 LONGEST_LAG = 10.0  # [s] of the thrusters
@@ -88,6 +89,11 @@ class ThrusterSettings:
         """
         row = [share * gain for share, gain in zip(self.allocation[dof], self.gain)]
         return min(row) < 0.0 < max(row)
+
+    def shares(self, dof: int, others: Iterable[int]) -> bool:
+        """Tell whether a thruster that drives a DOF drives any of others, all by number, too."""
+        return any(k * row * self.allocation[other][j] for other in others if other != dof
+                   for j, (k, row) in enumerate(zip(self.gain, self.allocation[dof])))
 
     def __post_init__(self) -> None:
         """Check the shapes against each other."""

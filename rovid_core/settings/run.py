@@ -107,6 +107,8 @@ class Scales:
         Of the DOF, for methods that identify them.
     watched : tuple of str
         Other regressors that a method looks at, for what the model lacks.
+    shares : bool
+        Whether its thrusters drive other DOFs, too, so that steps say what each of them does.
 
     """
 
@@ -116,6 +118,7 @@ class Scales:
     active: tuple[bool, bool, bool, bool]
     couplings: tuple[str, ...] = ()
     watched: tuple[str, ...] = ()
+    shares: bool = False
 
     @staticmethod
     def of(settings: DofSettings) -> Scales:
@@ -359,6 +362,13 @@ class Settings:
         turns = self.attitude.topic and dof in ('surge', 'sway')
         named = (*self.possible_couplings(dof), *(HEADING if turns else ()))
         return tuple([name for name in named if name not in self.couplings(dof)])
+
+    @property
+    def sharing(self) -> tuple[str, ...]:
+        """Return the DOFs whose thrusters drive others, too, where the method watches them."""
+        numbers = [DOFS.index(dof) for dof in self.dofs]
+        return tuple([dof for dof, i in zip(self.dofs, numbers)
+                      if self.watches and self.thrusters.shares(i, numbers)])
 
     @property
     def sees_current(self) -> bool:

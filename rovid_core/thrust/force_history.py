@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 import math
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from rovid_core.inputs.units_and_signs import (
     NeutralCheck,
@@ -13,6 +13,7 @@ from rovid_core.inputs.units_and_signs import (
     TwoSendersCheck,
     UnsignedCommandCheck,
 )
+from rovid_core.model.dofs import EACH, Three
 from rovid_core.model.samples import NS
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench_model
@@ -25,6 +26,26 @@ MAX_PIECES: Final = 16
 
 MAX_KEPT: Final = 65536
 """Commands that are kept, however close their stamps are."""
+
+
+class Pieces(NamedTuple):
+    """
+    A force over a span, as it is held.
+
+    Attributes
+    ----------
+    held : tuple of (float, float)
+        Length [s] and force of each piece.
+    each : tuple of tuples of 3 floats
+        ``EACH`` over each piece, where that is wanted.
+
+    """
+
+    held: tuple[tuple[float, float], ...]
+    each: tuple[Three, ...]
+
+
+NO_PIECES: Final = Pieces((), ())
 
 
 class ForceHistory:
@@ -42,6 +63,8 @@ class ForceHistory:
         The chain.
     dofs : sequence of str
         The DOFs whose forces are wanted.
+    units : mapping of str to float, optional
+        Typical forces of DOFs of which ``EACH`` is wanted, too.
 
     Attributes
     ----------
@@ -53,10 +76,14 @@ class ForceHistory:
 
     """
 
-    def __init__(self, settings: ThrusterSettings, dofs: Sequence[str]) -> None:
+    def __init__(self, settings: ThrusterSettings, dofs: Sequence[str],
+                 units: Mapping[str, float] | None = None) -> None:
         self._settings = settings
         self._dofs = range(len(dofs))
-        self._wrench = wrench_model(settings, dofs)
+        self._wrench = wrench_model(settings, dofs, units)
+        first = dict(zip(units or {}, range(len(dofs), MAX_KEPT, len(EACH))))
+        self._each = [tuple(range(first[d], first[d] + len(EACH))) if d in first else ()
+                      for d in dofs]
         self._delay = round(settings.delay / NS)
         self._lag = settings.time_constant
         self._linear = settings.hold == 'linear'
@@ -131,7 +158,7 @@ class ForceHistory:
             lagged, integral = tau, (0.0,) * len(tau)
         self._times.append(time)
         self._forces.append(tau)
-        self.newest = tau
+        self.newest = tau[:len(self._dofs)]
         self._lagged.append(lagged)
         self._integrals.append(integral)
         self._good_until.append(good_until)
@@ -199,32 +226,43 @@ class ForceHistory:
                 found.append([integrals[j] for j in dofs])
         return found
 
-    def pieces(self, start: int, end: int,
-               dofs: Iterable[int]) -> list[tuple[tuple[float, float], ...]]:
+    def each(self, start: int, middle: int, end: int, dof: int) -> tuple[Three, ...]:
+        """Return the means of ``EACH`` of a DOF over both parts of a span [ns]; () for none."""
+        numbers = self._each[dof]
+        found = []
+        for a, b in ((start, middle), (middle, end)) if numbers else ():
+            before, after = self.integrals((a, b), numbers)
+            length = max((b - a) * NS, NS)
+            p, q, r = [(y - x) / length for x, y in zip(before, after)]
+            found.append((p, q, r))
+        return tuple(found)
+
+    def pieces(self, start: int, end: int, dofs: Iterable[int]) -> list[Pieces]:
         """
         Return in which pieces the force is held over ``[start, end]`` [ns], per DOF.
 
-        Returns
-        -------
-        list of tuples of (float, float)
-            Length [s] and force of each piece; no pieces where a force is not held, or has
-            more than ``MAX_PIECES``. The span begins after the first command.
-
+        There are none where a force is not held, or has more than ``MAX_PIECES``. The span begins
+        after the first command.
         """
         if self._lag or self._linear:
-            return [() for _ in dofs]
+            return [NO_PIECES for _ in dofs]
         times, forces = self._times, self._forces
         first, last = bisect_right(times, start) - 1, bisect_left(times, end)
-        found: list[tuple[tuple[float, float], ...]] = []
+        found = []
         for j in dofs:
-            pieces = []
-            since, force = start, forces[first][j]
-            for i in range(first + 1, last):
-                if forces[i][j] != force:
-                    pieces.append(((times[i] - since) * NS, force))
-                    since, force = times[i], forces[i][j]
-            pieces.append(((end - since) * NS, force))
-            found.append(tuple(pieces) if len(pieces) <= MAX_PIECES else ())
+            pieces, each, numbers = [], [], self._each[j]
+            since, held = start, forces[first]
+            for i in range(first + 1, last + 1):
+                new = forces[i] if i < last else ()
+                if new and new[j] == held[j] and not any(new[k] != held[k] for k in numbers):
+                    continue
+                until = times[i] if new else end
+                pieces.append(((until - since) * NS, held[j]))
+                if numbers:
+                    each.append((held[numbers[0]], held[numbers[1]], held[numbers[2]]))
+                since, held = until, new
+            found.append(Pieces(tuple(pieces), tuple(each)) if len(pieces) <= MAX_PIECES
+                         else NO_PIECES)
         return found
 
     def missing(self, start: int, end: int) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import math
 
 from rovid_core.model.dofs import DOFS
+from rovid_core.model.thrusters import DEAD_BAND
 from rovid_core.settings.run import ThrusterSettings
 
 NO_COMMAND = 2.0
@@ -58,7 +59,8 @@ def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
     return ys[i] + (ys[i + 1] - ys[i]) * (x - xs[i]) / (xs[i + 1] - xs[i])
 
 
-def wrench_model(settings: ThrusterSettings, dofs: Sequence[str]
+def wrench_model(settings: ThrusterSettings, dofs: Sequence[str],
+                 units: Mapping[str, float] | None = None
                  ) -> Callable[[Sequence[float]], tuple[float, ...]]:
     """
     Return the body force of raw commands, without delay and lag, as a function.
@@ -69,16 +71,24 @@ def wrench_model(settings: ThrusterSettings, dofs: Sequence[str]
         The chain; its allocation has 6 rows (surge to yaw) and n columns.
     dofs : sequence of str
         The rows that are wanted.
+    units : mapping of str to float, optional
+        Typical forces of DOFs of which what each thruster does is wanted, too.
 
     Returns
     -------
     callable
         From n raw commands, such as currents [A], to the forces [N] and moments [N m] in the
-        body frame, one per DOF.
+        body frame, one per DOF, and behind them ``EACH`` of the DOFs with units, as shares of
+        these: what the thrusters that run backwards give, what a dead band as wide as
+        ``DEAD_BAND`` takes, and the root of the force, by which it falls with speed.
 
     """
     model, gains = thruster_model(settings), settings.gain
     rows = [settings.allocation[DOFS.index(d)] for d in dofs]
+    each = []
+    for dof, unit in (units or {}).items():
+        row = settings.allocation[DOFS.index(dof)]
+        each.append((row, unit, unit / math.fsum(map(abs, row)), math.fsum([a * a for a in row])))
 
     def wrench_of(commands: Sequence[float]) -> tuple[float, ...]:
         forces = [k * model(u) for k, u in zip(gains, commands)]
@@ -89,6 +99,14 @@ def wrench_model(settings: ThrusterSettings, dofs: Sequence[str]
             for a, f in zip(row, forces):
                 total += a * f
             wrench.append(total)
+        for row, unit, one, squares in each:
+            backwards = cut = root = 0.0
+            for a, f in zip(row, forces):
+                if f < 0.0:
+                    backwards += a * f
+                cut += a * max(-DEAD_BAND * one, min(f, DEAD_BAND * one))
+                root += a * a * math.sqrt(abs(f) / one)
+            wrench += [backwards / unit, cut / unit, root / squares]
         return tuple(wrench)
 
     return wrench_of

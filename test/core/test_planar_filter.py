@@ -10,9 +10,8 @@ from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.planar.member import PlanarClock
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
-from rovid_core.identify.last_minute import DEAD_BAND
 from rovid_core.model.samples import PlanarPiece, PlanarStep
-from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
+from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 
 ROWS = (Row(0, 6, 0.5, 4, ()), Row(6, 13, 0.4, 10, ((11, 0),)))
 THETA = [0.6, -0.5, -0.2, 0.05, 0.3, 0.04, 0.5, -0.4, -0.1, -0.03, -0.35, 0.2, 0.03, 0.15, -0.1]

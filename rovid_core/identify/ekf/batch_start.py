@@ -17,6 +17,7 @@ from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.normalised_model import Unmodelled
 from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.method import DivergenceError
+from rovid_core.model.dofs import Three
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep, Step
 
 PERIOD: Final = 20.0
@@ -287,7 +288,7 @@ def _level(sizes: Sequence[float]) -> float:
     return level * sqrt(fsum(squares) / len(squares) / CLIPPED)
 
 
-def read_step(values: Any, couplings: int, watched: int) -> Step | float:
+def read_step(values: Any, couplings: int, watched: int, shares: bool) -> Step | float:
     """
     Return a step with some number of regressors, or a velocity; raises ValueError.
 
@@ -297,28 +298,40 @@ def read_step(values: Any, couplings: int, watched: int) -> Step | float:
         What a saved state has of it.
     couplings, watched : int
         How many there are.
+    shares : bool
+        Whether it says what each thruster did.
 
     """
     if not isinstance(values, list):
         return finite_number(values)
-    *plain, pairs, filtered, pieces, also = values
+    *plain, pairs, filtered, pieces, also, each = values
     numbers = [tuple(map(finite_number, x)) if isinstance(x, (list, tuple)) else
                finite_number(x) for x in plain]
     regressors = (tuple([(finite_number(a), finite_number(b)) for a, b in pairs]),
                   tuple(map(finite_number, filtered)), tuple(map(finite_number, also)))
-    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3).fields()[:-4]) or (
+    if _sizes(numbers) != _sizes(Step(0.0, (0.0,) * 3, (0.0,) * 3).fields()[:-5]) or (
             _sizes(regressors) not in (
                 [0, 0, 0], [0, 0, watched], [couplings, couplings, watched])):
         raise ValueError('a step does not fit')
     held = tuple([(finite_number(a), finite_number(b)) for a, b in pieces])
-    fields: list[Any] = [*numbers, *regressors[:2], held, regressors[2]]
+    fields: list[Any] = [*numbers, *regressors[:2], held, regressors[2],
+                         _each(each, len(held), shares)]
     step = Step(*fields)
     if not step.dt > 0.0:
         raise ValueError('a step takes no time')
     return step
 
 
-def read_planar_step(values: Any, regressors: Sequence[int]) -> PlanarStep | PlanarStart:
+def _each(values: Any, pieces: int, shares: bool) -> tuple[Three, ...]:
+    """Return what each thruster did over some pieces, or two parts; raises ValueError."""
+    found = tuple([(finite_number(a), finite_number(b), finite_number(c)) for a, b, c in values])
+    if len(found) != ((pieces or 2) if shares else 0):
+        raise ValueError('a step does not fit')
+    return found
+
+
+def read_planar_step(values: Any, regressors: Sequence[int],
+                     shares: Sequence[bool]) -> PlanarStep | PlanarStart:
     """
     Return a step or a start of surge and sway from its numbers; raises ValueError.
 
@@ -328,6 +341,8 @@ def read_planar_step(values: Any, regressors: Sequence[int]) -> PlanarStep | Pla
         What a saved state has of it.
     regressors : pair of ints
         How many those of surge and of sway are.
+    shares : pair of bools
+        Whether it says what each of their thrusters did.
 
     """
     if len(values) == len(PlanarStart._fields):
@@ -349,7 +364,8 @@ def read_planar_step(values: Any, regressors: Sequence[int]) -> PlanarStep | Pla
         dt, velocity, interval, parts, ((finite_number(p), finite_number(q)),
                                         (finite_number(r), finite_number(s))), value,
         tuple([PlanarPiece(*floats(piece, 7)) for piece in values[6]]), (a, b, c, d), noise,
-        (one, other), (held, more))
+        (one, other), (held, more), (_each(values[11][0], len(held), shares[0]),
+                                     _each(values[11][1], len(more), shares[1])))
 
 
 def _sizes(values: Sequence[Any]) -> list[int]:

@@ -128,7 +128,8 @@ class ExtendedKalman(Identifier):
     def _new(self, unmodelled: Unmodelled, theta: Sequence[float]) -> Member:
         """Return a filter at some parameters that knows those to begin with."""
         member = Member(self._theta, self._prior, self._model.box, unmodelled, FIRST_NOISE,
-                        self._scales.watched, self._model.own, self._thrusters)
+                        self._scales.watched, self._model.own, self._thrusters,
+                        self._scales.shares)
         member.filter.theta = list(theta)
         return member
 
@@ -154,7 +155,8 @@ class ExtendedKalman(Identifier):
     def _new_start(self) -> BatchStart[Member]:
         couplings, watched = len(self._scales.couplings), len(self._scales.watched)
         return BatchStart(self._new, lambda: self._new_clock(False),
-                          lambda values: read_step(values, couplings, watched))
+                          lambda values: read_step(
+                              values, couplings, watched, self._scales.shares))
 
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity [m/s or rad/s], keeping the parameters."""

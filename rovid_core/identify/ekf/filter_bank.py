@@ -33,7 +33,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     POSITION,
 )
 from rovid_core.identify.ekf.single.measurements import Measurement
-from rovid_core.model.dofs import OWN
+from rovid_core.model.dofs import EACH, OWN
 from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 MARGIN: Final = 10.0
@@ -75,6 +75,8 @@ class Member:
         As of a ``LinearisedFilter``.
     thrusters : Thrusters
         How they are taken to work, in typical forces.
+    shares : bool
+        Whether they drive other DOFs, too.
 
     Attributes
     ----------
@@ -85,13 +87,14 @@ class Member:
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float], bounds: Bounds,
                  unmodelled: Unmodelled, noise: float, watched: Sequence[str] = (),
-                 own: tuple[int, int] = NONE_OWN, thrusters: Thrusters = AS_CONFIGURED) -> None:
+                 own: tuple[int, int] = NONE_OWN, thrusters: Thrusters = AS_CONFIGURED,
+                 shares: bool = False) -> None:
         self.unmodelled, self.thrusters = unmodelled, thrusters
         self.filter = LinearisedFilter(
-            theta, variances, unmodelled.force_std, len(watched), own, thrusters)
+            theta, variances, unmodelled.force_std, len(watched), own, thrusters, shares)
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(
-            theta, variances, (*CANDIDATES, *watched),
+            theta, variances, (*CANDIDATES, *(EACH if shares else ()), *watched),
             configured=[name for name, i in zip(OWN, own) if i >= 0], found=thrusters.found)
         self.prediction = FreePrediction(own, thrusters)
         self._verdict: Verdict | None = None

@@ -543,7 +543,8 @@ class PlanarKalman:
         self._publish()
 
     def _read(self, values: Any) -> PlanarStep | PlanarStart:
-        return read_planar_step(values, self._model.regressors)
+        return read_planar_step(
+            values, self._model.regressors, [row.shares for row in self._model.rows])
 
 
 def _start_of(step: PlanarStep) -> PlanarStart:

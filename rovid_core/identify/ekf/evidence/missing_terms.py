@@ -14,9 +14,9 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     GAMMA,
     LAG,
 )
-from rovid_core.identify.last_minute import DEAD_BAND, KEYS, lacking, UNTOLD_DEAD_BAND
-from rovid_core.model.dofs import Four, RESTORING
-from rovid_core.model.thrusters import Thrusters
+from rovid_core.identify.last_minute import KEYS, lacking, UNTOLD_DEAD_BAND
+from rovid_core.model.dofs import EACH, Four, RESTORING
+from rovid_core.model.thrusters import DEAD_BAND, Thrusters
 from rovid_core.settings.inputs import LONGEST_LAG
 from rovid_core.settings.run import Scales
 
@@ -34,8 +34,10 @@ UNTOLD = {
 
 ODD = {
     'dead_band': 'small commands, which push more than the model of the thrusters says',
+    'dead_band_of_each': 'small commands, which push more than the model of each thruster says',
     'lag': 'quick changes of the thrust, which move it more than the model says',
-    'thrust_loss': 'fast motion under thrust, which is faster than the model says'}
+    'thrust_loss': 'fast motion under thrust, which is faster than the model says',
+    'thrust_loss_of_each': 'fast motion under thrust, which is faster than the model says'}
 """What the error follows where a term has the sign that no thruster gives it."""
 
 AT_BOUND, BEYOND = 1.0, 2.0
@@ -54,7 +56,7 @@ def is_coupling(missing: Missing | None) -> bool:
     """
     # in the filter of two DOFs the name begins with that of one
     name = missing.name.split()[-1] if missing is not None else 'current'
-    return name != 'current' and name not in CANDIDATES
+    return name != 'current' and name not in CANDIDATES and name not in EACH
 
 
 def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
@@ -72,7 +74,10 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
 
     """
     kappa, alpha = missing.coefficient, theta[ALPHA]
-    if missing.name == 'reverse_thrust':
+    if missing.name == 'reverse_of_each':
+        said = ('the reverse thrust of each thruster: about '
+                f'{max(1.0 + kappa / alpha, 0.0):.2f} of the forward one')
+    elif missing.name == 'reverse_thrust':
         said = f'reverse thrust: about {max(1.0 + kappa / alpha, 0.0):.2f} of the forward one'
     elif missing.name == 'reverse_drag':
         drag = 1.0 + kappa / theta[BETA] if theta[BETA] else 0.0
@@ -100,9 +105,13 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
 
 def _of_force(name: str, share: float, force: float) -> str:
     """Return what the thrusters do, for a coefficient relative to alpha; '' if none do so."""
-    if name == 'dead_band':
-        width = -share * DEAD_BAND * force
-        return f'a dead band of the thrusters of about {width:.2g} in units of force'
+    if name in ('dead_band', 'dead_band_of_each'):
+        width, whose = -share * DEAD_BAND * force, 'the thrusters' if name == 'dead_band' else (
+            'each thruster, together')
+        return f'a dead band of {whose} of about {width:.2g} in units of force'
+    if name == 'thrust_loss_of_each':
+        return ('the thrust of each thruster, which falls with speed, by about '
+                f'{-100.0 * share:.0f} %')
     if name == 'thrust_loss':
         return f'thrust that falls with speed, by about {-100.0 * share:.0f} %'
     lag = math.sqrt(_square_of_lag(share))

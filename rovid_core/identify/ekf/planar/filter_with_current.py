@@ -63,13 +63,16 @@ class Push:
         The force behind a lag at the end of the last step, and how it differs over it.
     reverse, reverse_moment, cut, cut_moment : float
         Impulse and moment of the force in reverse, and of what a dead band takes of it.
+    each : tuple of 5 floats
+        As of ``DelayedForce.each``, where the row watches that.
 
     """
 
     __slots__ = ('impulse', 'moment', 'before', 'last', 'lagged', 'lag', 'reverse',
-                 'reverse_moment', 'cut', 'cut_moment')
+                 'reverse_moment', 'cut', 'cut_moment', 'each', '_shares')
 
-    def __init__(self) -> None:
+    def __init__(self, shares: bool) -> None:
+        self._shares, self.each = shares, (0.0, 0.0, 0.0, 0.0, 0.0)
         self.impulse = self.moment = self.before = self.lag = 0.0
         self.reverse = self.reverse_moment = self.cut = self.cut_moment = 0.0
         self.restart()
@@ -89,6 +92,8 @@ class Push:
         self.lagged += gone * (force - self.lagged)
         (self.reverse, self.reverse_moment), (self.cut, self.cut_moment) = recent.bent(
             start, end, delay)
+        if self._shares:
+            self.each = recent.each(start, end, delay)
 
 
 class PlanarFilter:
@@ -127,7 +132,7 @@ class PlanarFilter:
                  current_change: float = 0.0, thrusters: tuple[Thrusters, Thrusters] = (
                      AS_CONFIGURED, AS_CONFIGURED)) -> None:
         self._rows, self.thrusters = rows, thrusters
-        self._pushes = [Push(), Push()]
+        self._pushes = [Push(row.shares) for row in rows]
         p = self._p = len(theta)
         self.theta = np.array(theta, dtype=float)
         self.theta_covariance: Array = np.diag(np.array(variances, dtype=float))
@@ -159,6 +164,9 @@ class PlanarFilter:
                 *range(row.first, row.end),
                 *range(watched, watched + len(CANDIDATES) + row.watched), q - 4, q - 3)]
             places += [way + i for i in (row.first, row.end - 1, watched, watched + 2)]
+            if row.shares:
+                first = watched + len(CANDIDATES)
+                places += [way + first, way + first + 1]
             places += [way + i for i in row.own[:1] if i >= 0]
         return np.array(places)
 
@@ -408,14 +416,22 @@ class PlanarFilter:
             coupled[own_thrust - row.first - 4] = scale * backwards
             own_way = [scale * (back_way - b * backwards)]
         watched = [scale * one for one in couplings[row.couplings:]] if row.watched else []
+        each, each_way = [], []
+        if row.shares:
+            reverse, reverse_moment, cut, cut_moment, root = given.each
+            one, one_way = felt(reverse, reverse_moment, h, decay, s)
+            other, other_way = felt(cut, cut_moment, h, decay, s)
+            each = [scale * one, scale * other, scale * root / h * w]
+            each_way = [scale * (one_way - b * one), scale * (other_way - b * other)]
         per_newton = alpha * scale / row.force
         return [scale * (push - slowing(force) * w), scale * drag, scale * w, scale, *coupled,
                 -scale * slope,
                 scale * backwards, scale * drag if w < 0.0 else 0.0, scale * small,
-                scale * given.lag, scale * math.sqrt(abs(force)) * w, *watched,
+                scale * given.lag, scale * math.sqrt(abs(force)) * w, *each, *watched,
                 per_newton * piece[2 * k], per_newton * piece[2 * k + 1],
                 scale * (push_way - b * push), scale * (b * slope - delayed),
-                scale * (back_way - b * backwards), scale * (small_way - b * small), *own_way]
+                scale * (back_way - b * backwards), scale * (small_way - b * small),
+                *each_way, *own_way]
 
     def innovation(self, axis: int, looks: Looks, value: float, variance: float,
                    known: bool = False) -> PlanarInnovation:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rovid_core.identify.ekf.normalised_model import CHANGE, NormalisedModel
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, NONE_OWN
-from rovid_core.model.dofs import OWN
+from rovid_core.model.dofs import EACH, OWN
 from rovid_core.model.plant import Array
 from rovid_core.settings.run import Scales
 
@@ -58,6 +58,8 @@ class Row(NamedTuple):
         Index of each other coupling, and its number among the regressors, but for ``OWN``.
     watched : int
         Regressors that are watched besides ``CANDIDATES``; they stand behind the others.
+    shares : bool
+        Whether ``EACH`` is watched, the first of these.
     force : float
         Typical one [N].
     own : tuple of 2 ints
@@ -73,6 +75,7 @@ class Row(NamedTuple):
     watched: int = 0
     force: float = 1.0
     own: tuple[int, int] = NONE_OWN
+    shares: bool = False
 
     @property
     def couplings(self) -> int:
@@ -150,9 +153,9 @@ class PlanarModel:
         self.of = [NormalisedModel(one) for one in self.scales]
         self.rows = self._make_rows()
         self.watched = [f'{dof} {name}' for dof, one in zip(DOFS, self.scales)
-                        for name in (*CANDIDATES, *one.watched)]
-        self.regressors = [row.couplings + row.watched if dof in scales else 0
-                           for dof, row in zip(DOFS, self.rows)]
+                        for name in (*CANDIDATES, *(EACH if one.shares else ()), *one.watched)]
+        self.regressors = [row.couplings + len(one.watched) if dof in scales else 0
+                           for dof, row, one in zip(DOFS, self.rows, self.scales)]
         self.box = [(row.first + i, low, high) for row, model in zip(self.rows, self.of)
                     for i, low, high in model.box]
         self.size = self.rows[1].end + AXES
@@ -174,8 +177,9 @@ class PlanarModel:
                 first + 4 + names.index(turning) if turning in names else -1,
                 tuple([(first + 4 + k, k) for k, name in enumerate(names)
                        if name != turning and name not in OWN]),
-                len(scales.watched), scales.force,
-                (thrust + first if thrust >= 0 else -1, drag + first if drag >= 0 else -1)))
+                len(scales.watched) + (len(EACH) if scales.shares else 0), scales.force,
+                (thrust + first if thrust >= 0 else -1, drag + first if drag >= 0 else -1),
+                scales.shares))
             first = rows[-1].end
         return rows[0], rows[1]
 
@@ -195,4 +199,4 @@ class PlanarModel:
 def _drifting(dof: str, other: Scales) -> Scales:
     """Return the scales of one without thrust, like the other one's."""
     return replace(other, active=(False, True, True, True), couplings=(TURNING[dof],),
-                   watched=())
+                   watched=(), shares=False)

@@ -136,9 +136,9 @@ class PlanarClock:
         spans = step.parts if step.interval else (step.dt,)
         end = self.recent[0].end + step.dt
         at = self.recent[0].end + spans[0]
-        for recent, unit, forces, held in zip(
-                self.recent, self._forces, step.forces, step.held):
-            recent.add(held or tuple(zip(spans, forces)), bool(held), unit)
+        for recent, unit, forces, held, each in zip(
+                self.recent, self._forces, step.forces, step.held, step.each):
+            recent.add(held or tuple(zip(spans, forces)), bool(held), unit, each)
         start = end - step.dt if first else self._fix
         if first or not (self._group or self._way) and at - self._last >= LEAST_INTERVAL:
             self._fix, self._last, self.ahead = at, at, end - at

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import math
 from typing import Any, Final
 
-from rovid_core.identify.last_minute import DEAD_BAND
-from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
+from rovid_core.model.dofs import Three
+from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 
 KEPT: Final = 4.0
 """[s] that are kept, at least."""
@@ -47,6 +47,7 @@ class DelayedForce:
         self._times = [0.0]
         self._means: list[float] = []
         self._slopes: list[float] = []
+        self._each: list[Three] = []  # of each span, where thrusters drive other DOFs, too
         self._held = False  # the newest span
         self._near = 0  # the span that was asked for last
         self._squares = self._cubes = 0.0  # integrals of the force's
@@ -58,7 +59,7 @@ class DelayedForce:
         return self._times[-1]
 
     def add(self, spans: Sequence[tuple[float, float]], held: bool = False,
-            unit: float = 1.0) -> None:
+            unit: float = 1.0, each: Sequence[Three] = ()) -> None:
         """
         Take the next spans.
 
@@ -70,11 +71,13 @@ class DelayedForce:
             Whether the force stays the same over each.
         unit : float
             What the force is to be divided by.
+        each : sequence of tuples of 3 floats
+            ``EACH`` over each of the spans.
 
         """
         times, means, slopes = self._times, self._means, self._slopes
         squares, cubes = self._squares, self._cubes
-        for length, force in spans:
+        for k, (length, force) in enumerate(spans):
             begin = times[-1]
             time = begin + length
             if not time > begin:
@@ -85,7 +88,8 @@ class DelayedForce:
             square = mean * mean * length
             squares += square
             cubes += abs(mean) * square
-            if held and self._held and mean == means[-1]:
+            if held and self._held and mean == means[-1] and (
+                    not each or each[k] == self._each[-1]):
                 times[-1] = time
                 continue
             slope = 0.0
@@ -97,12 +101,15 @@ class DelayedForce:
             times.append(time)
             means.append(mean)
             slopes.append(slope)
+            if each:
+                self._each.append(each[k])
             self._held = held
         self._set_size(squares, cubes)
         if self._forgets and times[-1] - times[0] > 2.0 * KEPT:
             cut = bisect_right(times, times[-1] - KEPT) - 1
             for column in (times, means, slopes, self._lagged):
                 del column[:cut]
+            del self._each[:cut]
             self._near = 0
 
     def set_thrusters(self, thrusters: Thrusters) -> None:
@@ -250,6 +257,34 @@ class DelayedForce:
             start = stop
         return (reverse, reverse_moment), (cut, cut_moment)
 
+    def each(self, start: float, end: float,
+             delay: float = 0.0) -> tuple[float, float, float, float, float]:
+        """
+        Return impulse and moment of what ``EACH`` gives, of the last one the impulse alone.
+
+        The arguments are those of ``over``. A lag acts as a delay: only its moment is told apart.
+        """
+        start -= delay + self._lag
+        end -= delay + self._lag
+        times, each = self._times, self._each
+        newest = len(each) - 1
+        i = self._span(start)
+        reverse = reverse_moment = cut = cut_moment = root = 0.0
+        while newest >= 0:
+            stop = end if i == newest or times[i + 1] > end else times[i + 1]
+            length, left = stop - start, end - 0.5 * (start + stop)
+            one, other, last = each[i]
+            reverse += one * length
+            reverse_moment += one * length * left
+            cut += other * length
+            cut_moment += other * length * left
+            root += last * length
+            if stop == end:
+                break
+            i += 1
+            start = stop
+        return reverse, reverse_moment, cut, cut_moment, root
+
     def _beyond(self, start: float, end: float) -> tuple[float, float, float, float]:
         """Return the same where the span leaves what is known."""
         oldest, newest = self._times[0], self._times[-1]
@@ -270,6 +305,7 @@ class DelayedForce:
         """Return all that is needed to go on from here."""
         return {'times': list(self._times), 'means': list(self._means),
                 'slopes': list(self._slopes), 'lagged': list(self._lagged), 'held': self._held,
+                'each': [list(one) for one in self._each],
                 'squares': self._squares, 'cubes': self._cubes}
 
     def restore(self, state: Any) -> None:
@@ -281,10 +317,15 @@ class DelayedForce:
         if not len(times) - 1 == len(means) == len(slopes) or sorted(set(times)) != times or (
                 not all(map(math.isfinite, (*times, *means, *slopes)))):
             raise ValueError('the recent force does not fit')
+        each = [(float(a), float(b), float(c)) for a, b, c in state['each']]
+        if len(each) not in (0, len(means)) or not all(
+                math.isfinite(x) for one in each for x in one):
+            raise ValueError('what each thruster did does not fit')
         squares, cubes = float(state['squares']), float(state['cubes'])
         if not (0.0 <= squares < math.inf and 0.0 <= cubes < math.inf) or cubes > 0.0 == squares:
             raise ValueError('the size of the force does not fit')
         self.bend = DEAD_BAND
         self._set_size(squares, cubes)
         self._times, self._means, self._slopes, self._lagged = times, means, slopes, lagged
+        self._each = each
         self._held, self._near = bool(state['held']), 0

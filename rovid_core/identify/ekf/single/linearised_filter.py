@@ -22,10 +22,9 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
-from rovid_core.identify.last_minute import DEAD_BAND
 from rovid_core.identify.method import DivergenceError
-from rovid_core.model.dofs import Three
-from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
+from rovid_core.model.dofs import EACH, Three
+from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 
 ALPHA: Final = 0
 BETA: Final = 1
@@ -141,6 +140,8 @@ class LinearisedFilter:
         among the measured ones they are 0.
     thrusters : Thrusters
         What they lose with speed; the force is what they give at rest.
+    shares : bool
+        Whether ``EACH`` is watched, too, behind ``CANDIDATES``.
 
     Attributes
     ----------
@@ -153,14 +154,17 @@ class LinearisedFilter:
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float],
                  force_std: float, watched: int = 0, own: tuple[int, int] = NONE_OWN,
-                 thrusters: Thrusters = AS_CONFIGURED) -> None:
+                 thrusters: Thrusters = AS_CONFIGURED, shares: bool = False) -> None:
         self._parameters = [Parameter(value) for value in theta]
         self._alpha, self._beta, self._gamma, self._delta = self._parameters[:4]
         self._couplings, self._delay = self._parameters[4:-1], self._parameters[-1]
-        candidates = [Regressor() for _ in range(len(CANDIDATES) + watched)]
+        known = len(CANDIDATES) + (len(EACH) if shares else 0)
+        candidates = [Regressor() for _ in range(known + watched)]
         (self._reverse, self._reverse_drag, self._cut, self._lag,
          self._loss) = candidates[:len(CANDIDATES)]
-        self._watched = candidates[len(CANDIDATES):]
+        self._each = candidates[len(CANDIDATES):known]
+        self._watched = candidates[known:]
+        self._always = len(theta) + known
         self._columns: list[Regressor] = [*self._parameters, *candidates]
         self._delta.push = 1.0
         # those that something has pushed: a watched regressor that no step has stays 0
@@ -213,7 +217,7 @@ class LinearisedFilter:
         self.covariance = (variances[0], 0.0, 0.0, variances[1], 0.0, f * f)
         for one in self._columns:
             one.path = one.velocity = one.force = 0.0
-        self._pushed = self._columns[:len(self._parameters) + len(CANDIDATES)]
+        self._pushed = self._columns[:self._always]
         self._lagged = 0.0
         self._force = math.nan  # at the end of the last step, where there was one
 
@@ -309,6 +313,8 @@ class LinearisedFilter:
         self._delay.push, self._reverse.push, self._cut.push = -of_delay, of_reverse, of_cut
         self._reverse_drag.push = drag if w < 0.0 else 0.0
         self._loss.push = math.sqrt(abs(force)) * w
+        if self._each:
+            self._push_by_each(recent.each(start, end, delay), h, rate, (s, b), w)
         if self._has_own:
             self._push_by_own(of_reverse, reverse_way - b * of_reverse,
                               drag if goes_back else 0.0)
@@ -374,6 +380,17 @@ class LinearisedFilter:
             self._parameters[i].path += way
         if k >= 0:
             self._parameters[k].push = drag
+
+    def _push_by_each(self, each: tuple[float, float, float, float, float], h: float,
+                      rate: float, transition: tuple[float, float], w: float) -> None:
+        """Let what ``DelayedForce.each`` gives push over a step, at a velocity."""
+        s, b = transition
+        backwards, cut, loss = self._each
+        backwards.push, way = felt(each[0], each[1], h, rate, s)
+        backwards.path += way - b * backwards.push
+        cut.push, way = felt(each[2], each[3], h, rate, s)
+        cut.path += way - b * cut.push
+        loss.push = each[4] / h * w
 
     def innovation(self, i: int, value: float, variance: float,
                    known: bool = False) -> Innovation:

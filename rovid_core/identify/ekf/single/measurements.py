@@ -112,9 +112,10 @@ class MeasurementClock:
         before, after = step.parts if interval else (dt, 0.0)
         at = recent.end + before
         if step.pieces:
-            recent.add(step.pieces, True, self._force)
+            recent.add(step.pieces, True, self._force, step.each)
         else:
-            recent.add(((before, step.forces[0]), (after, step.forces[1])), False, self._force)
+            recent.add(((before, step.forces[0]), (after, step.forces[1])), False, self._force,
+                       step.each)
         end = recent.end
         couplings = [mean for mean, _ in step.couplings] or self._no_couplings
         for i in self._own:

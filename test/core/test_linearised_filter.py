@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, GAMMA, LinearisedFilter
-from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
+from rovid_core.model.dofs import EACH
+from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 from scipy.signal import lfilter
 
 FADING = Thrusters(loss=0.3)
@@ -165,12 +166,61 @@ def test_sensitivities_are_derivatives_of_the_motion(i, thrusters):
 
 def test_thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays():
     """By the root of the force, either way."""
-    filter, recent = LinearisedFilter(THETA, VARIANCES, 0.0), DelayedForce()
-    recent.add([(1.0, -0.49)], held=True)
+    filter = LinearisedFilter(THETA, VARIANCES, 0.0, shares=True)
+    recent = DelayedForce()
+    recent.add([(1.0, -0.49)], True, each=[each_of_one(-0.49)])
     filter.move(recent, 0.2, 0.8)
     for row in filter.sensitivities[:2]:
+        assert row[-1] == pytest.approx(0.7 * row[GAMMA])
         assert row[5 + CANDIDATES.index('thrust_loss')] == pytest.approx(0.7 * row[GAMMA])
         assert row[GAMMA]
+
+
+COMMANDS = [0.9, -0.7, 0.1, -0.1, 0.6, -1.0, 0.15, 0.8, -0.3, -0.9, 0.5, 0.05]
+
+
+def each_of_one(force, bend=DEAD_BAND):
+    """Return ``EACH`` of a single thruster."""
+    return min(force, 0.0), DEAD_BAND * force / max(abs(force), bend), abs(force)**0.5
+
+
+def test_what_one_thruster_does_by_itself_is_what_the_force_of_its_dof_does():
+    """Also for commands that jump within a step."""
+    recent = DelayedForce()
+    bend = DEAD_BAND * sum(abs(x)**3 for x in COMMANDS) / sum(x * x for x in COMMANDS)
+    recent.add([(0.07, force) for force in COMMANDS], True,
+               each=[each_of_one(force, bend) for force in COMMANDS])
+    filter = LinearisedFilter(THETA, VARIANCES, 0.0, shares=True)
+    filter.set_motion(0.3, (0.0, 0.0))
+    for k in range(3):
+        filter.move(recent, 0.1 + 0.2 * k, 0.3 + 0.2 * k)
+    for row in filter.sensitivities[:2]:
+        known, each = row[5:5 + len(CANDIDATES)], row[5 + len(CANDIDATES):]
+        assert each[:2] == pytest.approx([
+            known[CANDIDATES.index(name)] for name in ('reverse_thrust', 'dead_band')])
+        assert len(each) == len(EACH)
+        assert each[2]
+
+
+def test_what_each_thruster_did_is_kept_as_long_as_the_force_and_comes_as_late():
+    recent = DelayedForce(thrusters=Thrusters(lag=0.1))
+    for k in range(400):  # a force that stays, of thrusters that do not
+        recent.add([(0.06, 0.5)], True, each=[(-0.01 * k, 0.2, float(k % 2))])
+    assert recent.state()['times'][0] > 24.0 - 9.0
+    same = DelayedForce(thrusters=Thrusters(lag=0.1))
+    same.restore(recent.state())
+    for one in (recent, same):
+        reverse, moment, cut, cut_moment, root = one.each(23.5, 23.56, 0.26)
+        # 0.36 s before: a third of span 385 and two of 386
+        assert reverse == pytest.approx(-(0.02 * 3.85 + 0.04 * 3.86))
+        assert moment == pytest.approx(-(0.02 * 0.05 * 3.85 + 0.04 * 0.02 * 3.86))
+        assert (cut, cut_moment) == pytest.approx((0.2 * 0.06, 0.2 * 0.5 * 0.06**2))
+        assert root == pytest.approx(0.02)
+    assert DelayedForce().each(0.0, 0.1) == (0.0,) * 5
+    state = recent.state()
+    for broken in (state['each'][1:], [[0.0, 0.0, float('nan')], *state['each'][1:]]):
+        with pytest.raises(ValueError, match='each thruster'):
+            DelayedForce(thrusters=Thrusters(lag=0.1)).restore({**state, 'each': broken})
 
 
 def staircase(duration, dt=0.1):

@@ -10,6 +10,7 @@ from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.planar.member import PlanarClock
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
+from rovid_core.model.dofs import EACH
 from rovid_core.model.samples import PlanarPiece, PlanarStep
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 
@@ -157,6 +158,30 @@ def test_thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays():
         loss = len(THETA) + len(CANDIDATES) * k + CANDIDATES.index('thrust_loss')
         assert abs(drag).max() > 0.0
         assert filter.sensitivities[:4, loss] == pytest.approx(root * drag)
+
+
+def test_what_one_thruster_does_by_itself_is_what_the_force_of_its_dof_does():
+    """Of sway, which alone has thrusters that drive another DOF; a step brings one more."""
+    rows = ROWS[0]._replace(watched=1), ROWS[1]._replace(watched=1 + len(EACH), shares=True)
+    filter, recent = PlanarFilter(rows, THETA, [0.0] * 15), (DelayedForce(), DelayedForce())
+    filter.set_motion((0.3, -0.1), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
+    filter.set_position((2.0, 3.0), 0.0)
+    for one in recent:
+        one.add([(0.07, force) for force in COMMANDS], True, each=[
+            (min(force, 0.0), DEAD_BAND * np.clip(force / BEND, -1.0, 1.0), 2.0)
+            for force in COMMANDS])
+    filter.move(recent, 0.1, 0.3, [PlanarPiece(1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)],
+                ((0.0, 0.5), (0.3, 0.0, 0.6)), 0.0)
+    sway = filter.sensitivities[:4, len(THETA) + len(CANDIDATES) + 1:]
+    for name, other in zip(('reverse_thrust', 'dead_band'), EACH):
+        known, each = (sway[:, (*CANDIDATES, *EACH).index(x)] for x in (name, other))
+        assert each == pytest.approx(known)
+        assert abs(each).max() > 0.0
+    # the root of the force stays the same
+    assert sway[:, len(CANDIDATES) + 2] == pytest.approx(
+        2.0 * filter.sensitivities[:4, ROWS[1].first + 2])
+    delta = filter.sensitivities[:4, ROWS[1].first + 3]
+    assert sway[:, len(CANDIDATES) + 3] == pytest.approx(0.6 * delta)
 
 
 def test_each_dof_has_its_own_doubt():

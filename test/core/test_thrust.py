@@ -13,7 +13,7 @@ from rovid_core.settings.run import (
     SettingsError,
     ThrusterSettings,
 )
-from rovid_core.thrust.force_history import CommandIntake, ForceHistory
+from rovid_core.thrust.force_history import CommandIntake, ForceHistory, NO_PIECES
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench
 
 from test.support.memory import lengths
@@ -72,15 +72,16 @@ def test_a_held_force_comes_in_pieces_that_add_up_to_its_integral():
     thrust = chain()
     for start, end in ((50, 120), (110, 300), (50, 500), (60, 61)):
         a, b = thrust.integrals((start * MS, end * MS))
-        for pieces, p, q in zip(thrust.pieces(start * MS, end * MS, (0, 1)), a, b):
+        for (pieces, each), p, q in zip(thrust.pieces(start * MS, end * MS, (0, 1)), a, b):
+            assert not each
             assert sum(length for length, _ in pieces) == pytest.approx((end - start) * 1e-3)
             assert sum(length * force for length, force in pieces) == pytest.approx(q - p)
             assert all(x != y for (_, x), (_, y) in zip(pieces, pieces[1:]))
     for k in range(1000):
         thrust.add_commands((500 + k) * MS, (0.1, math.sin(0.1 * k)))
     # one per command is as good as smooth, and what stays the same is one piece
-    assert [len(pieces) for pieces in thrust.pieces(600 * MS, 700 * MS, (1,))] == [0]
-    assert chain(time_constant=0.1).pieces(50 * MS, 120 * MS, (0,)) == [()]
+    assert thrust.pieces(600 * MS, 700 * MS, (1,)) == [NO_PIECES]
+    assert chain(time_constant=0.1).pieces(50 * MS, 120 * MS, (0,)) == [NO_PIECES]
 
 
 def test_no_force_before_the_first_command_nor_after_the_timeout():
@@ -125,7 +126,49 @@ def test_two_topics_of_one_instant_are_one_command():
     for second in range(2):
         for part in range(2):
             thrust.add_commands(1000 * second * MS, (float(second),), part)
-    assert thrust.pieces(500 * MS, 1500 * MS, (0,)) == [((0.5, 0.0), (0.5, 20.0))]
+    assert thrust.pieces(500 * MS, 1500 * MS, (0,)) == [(((0.5, 0.0), (0.5, 20.0)), ())]
+
+
+@pytest.mark.parametrize('timing', [{}, {'time_constant': 1e-6}, {'hold': 'linear'}])
+def test_what_each_thruster_does_is_no_function_of_the_force(timing):
+    """At a turn on the spot surge has no force, but less of one if a thruster gives less."""
+    thrust = ForceHistory(replace(TWO, **timing), ('surge', 'yaw'), {'surge': 80.0})
+    # each pushes by half of the typical force, which is beyond the dead band that is looked for
+    steps = [(0.0, 0.0), (1.0, -2.0), (1.0, -2.0), (-1.0, 2.0), (0.5, 1.0)]
+    for second, values in enumerate(steps):
+        for part in (0, 999):  # so that straight lines between commands hardly count
+            thrust.add_commands((1000 * second + part) * MS, values)
+    ends = (1001 * MS, 2500 * MS, 3999 * MS)
+    pieces = thrust.pieces(ends[0], ends[2], (0, 1))
+    means = thrust.each(*ends, 0)
+    assert thrust.each(*ends, 1) == ()
+    assert means[0] == pytest.approx((0.0, 0.2, 1.0), abs=2e-3)
+    assert means[1] == pytest.approx(
+        [(500 * a + 999 * b) / 1499 for a, b in zip((0.0, 0.2, 1.0), (-1.0, -0.2, 1.0))],
+        abs=5e-3)
+    if timing:
+        assert pieces == [NO_PIECES] * 2
+        return
+    (held, each), (_, none) = pieces
+    assert held == ((pytest.approx(1.999), 80.0), (pytest.approx(0.999), -80.0))
+    assert each == ((0.0, pytest.approx(0.2), 1.0), (-1.0, pytest.approx(-0.2), 1.0))
+    assert none == ()
+    # the same force on surge, from one thruster that pushes backwards and one that does not
+    held, each = thrust.pieces(3500 * MS, 4500 * MS, (0,))[0]
+    assert [force for _, force in held] == [-80.0, 0.0]
+    assert each[1] == (-0.25, 0.0, pytest.approx(math.sqrt(0.5)))
+
+
+@pytest.mark.parametrize(('allocation', 'gain', 'expected'), [
+    (TWO.allocation, TWO.gain, True),
+    (TWO.allocation, (40.0, 0.0), True),
+    (((1.0, 0.0), NONE, NONE, NONE, NONE, (0.0, 1.0)), TWO.gain, False),
+    (((1.0, 1.0), NONE, NONE, NONE, NONE, (0.0, 1.0)), (40.0, 0.0), False)])
+def test_thrusters_that_drive_two_dofs_are_shared(allocation, gain, expected):
+    """One without gain drives none, and a DOF that nobody asks for does not count."""
+    settings = replace(TWO, allocation=allocation, gain=gain)
+    assert settings.shares(0, (0, 5)) is settings.shares(5, (0, 5)) is expected
+    assert not settings.shares(0, (0, 1, 2))
 
 
 def intake(topics, timeout=1.0):

@@ -194,7 +194,8 @@ MUTANTS = [
          'two_topics_of_one_instant_are_one_command '
          'forgetting_changes_no_span one_topic_that_falls_silent_makes_the_force_stale '
          'directions_are_those_of_each_thruster '
-         'a_held_force_comes_in_pieces_that_add_up_to_its_integral',
+         'a_held_force_comes_in_pieces_that_add_up_to_its_integral '
+         'what_each_thruster_does_is_no_function_of_the_force',
          ('the delay is an advance',
           'round(settings.delay / NS)', '-round(settings.delay / NS)'),
          ('there is no lag',
@@ -210,7 +211,9 @@ MUTANTS = [
          ('two topics of one instant are two commands',
           'if self._times and time == self._times[-1]:', 'if False:'),
          ('pieces of one force are joined with the next',
-          'if forces[i][j] != force:', 'if forces[i][j] == force:'),
+          'new[j] == held[j] and not', 'new[j] != held[j] and not'),
+         ('what each thruster does changes with the force alone',
+          'not any(new[k] != held[k] for k in numbers)', 'True'),
          ('the direction is that of the first thruster',
           'signs = signs[part:part + 1]', 'signs = signs[:1]'),
          ('the sign of a magnitude counts twice',
@@ -218,6 +221,39 @@ MUTANTS = [
          ('a direction is never stale',
           "if time - since > self._timeout:\n                return 'stale_sign'",
           "if False:\n                return 'stale_sign'")),
+    *_of('rovid_core/thrust/thruster_curve.py', 'test/core/test_thrust.py '
+         'what_each_thruster_does_is_no_function_of_the_force '
+         'backwards_is_a_thruster_and_not_what_it_does_to_a_dof',
+         ('what runs forwards runs backwards', 'if f < 0.0:', 'if a * f < 0.0:'),
+         ('a dead band takes all of a small force', 'a * max(-DEAD_BAND * one, min(f',
+          'a * max(-one, min(f')),
+    *_of('rovid_core/settings/inputs.py', 'test/core/test_thrust.py '
+         'thrusters_that_drive_two_dofs_are_shared',
+         ('a thruster without gain is shared', 'any(k * row *', 'any(row *')),
+    *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
+         'what_each_thruster_did_is_kept_as_long_as_the_force_and_comes_as_late',
+         ('what each thruster does stays the same while the force does',
+          'not each or each[k] == self._each[-1]', 'True'),
+         ('what each thruster did comes before its lag',
+          'start -= delay + self._lag', 'start -= delay')),
+    *_of('rovid_core/identify/ekf/planar/filter_with_current.py',
+         'test/core/test_planar_filter.py '
+         'what_one_thruster_does_by_itself_is_what_the_force_of_its_dof_does',
+         ('what each thruster takes goes no way of its own',
+          'each_way = [scale * (one_way - b * one)', 'each_way = [0.0 * (one_way - b * one)')),
+    *_of('rovid_core/identify/ekf/single/linearised_filter.py',
+         'test/core/test_linearised_filter.py '
+         'what_one_thruster_does_by_itself_is_what_the_force_of_its_dof_does',
+         ('what each thruster takes goes no way of its own',
+          'cut.path += way - b * cut.push', 'cut.path += 0.0')),
+    *_of('rovid_core/pipeline/planar_steps.py', 'test/core/test_couplings.py '
+         'what_thrusters_lack_that_drive_several_axes_is_told_of_each_of_them',
+         ('surge and sway together do not look at each thruster',
+          'shares=dof in settings.sharing', 'shares=False')),
+    *_of('rovid_core/pipeline/steps.py', 'test/core/test_couplings.py '
+         'a_step_says_what_each_thruster_did',
+         ('what each thruster did is that of both parts together',
+          'split = middle if interval else time', 'split = begin')),
     *_of('rovid_core/thrust/thruster_curve.py', 'test/core/test_thrust.py thruster_models '
          'what_is_far_beyond_the_limit_is_no_command impulse_is_the_exact_integral',
          ('the dead-band ends before its end',

@@ -381,3 +381,75 @@ def test_what_is_watched_is_what_would_be_configured_and_nothing_waits_for_it() 
     lost, _ = steps_of(without, 30.0, without='position')
     assert len(lost['yaw']) == len(as_watched['yaw'])
     assert lost['yaw'][-1].watched == (0.0,) * len(without.watched('yaw'))
+
+
+VECTORED = ThrusterSettings(
+    topics=('/thrusters',), type='t', field='f', gain=(1.0,) * 4,
+    allocation=((0.7, 0.7, 0.7, 0.7), (0.7, -0.7, -0.7, 0.7), *[(0.0,) * 4] * 3,
+                (0.2, -0.2, 0.2, -0.2)))
+
+
+def asked(settings: Settings, duration: float, reverse: float, dead_band: float
+          ) -> Iterator[Event]:
+    """Yield the events of thrusters that are asked for more where they give less."""
+    for event in events(settings, duration):
+        sample, = event.samples
+        if sample.input == 'thrusters':
+            sample = sample.replaced(value=tuple([
+                (x / reverse if x < 0.0 else x) + math.copysign(dead_band, x)
+                for x in sample.value]))
+        yield event.replaced(samples=(sample,))
+
+
+@pytest.mark.parametrize('prior', [0.0, 0.3])  # DOFs by themselves, or surge and sway together
+@pytest.mark.parametrize(('reverse', 'dead_band', 'said', 'shares'), [
+    (1.0, 0.0, '', {}),
+    (0.8, 0.0, 'the reverse thrust of each thruster: about ', dict.fromkeys(TRUTH, 0.8)),
+    (1.0, 1.0, 'a dead band of each thruster, together of about ',
+     {'surge': 2.8, 'sway': 2.8, 'yaw': 0.8})])
+def test_what_thrusters_lack_that_drive_several_axes_is_told_of_each_of_them(
+        prior: float, reverse: float, dead_band: float, said: str,
+        shares: dict[str, float]) -> None:
+    """No function of the force on one axis is what is missing."""
+    settings = replace(guessed(couplings=True), thrusters=VECTORED,
+                       current=CurrentSettings(prior=prior))
+    assert settings.sharing == settings.dofs
+    stream = Stream(settings)
+    for event in asked(settings, 200.0, reverse, dead_band):
+        stream.receive(event)
+    stream.finish()
+    assert stream.estimate is not None
+    sizes = {}
+    for dof in stream.estimate.dofs:
+        low, high = 1.0 / np.array(dof.intervals['alpha'])[::-1]
+        assert low < TRUTH[dof.dof].mass < high
+        reasons = '; '.join(dof.judgement.reasons)
+        if not said:
+            assert (dof.status, reasons) == ('converged', '')
+        elif said in reasons:
+            sizes[dof.dof] = float(reasons.partition(said)[2].split()[0])
+    assert sizes == pytest.approx({dof: shares[dof] for dof in sizes}, rel=0.3)
+    assert len(sizes) > 1 or not said
+
+
+@pytest.mark.parametrize('sensors', SENSORS)
+def test_a_step_says_what_each_thruster_did(sensors: str) -> None:
+    """Over each piece in which the force is held, or over both parts, where it is not."""
+    held = replace(guessed(couplings=False), thrusters=VECTORED, **SENSORS[sensors])
+    lagged = replace(held, thrusters=replace(VECTORED, time_constant=0.01))
+    sums: dict[str, list[Any]] = {dof: [] for dof in TRUTH}
+    for settings in (held, lagged):
+        for dof, steps in steps_of(settings, 20.0)[0].items():
+            assert {bool(step.pieces) for step in steps} == {settings is held}
+            for step in steps:
+                assert len(step.each) == (len(step.pieces) or 2)
+            sums[dof].append(sum(
+                length * np.array(each) for step in steps for length, each in zip(
+                    [length for length, _ in step.pieces]
+                    or (step.parts if step.interval else (step.dt, 0.0)), step.each)))
+    for one, other in sums.values():
+        assert one == pytest.approx(other, abs=0.1)
+        assert abs(one[0]) > 0.5 < one[2]
+    plain = replace(held, identifier=IdentifierSettings(method='aid'))
+    assert not plain.sharing
+    assert {step.each for step in steps_of(plain, 5.0)[0]['surge']} == {()}

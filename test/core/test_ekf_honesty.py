@@ -210,10 +210,12 @@ def test_a_model_that_lacks_a_coupling_is_not_converged_before_it_is_added():
 
 @pytest.mark.parametrize(('name', 'otherwise'), [
     ('dead_band', 'small commands, which push more'), ('lag', 'quick changes of the thrust'),
-    ('thrust_loss', 'fast motion under thrust, which is faster')])
+    ('thrust_loss', 'fast motion under thrust, which is faster'),
+    ('dead_band_of_each', 'small commands, which push more than the model of each'),
+    ('thrust_loss_of_each', 'fast motion under thrust, which is faster')])
 def test_what_no_thruster_has_is_not_named_as_its_fault(name, otherwise):
     theta = (1.0, -0.5, -0.1, 0.0, 0.0)
-    assert re.search('of the thrusters of about|falls with speed, by about 50 %',
+    assert re.search('of (the thrusters|each thruster.*) of about|falls with speed, by about 50 %',
                      described(Missing(name, -0.5, 0.1), theta, SCALES))
     said = described(Missing(name, 0.5, 0.1), theta, SCALES)
     assert said.startswith(f'10 % of the error follows {otherwise}')

@@ -14,7 +14,7 @@ from rovid_core.settings.run import (
     ThrusterSettings,
 )
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory, NO_PIECES
-from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench
+from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench, wrench_model
 
 from test.support.memory import lengths
 
@@ -134,7 +134,7 @@ def test_what_each_thruster_does_is_no_function_of_the_force(timing):
     """At a turn on the spot surge has no force, but less of one if a thruster gives less."""
     thrust = ForceHistory(replace(TWO, **timing), ('surge', 'yaw'), {'surge': 80.0})
     # each pushes by half of the typical force, which is beyond the dead band that is looked for
-    steps = [(0.0, 0.0), (1.0, -2.0), (1.0, -2.0), (-1.0, 2.0), (0.5, 1.0)]
+    steps = [(0.0, 0.0), (1.0, -2.0), (1.0, -2.0), (-1.0, 2.0), (0.5, 1.0), (0.0, 0.0)]
     for second, values in enumerate(steps):
         for part in (0, 999):  # so that straight lines between commands hardly count
             thrust.add_commands((1000 * second + part) * MS, values)
@@ -157,6 +157,18 @@ def test_what_each_thruster_does_is_no_function_of_the_force(timing):
     held, each = thrust.pieces(3500 * MS, 4500 * MS, (0,))[0]
     assert [force for _, force in held] == [-80.0, 0.0]
     assert each[1] == (-0.25, 0.0, pytest.approx(math.sqrt(0.5)))
+    held, each = thrust.pieces(4500 * MS, 5500 * MS, (0,))[0]
+    assert held == ((0.5, 0.0), (0.5, 0.0))
+    assert each[1] == (0.0, 0.0, 0.0)
+
+
+def test_backwards_is_a_thruster_and_not_what_it_does_to_a_dof():
+    """A port thruster that runs forwards turns the vehicle to starboard."""
+    forces = wrench_model(TWO, ('yaw',), {'yaw': 10.0})
+    assert forces((1.0, -2.0))[:2] == (0.0, 0.0)
+    assert forces((1.0, 2.0))[:2] == (20.0, 1.0)
+    assert forces((-1.0, -2.0))[:2] == (-20.0, -1.0)
+    assert forces((-1.0, 2.0))[:2] == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(('allocation', 'gain', 'expected'), [

@@ -100,7 +100,7 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
         'coupled_aid': Section('All axes at once, by aid', 'accuracy.coupled_vehicles',
                                '--method aid', '--method aid --seeds 1 --duration 60', 1.0),
         'current': Section('In water that moves, and with slow fixes', 'accuracy.current',
-                           '--seeds 4', '--seeds 1 --short --only tide', 6.5, recordings=True),
+                           '--seeds 40', '--seeds 1 --short --only tide', 65.0, recordings=True),
         'offline': Section('The offline methods', 'accuracy.offline_methods', '--seeds 12',
                            '--seeds 2', 1.8, recordings=True),
     }),

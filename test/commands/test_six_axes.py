@@ -48,7 +48,8 @@ def test_what_no_motion_of_a_dof_shows_another_tells_it(tmp_path: Path) -> None:
     """
     Half of the thrusters of surge, sway and yaw always run backwards: all are weaker both ways.
 
-    Heave, whose thrusters all run the same way, has another thrust down than up, which is found.
+    Where two axes are driven at once, what each thruster does tells it. Heave, whose thrusters all
+    run the same way, has another thrust down than up, which is found.
     """
     log, result = tmp_path / 'dive.mcap', tmp_path / 'result.json'
     masses = dive(log, Dive(reverse=0.8), seed=1, duration=240.0)
@@ -62,6 +63,10 @@ def test_what_no_motion_of_a_dof_shows_another_tells_it(tmp_path: Path) -> None:
     assert dofs['heave']['thrusters']['reverse'] == pytest.approx(1.0 / 0.8, rel=0.08)
     for dof in ('surge', 'sway'):
         assert 'heave shows that the thrusters' in ' '.join(dofs[dof]['reasons'])
+    for dof in ('surge', 'yaw'):
+        assert 'the reverse thrust of each thruster: about 0.' in dofs[dof]['reasons'][0]
+        low, high = dofs[dof]['intervals']['mass']
+        assert low < masses[dof] < high
 
 
 def assert_found(log: Path, masses: dict[str, float], file: Path, result: Path) -> None:

@@ -246,6 +246,10 @@ MUTANTS = [
          'what_one_thruster_does_by_itself_is_what_the_force_of_its_dof_does',
          ('what each thruster takes goes no way of its own',
           'cut.path += way - b * cut.push', 'cut.path += 0.0')),
+    *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
+         'no_thruster_is_far_stronger_backwards_or_pushes_ahead_then',
+         ('a thruster pushes ahead that runs backwards', 'if not 0.0 <= 1.0 + kappa',
+          'if not 1.0 + kappa')),
     *_of('rovid_core/pipeline/planar_steps.py', 'test/core/test_couplings.py '
          'what_thrusters_lack_that_drive_several_axes_is_told_of_each_of_them',
          ('surge and sway together do not look at each thruster',

@@ -222,6 +222,15 @@ def test_what_no_thruster_has_is_not_named_as_its_fault(name, otherwise):
 
 
 @pytest.mark.parametrize(('coefficient', 'said'), [
+    (-0.2, 'about 0.80 of the forward one, which the model does not have: see thrusters.reverse'),
+    (0.9, 'about 1.90 of'), (1.1, 'follows which of the thrusters run backwards'),
+    (-1.1, 'follows which of the thrusters run backwards')])
+def test_no_thruster_is_far_stronger_backwards_or_pushes_ahead_then(coefficient, said):
+    theta = (1.0, -0.5, -0.1, 0.0, 0.0)
+    assert said in described(Missing('reverse_of_each', coefficient, 0.1), theta, SCALES)
+
+
+@pytest.mark.parametrize(('coefficient', 'said'), [
     (-2.0, 'a lag of the thrusters of about 0.30 s'), (-200.0, 'more slowly than thrusters do')])
 def test_a_lag_is_said_in_seconds_up_to_what_a_configuration_takes(coefficient, said):
     assert said in described(Missing('lag', coefficient, 0.1), (1.0, -0.5, -0.1, 0.0, 0.0), SCALES)

@@ -40,6 +40,9 @@ ODD = {
     'thrust_loss_of_each': 'fast motion under thrust, which is faster than the model says'}
 """What the error follows where a term has the sign that no thruster gives it."""
 
+MOST = 2.0
+"""Of the forward thrust, from which on none of thrusters is as strong backwards."""
+
 AT_BOUND, BEYOND = 1.0, 2.0
 """
 Standard deviations that the data have to want the delay out of its range, for it to be said that
@@ -75,8 +78,10 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
     """
     kappa, alpha = missing.coefficient, theta[ALPHA]
     if missing.name == 'reverse_of_each':
+        if not 0.0 <= 1.0 + kappa / alpha < MOST:
+            return f'{_percent(missing)} of the error follows which of the thrusters run backwards'
         said = ('the reverse thrust of each thruster: about '
-                f'{max(1.0 + kappa / alpha, 0.0):.2f} of the forward one')
+                f'{1.0 + kappa / alpha:.2f} of the forward one')
     elif missing.name == 'reverse_thrust':
         said = f'reverse thrust: about {max(1.0 + kappa / alpha, 0.0):.2f} of the forward one'
     elif missing.name == 'reverse_drag':

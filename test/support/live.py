@@ -11,6 +11,7 @@ from typing import Any
 
 from rcl_interfaces.srv import ListParameters
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import QoSProfile
 from rovid_ros.node.transport.message_types import import_type
@@ -123,6 +124,11 @@ class Peer:
     def publish(self, messages: Iterable[Raw]) -> None:
         for raw in messages:
             self.send(raw.topic, raw.cdr)
+
+    def deliver(self) -> None:
+        """Wait until all that was published has arrived, if it was not yet looked at."""
+        for publisher in self.publishers.values():
+            assert publisher.wait_for_all_acked(Duration(seconds=PATIENCE))
 
     def send(self, topic: str, message: Any) -> None:
         """Publish one message, an object or its bytes."""

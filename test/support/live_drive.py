@@ -80,6 +80,7 @@ def running(peer: Peer, start: Start, messages: Sequence[Raw], changes: dict[str
     node = start(changes)
     peer.advertise(TYPES)
     peer.publish(messages)
+    peer.deliver()  # a node that has to wait for the computer is silent, too
     peer.settle(estimates, 50)
     return node, estimates
 

@@ -430,8 +430,13 @@ MUTANTS = [
           'np.outer(middle, middle) + np.outer(gained, gained) / 12.0', '0.0')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'no_battery_runs_down_that_does_not',
-         ('chance runs a battery down', 'if seen is None or not seen.is_significant or '
-          'seen.kappa.item() > -MATTERS:', 'if seen is None:')),
+         ('chance runs a battery down', 'if seen is None or not (seen.is_significant and -2.0 < '
+          'seen.kappa.item() <= -MATTERS):', 'if seen is None:')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
+         'thrust_falls_by_no_more_than_all_of_it',
+         ('a battery gives less than nothing', '-2.0 < seen.kappa', '-9.0 < seen.kappa'),
+         ('the share that is lost is that of the mean', 'float(gained[first] / begin[first])',
+          'float(share)')),
     *_of('rovid_core/identify/ekf/evidence/score_blocks.py', 'test/core/test_ekf_honesty.py '
          'thrust_that_goes_on_falling_is_no_change',
          ('a battery that runs down is a change', 'DRIFT**2]', '0.0]')),

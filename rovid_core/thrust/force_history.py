@@ -81,8 +81,8 @@ class ForceHistory:
         self._settings = settings
         self._dofs = range(len(dofs))
         self._wrench = wrench_model(settings, dofs, units)
-        first = dict(zip(units or {}, range(len(dofs), MAX_KEPT, len(EACH))))
-        self._each = [tuple(range(first[d], first[d] + len(EACH))) if d in first else ()
+        behind = {dof: len(dofs) + len(EACH) * k for k, dof in enumerate(units or {})}
+        self._each = [tuple(range(behind[d], behind[d] + len(EACH))) if d in behind else ()
                       for d in dofs]
         self._delay = round(settings.delay / NS)
         self._lag = settings.time_constant

@@ -116,6 +116,17 @@ def test_no_battery_runs_down_that_does_not(name):
                    for note in driven(name, seed, 300.0).notes)
 
 
+@pytest.mark.parametrize(('fall', 'said'), [(0.5, -0.5), (1.2, 0.0), (-0.5, 0.0)])
+def test_thrust_falls_by_no_more_than_all_of_it(fall, said):
+    blocks = ScoreBlocks((1.0, -0.5, 0.0), (1.0, 1.0, 1.0), ())
+    random = np.random.default_rng(0)
+    for k in range(6000):
+        psi = random.normal(size=3)
+        told = psi[0] * (1.0 - fall * k / 6000) - 0.5 * psi[1]
+        blocks.add(told + 0.01 * random.normal(), 1e-4, psi.tolist(), 0.05)
+    assert blocks.verdict().drift == pytest.approx(said, abs=0.05)
+
+
 @pytest.mark.parametrize(('name', 'there'), [
     ('exact', []), ('dead-band 3 N', ['dead_band']), ('lag 0.15 s', ['lag']),
     ('reverse thrust x 0.8', ['reverse_thrust']), ('closed loop', []), ('zig-zag', []),

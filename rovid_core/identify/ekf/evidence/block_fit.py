@@ -249,7 +249,8 @@ class BlockFit:
         drift = drift_of(self, self.information, self.score, counts, rows)
         seen = whole.regressed(drift.to[:, whole.active, None], drift.own[:, None, None],
                                drift.score[:, None])
-        if seen is None or not seen.is_significant or seen.kappa.item() > -MATTERS:
+        # relative to the mean: at -2 nothing is left in the end, and more is something else
+        if seen is None or not (seen.is_significant and -2.0 < seen.kappa.item() <= -MATTERS):
             return own
         whole = self._with([len(drift.thrust)], *drift.beside(self.information, self.score))
         verdict = whole._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
@@ -259,8 +260,9 @@ class BlockFit:
         middle = own.theta - (begin + 0.5 * gained)
         covariance = np.array(verdict.covariance)[:self._p, :self._p] + (
             np.outer(middle, middle) + np.outer(gained, gained) / 12.0)
-        return replace(verdict, covariance=covariance.tolist(), theta=own.theta, drift=share,
-                       begin=begin)
+        first = rows[0][1]
+        return replace(verdict, covariance=covariance.tolist(), theta=own.theta,
+                       drift=float(gained[first] / begin[first]), begin=begin)
 
     def _verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                  considered: Mapping[int, float], rows: Sequence[tuple[str, int]],

@@ -228,10 +228,9 @@ class ForceHistory:
 
     def each(self, start: int, middle: int, end: int, dof: int) -> tuple[Three, ...]:
         """Return the means of ``EACH`` of a DOF over both parts of a span [ns]; () for none."""
-        numbers = self._each[dof]
-        found = []
-        for a, b in ((start, middle), (middle, end)) if numbers else ():
-            before, after = self.integrals((a, b), numbers)
+        numbers, found = self._each[dof], []
+        sums = self.integrals((start, middle, end), numbers) if numbers else []
+        for a, b, before, after in zip((start, middle), (middle, end), sums, sums[1:]):
             length = max((b - a) * NS, NS)
             p, q, r = [(y - x) / length for x, y in zip(before, after)]
             found.append((p, q, r))

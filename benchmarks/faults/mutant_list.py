@@ -448,6 +448,18 @@ MUTANTS = [
          'what_a_dof_has_of_its_own_does_not_wait_for_the_current',
          ('what a DOF has of its own is a product of velocities',
           'tuple([name for name in names if name not in OWN])', 'names')),
+    *_of('rovid_core/pipeline/steps.py', 'test/commands/test_six_axes.py '
+         'in_a_tank_the_noise_of_fixes_does_not_make_yaw_heavier',
+         ('in still water yaw is coupled with differences of fixes',
+          'self._couplings.add_filtered(', 'str(')),
+    *_of('rovid_core/pipeline/steps.py', 'test/core/test_current.py '
+         'yaw_is_coupled_with_the_velocity_through_the_water',
+         ('yaw is coupled with a velocity over ground',
+          'velocity[:2] = source.planar', 'velocity[3:] = source.planar')),
+    *_of('rovid_core/identify/ekf/planar/row.py', 'test/core/test_current.py '
+         'the_velocity_of_the_filter_is_that_of_its_stamp',
+         ('the velocities of surge and sway are behind a low-pass',
+          'filtered = False', 'filtered = True')),
     *_of('rovid_core/identify/ekf/single/linearised_filter.py', 'test/core/test_reverse.py',
          ('the drag in reverse slows down forwards too',
           'if k >= 0 and goes_back else 0.0', 'if k >= 0 else 0.0'),

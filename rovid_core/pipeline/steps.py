@@ -10,13 +10,13 @@ from rovid_core.identify.estimate import Current, Estimate
 from rovid_core.inputs.configuration_check import ConfigurationCheck
 from rovid_core.inputs.stuck_sensor import InputCheck, RESTARTS
 from rovid_core.inputs.units_and_signs import LONG, SHORT
-from rovid_core.model.dofs import Quaternion, Vector
+from rovid_core.model.dofs import LINEAR_DOFS, Quaternion, Vector
 from rovid_core.model.samples import Motion, NS, Sample, Step
 from rovid_core.ordering.cadence import Cadence
 from rovid_core.pipeline.filtered_source import FilteredSource
 from rovid_core.pipeline.identification import Identification
 from rovid_core.pipeline.planar_steps import PlanarSteps
-from rovid_core.settings.run import Scales, Settings
+from rovid_core.settings.run import Scales, Settings, WITH_CURRENT
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.velocity.attitude_history import normalised, rotate, rotate_back, SharedMotion
@@ -129,6 +129,9 @@ class Pipeline:
         weaker: set[str] = set()
         self.dofs = [Identification(settings, dof, reject, rows.get(dof), weaker)
                      for dof in settings.dofs]
+        self._tells_velocity = settings.identifier.method in WITH_CURRENT and any(
+            self._couplings.has_velocity(one.couplings)
+            for one in self._sources if not self._is_linear(one))
         self.adapt = settings.enable
 
     def change(self, settings: Settings) -> None:
@@ -360,21 +363,23 @@ class Pipeline:
         """
         span = source.coupling_span(motion)
         if source.couplings and span is not None:
-            # what the filter of surge and sway waits for cannot wait for it
             missing = self._couplings.missing(
-                source.couplings, *span, source.planar is not None)
+                source.couplings, *span, self._is_linear(source))
             if missing:
                 return missing, 'no_coupling'
         missing = source.planar.missing(motion) if source.planar is not None else ''
         return missing, 'no_attitude'
+
+    def _is_linear(self, source: FilteredSource) -> bool:
+        """Tell whether the filters of linear velocities wait for the regressors of a source."""
+        return source.input == self._couplings.linear_input
 
     def _coupling_regressors(self, source: FilteredSource, motion: Motion) -> tuple[float, ...]:
         """Return the regressors of all DOFs of a source over a motion; () at a first point."""
         span = source.coupling_span(motion)
         if span is None:
             return ()
-        return self._couplings.mean(
-            source.couplings, *span, source.planar is not None)
+        return self._couplings.mean(source.couplings, *span, self._is_linear(source))
 
     def _coupling_means(self, source: FilteredSource, motion: Motion) -> list[tuple[float, float]]:
         """Return the regressors over both parts of the step that a motion ends."""
@@ -391,7 +396,7 @@ class Pipeline:
             source.note_gap()
         if reason not in ('too_fast', 'burst'):  # it costs one step; the state is still good
             source.interrupt()
-            if source.planar is not None:
+            if self._is_linear(source):
                 self._couplings.forget_filtered()
 
     def _add_step(self, source: FilteredSource, motion: Motion, now: int,
@@ -414,7 +419,7 @@ class Pipeline:
         steps = self._steps_of(source, last, motion, span)
         if source.planar is not None:
             source.planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
-            self._tell_others(source.planar, time, motion.body[2])
+            self._tell_current(source.planar, time)
         delay, unsigned = source.velocity.delay, self._commands.unsigned
         for i, step in zip(source.indices, steps):
             self.dofs[i].add_step(time, step, self.adapt, delay)
@@ -427,6 +432,7 @@ class Pipeline:
                 self._scorer.add_step(dof, span, step, (
                     self._axis(dof, middle), self._axis(dof, time)
                     ) if self._sees_current else ((), ()))
+        self._tell_velocity(source, motion)
         source.last = motion
         source.warn_if_clamped()
         if not (self._whole or self._sizes_told):
@@ -496,17 +502,28 @@ class Pipeline:
                 dof = self._settings.dofs[i]
                 self._scorer.begin_run(dof, motion.time, v, self._axis(dof, motion.time))
 
-    def _tell_others(self, planar: PlanarSteps, time: int, heave: float) -> None:
-        """Tell the scorer the current, and the couplings the velocity through the water."""
-        current, velocity = planar.filter.current, planar.filter.water_velocity
+    def _tell_current(self, planar: PlanarSteps, time: int) -> None:
+        """Tell the scorer the current, and what is coupled with velocities that it is known."""
+        current = planar.filter.current
         if self._scorer is not None and current.is_seen:
             self._scorer.add_current(time, current.x, current.y)
-        if velocity is None:
-            self._couplings.forget_filtered()
-        else:
-            self._couplings.add_filtered(time, (velocity[0], velocity[1], heave))
         if planar.filter.current_is_new:
             self._begin_coupled_anew()
+
+    def _tell_velocity(self, source: FilteredSource, motion: Motion) -> None:
+        """Tell the couplings of other sources the velocity that the filters of this one have."""
+        if not (self._tells_velocity and self._is_linear(source)):
+            return
+        velocity = list(motion.body)
+        for i, dof in zip(source.indices, source.dofs):
+            if dof in LINEAR_DOFS:
+                velocity[LINEAR_DOFS.index(dof)] = self.dofs[i].identifier.v_hat
+        if source.planar is not None:
+            velocity[:2] = source.planar.filter.water_velocity or (math.nan, math.nan)
+        if any(map(math.isnan, velocity)):
+            self._couplings.forget_filtered()
+        else:
+            self._couplings.add_filtered(motion.time, (velocity[0], velocity[1], velocity[2]))
 
     def _begin_coupled_anew(self) -> None:
         """Forget what DOFs have learned that were coupled with a velocity that was not known."""

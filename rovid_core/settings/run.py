@@ -43,7 +43,9 @@ WATCHING = ('ekf',)
 """Methods that are given each step in detail, and look for what the model lacks."""
 
 WITH_CURRENT = ('ekf',)
-"""Methods that estimate the current of the water; the others assume that it is still."""
+"""
+Methods whose filters know the velocity, and that of the water: the others assume that it is still.
+"""
 
 LEAST_GAP = 1.0
 """[s] Least gap where ``max_gap`` follows the rates; no vehicle is slower than that."""

@@ -6,11 +6,11 @@ How the other degrees of freedom act on one: measured regressors of the coupled 
 A regressor x_j is a product of the *other* DOFs' mean velocities over the interval between two
 measurements, or a restoring term of the attitude. The means are not low-passed, because a
 low-pass of v r is not the product of the low-passed v and r, and because the noise of one mean
-is independent of that of the other. Where surge and sway are estimated in moving water, DOFs of
-other inputs are coupled with what their filter makes of the measurements: it is through the water
-as far as the current is known, and has a small part of the noise of a difference of fixes, which
-a single velocity such as ``v`` of yaw would hand on to the parameters as a bias. What is only
-watched takes the measured ones.
+is independent of that of the other. DOFs of other inputs are coupled with the linear velocities
+that the Kalman filters of these DOFs have: they are through the water as far as the current is
+known, and have a small part of the noise of a difference of fixes, which a single velocity such
+as ``v`` of yaw would hand on to the parameters as a bias. What is only watched takes the measured
+ones.
 """
 
 from __future__ import annotations
@@ -149,6 +149,8 @@ class CouplingRegressors:
         Whether a DOF has couplings, or some are watched.
     inputs : tuple of str
         Those whose velocities couplings are made of; what is only watched asks for none.
+    linear_input : str
+        That of linear velocities; its own DOFs are coupled with them as they are measured.
 
     """
 
@@ -156,11 +158,11 @@ class CouplingRegressors:
         self._attitude = attitude
         self.are_there = any(
             settings.couplings(dof) or settings.watched(dof) for dof in settings.dofs)
-        self._linear_input = 'velocity' if settings.velocity.topic else 'position'
+        self.linear_input = 'velocity' if settings.velocity.topic else 'position'
         self._rates_input = 'attitude' if settings.attitude.topic else 'angular_velocity'
         letters = {x for dof in settings.dofs for name in settings.couplings(dof)
                    if name not in NO_PRODUCTS for x in name}
-        self.inputs = (self._linear_input if letters & set(LINEAR) else '',
+        self.inputs = (self.linear_input if letters & set(LINEAR) else '',
                        self._rates_input if letters & set(ANGULAR) else '')
         self._linear, self._rates = MeanVelocities(), MeanVelocities()
         self._filtered = MeanVelocities()
@@ -172,7 +174,7 @@ class CouplingRegressors:
         self._linear.memory = self._rates.memory = self._filtered.memory = (
             2 * round(settings.longest_timeout / NS))
         self._timeouts = {name: round(settings.timeout_of(name) / NS)
-                          for name in (self._linear_input, self._rates_input)}
+                          for name in (self.linear_input, self._rates_input)}
 
     def restart(self) -> None:
         """Forget all velocities."""
@@ -181,12 +183,12 @@ class CouplingRegressors:
         self._filtered.restart()
 
     def add_filtered(self, time: int, velocity: Vector) -> None:
-        """Add a velocity through the water, from the filter of surge and sway [m/s]."""
-        self._filtered.add_point(time, velocity, self._timeouts[self._linear_input])
+        """Add a velocity through the water, as the filters of its DOFs have it [m/s]."""
+        self._filtered.add_point(time, velocity, self._timeouts[self.linear_input])
 
     def add_velocity(self, input: str, motion: Motion) -> None:
         """Add what an input has measured, whether it is needed or not."""
-        if input == self._linear_input:
+        if input == self.linear_input:
             history = self._linear
         elif input == self._rates_input:
             history = self._rates
@@ -198,7 +200,7 @@ class CouplingRegressors:
             history.add_mean(motion.start, motion.end, motion.body)
 
     def forget_filtered(self) -> None:
-        """Go back to velocities as they are measured: the filter has none for now."""
+        """Go back to velocities as they are measured: the filters have none for now."""
         self._filtered.restart()
 
     def _linear_from(self, start: int, measured: bool) -> MeanVelocities:
@@ -284,7 +286,7 @@ class CouplingRegressors:
         needed = self._needed(names)
         early = needed.early
         late = max(end - self._linear.end, 0) if needed.linear else 0
-        if late <= self._timeouts[self._linear_input] and not (
+        if late <= self._timeouts[self.linear_input] and not (
                 self.missing(names, start - late, end - late)):
             return self.mean(names, start - late, end - late)
         if self.missing(early, start, end):

@@ -74,6 +74,12 @@ def test_a_vehicle_that_turns_finds_the_current_and_itself(turning):
         assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.03)
 
 
+def test_the_velocity_of_the_filter_is_that_of_its_stamp(turning):
+    """It is behind no low-pass, and a controller need not look ahead of it."""
+    assert {dof.v_hat_delay for dof in turning[-1].dofs} == {0.0}
+    assert all(dof.velocity_delay > 0.0 for dof in turning[-1].dofs)
+
+
 def with_yaw():
     """Return settings that identify yaw, too, with its couplings."""
     known, true = settings(FIXES), TRUTH['yaw']

@@ -48,7 +48,7 @@ def replayed(logs: Path, name: str, settings: Settings, start: float = 0.0,
 
 def measured(logs: Path, name: str, settings: Settings, start: float = 0.0,
              duration: float | None = None) -> ScoreLog:
-    """Return what models are scored on; in still water every method gives it, aid soonest."""
+    """Return what models are scored on; aid gives it soonest."""
     return replayed(logs, name, replace(settings, identifier=IdentifierSettings('aid')),
                     start, duration)[0]
 

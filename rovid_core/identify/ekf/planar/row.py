@@ -37,6 +37,7 @@ class PlanarRow(Identifier):
 
     converged_share = 0.1
     judges_errors = True
+    filtered = False
 
     def __init__(self, filter: PlanarKalman, k: int, bounds: tuple[Four, Four]) -> None:
         self._filter = filter

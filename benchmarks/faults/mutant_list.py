@@ -456,6 +456,14 @@ MUTANTS = [
          'yaw_is_coupled_with_the_velocity_through_the_water',
          ('yaw is coupled with a velocity over ground',
           'velocity[:2] = source.planar', 'velocity[3:] = source.planar')),
+    *_of('rovid_core/velocity/turning_rate.py', 'test/core/test_turning_rate.py',
+         ('a turn has all noise of its attitudes', 'GAINS / dt * innov', '1.0 / dt * innov'),
+         ('the worst filter of the attitudes counts', 'argmin', 'argmax'),
+         ('after a pause a turn goes on from before', 'if count == 1:', 'if False:')),
+    *_of('rovid_core/velocity/couplings.py', 'test/core/test_couplings.py '
+         'a_gyro_says_how_fast_the_vehicle_turns_where_there_is_one',
+         ('couplings do without the gyro',
+          'if settings.angular_velocity.topic else', 'if False else')),
     *_of('rovid_core/identify/ekf/planar/row.py', 'test/core/test_current.py '
          'the_velocity_of_the_filter_is_that_of_its_stamp',
          ('the velocities of surge and sway are behind a low-pass',

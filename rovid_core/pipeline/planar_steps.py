@@ -11,7 +11,8 @@ from rovid_core.identify.ekf.planar_kalman import PlanarKalman
 from rovid_core.model.dofs import HEADING
 from rovid_core.model.samples import Motion, NS, PlanarPiece, PlanarStart, PlanarStep, Step
 from rovid_core.settings.run import Scales, Settings
-from rovid_core.velocity.attitude_history import AttitudeHistory, rotate, rotation_between
+from rovid_core.velocity.attitude_history import AttitudeHistory, rotate
+from rovid_core.velocity.couplings import CouplingRegressors
 
 LONGEST_PIECE = 300_000_000
 """[ns] over which the axes are taken as turning evenly."""
@@ -31,6 +32,8 @@ class PlanarSteps:
         The run, which estimates the current.
     attitude : AttitudeHistory
         The attitudes that were accepted.
+    couplings : CouplingRegressors
+        Which know how fast the vehicle turns.
 
     Attributes
     ----------
@@ -39,8 +42,9 @@ class PlanarSteps:
 
     """
 
-    def __init__(self, settings: Settings, attitude: AttitudeHistory) -> None:
-        self._attitude = attitude
+    def __init__(self, settings: Settings, attitude: AttitudeHistory,
+                 couplings: CouplingRegressors) -> None:
+        self._attitude, self._couplings = attitude, couplings
         self.input = next(settings.source(dof) for dof in settings.dofs if dof in DOFS)
         scales = {dof: replace(Scales.of(settings.dof[dof]), watched=tuple([
             name for name in settings.watched(dof) if name not in HEADING]),
@@ -110,12 +114,9 @@ class PlanarSteps:
         count = max(math.ceil((end - start) / LONGEST_PIECE), 1)
         times = [start + (end - start) * k // count for k in range(count + 1)]
         found = []
-        before = self._attitude.at(start)
         for a, b in zip(times, times[1:]):
-            after = self._attitude.at(b)
-            turn = rotation_between(before, after)[2]
             x, y, _ = rotate(self._attitude.at((a + b) // 2), (0.0, 0.0, heave))
             found.append(PlanarPiece(
-                *self._axes((a + b) // 2), x, y, turn / ((b - a) * NS) if b > a else 0.0))
-            before = after
+                *self._axes((a + b) // 2), x, y,
+                self._couplings.mean_rates(a, b)[2] if b > a else 0.0))
         return tuple(found)

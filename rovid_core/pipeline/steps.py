@@ -111,7 +111,7 @@ class Pipeline:
             settings, thruster_model(settings.thrusters), warn)
         self._couplings = CouplingRegressors(settings, self._shared.attitude)
         needed = ('position', 'depth', *self._couplings.inputs)
-        self._planar = PlanarSteps(settings, self._shared.attitude) if (
+        self._planar = PlanarSteps(settings, self._shared.attitude, self._couplings) if (
             settings.estimates_current) else None
         sources = [FilteredSource(settings, name, self._shared, hint, self._planar)
                    for name in SOURCES]
@@ -301,6 +301,7 @@ class Pipeline:
                 self._shared.attitude.restart_from(time, rotation)
             else:
                 self._shared.attitude.add_sample(time, rotation, check.gate.change)
+            self._couplings.add_turn(time, None if jumped else check.gate.change)
         elif name == 'angular_velocity' and self._shared.needs_rates:
             if jumped:
                 self._shared.rates.restart()

@@ -29,6 +29,7 @@ from rovid_core.velocity.attitude_history import (
     rotate_back,
     rotation_between,
 )
+from rovid_core.velocity.turning_rate import TurningRate
 
 LINEAR, ANGULAR = 'uvw', 'pqr'
 OF_ATTITUDE = (*RESTORING, *HEADING)
@@ -159,13 +160,14 @@ class CouplingRegressors:
         self.are_there = any(
             settings.couplings(dof) or settings.watched(dof) for dof in settings.dofs)
         self.linear_input = 'velocity' if settings.velocity.topic else 'position'
-        self._rates_input = 'attitude' if settings.attitude.topic else 'angular_velocity'
+        self._rates_input = 'angular_velocity' if settings.angular_velocity.topic else 'attitude'
         letters = {x for dof in settings.dofs for name in settings.couplings(dof)
                    if name not in NO_PRODUCTS for x in name}
         self.inputs = (self.linear_input if letters & set(LINEAR) else '',
                        self._rates_input if letters & set(ANGULAR) else '')
         self._linear, self._rates = MeanVelocities(), MeanVelocities()
         self._filtered = MeanVelocities()
+        self._turning, self._turned_at = TurningRate(), 0
         self._known_needs: dict[tuple[str, ...], Needed] = {}
         self.change(settings)
 
@@ -181,6 +183,7 @@ class CouplingRegressors:
         self._linear.restart()
         self._rates.restart()
         self._filtered.restart()
+        self._turning.interrupt()
 
     def add_filtered(self, time: int, velocity: Vector) -> None:
         """Add a velocity through the water, as the filters of its DOFs have it [m/s]."""
@@ -190,7 +193,7 @@ class CouplingRegressors:
         """Add what an input has measured, whether it is needed or not."""
         if input == self.linear_input:
             history = self._linear
-        elif input == self._rates_input:
+        elif input == self._rates_input != 'attitude':
             history = self._rates
         else:
             return
@@ -198,6 +201,16 @@ class CouplingRegressors:
             history.add_point(motion.end, motion.body, self._timeouts[input])
         else:
             history.add_mean(motion.start, motion.end, motion.body)
+
+    def add_turn(self, time: int, rotation: Vector | None) -> None:
+        """Add the rotation [rad] from one attitude to the next; None after a pause or a jump."""
+        if self._rates_input == 'attitude' and self.are_there:
+            dt = (time - self._turned_at) * NS
+            if rotation is None or dt <= 0.0:
+                self._turning.interrupt()
+            else:
+                self._rates.add_mean(self._turned_at, time, self._turning.add(rotation, dt))
+            self._turned_at = time
 
     def forget_filtered(self) -> None:
         """Go back to velocities as they are measured: the filters have none for now."""
@@ -270,7 +283,7 @@ class CouplingRegressors:
         if needed.rates:
             rates = self._rates.mean(start, end)
         elif needed.turns:
-            rates = self._mean_rates(start, end)
+            rates = self.mean_rates(start, end)
         if needed.points:
             q = self._attitude.at((start + end) // 2)
             up, ahead = rotate_back(q, (0.0, 0.0, 1.0)), rotate(q, (1.0, 0.0, 0.0))
@@ -294,7 +307,10 @@ class CouplingRegressors:
         values = dict(zip(early, self.mean(early, start, end)))
         return tuple([values.get(name, 0.0) for name in names])
 
-    def _mean_rates(self, start: int, end: int) -> Vector:
+    def mean_rates(self, start: int, end: int) -> Vector:
+        """Return the mean angular velocity [rad/s] over a span [ns] whose attitudes are known."""
+        if not self._rates.missing(start, end):
+            return self._rates.mean(start, end)
         x, y, z = self._attitude.known_rotation(start, end) or rotation_between(
             self._attitude.at(start), self._attitude.at(end))
         dt = (end - start) * NS

@@ -127,6 +127,17 @@ def test_with_them_the_coupled_plant_is_linear_in_what_is_measured(sensors: str)
         assert abs(without[0] * truth.mass - 1.0) > 0.03 or dof == 'yaw'
 
 
+def test_a_gyro_says_how_fast_the_vehicle_turns_where_there_is_one() -> None:
+    """An attitude with noise of a degree says it worse."""
+    exact = configured()
+    noisy = replace(exact, simulation=replace(exact.simulation, attitude_noise=0.02))
+    gyro = replace(noisy, angular_velocity=InputSettings(topic='/gyro', type='t', field='f'))
+    # how fast sway moves is measured with the same attitudes in both
+    true, worse, better = [np.array([step.couplings[0][1] for step in steps_of(
+        quick(settings), 60.0)[0]['surge'][-500:]]) for settings in (exact, noisy, gyro)]
+    assert np.std(better - true) < 0.5 * np.std(worse - true)
+
+
 def test_the_parts_of_a_step_lie_in_one_interval_between_fixes_each() -> None:
     steps, _ = steps_of(quick(configured()), 30.0)
     for one, other in zip(steps['surge'][:-1], steps['surge'][1:]):
@@ -425,7 +436,9 @@ def test_what_thrusters_lack_that_drive_several_axes_is_told_of_each_of_them(
         assert low < TRUTH[dof.dof].mass < high
         reasons = '; '.join(dof.judgement.reasons)
         if not said:
-            assert (dof.status, reasons) == ('converged', '')
+            assert dof.status == 'converged'
+            assert reasons in (
+                '', 'the model does not explain all of the motion: the intervals are wider')
         elif said in reasons:
             sizes[dof.dof] = float(reasons.partition(said)[2].split()[0])
     assert sizes == pytest.approx({dof: shares[dof] for dof in sizes}, rel=0.3)

@@ -456,6 +456,16 @@ MUTANTS = [
          'yaw_is_coupled_with_the_velocity_through_the_water',
          ('yaw is coupled with a velocity over ground',
           'velocity[:2] = source.planar', 'velocity[3:] = source.planar')),
+    *_of('rovid_core/identify/ekf/planar/filter_with_current.py', 'test/core/test_current.py '
+         'what_looks_like_a_current_is_named_with_its_size',
+         ('a sensor ahead swings the other way',
+          '-6:] += turn * wx, -turn * sx', '-6:] += -turn * wx, turn * sx'),
+         ('a sensor to port swings the other way',
+          '-6:] += turn * wy, -turn * sy', '-6:] += turn * wy, turn * sy')),
+    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
+         'what_stands_at_a_bound_may_be_the_wrong_optimum',
+         ('a bound is as good as an optimum', 'anew = early or any(', 'anew = early and any('),
+         ('what is left out stands at a bound', 'spread[i][i] > 0.0', 'True')),
     *_of('rovid_core/velocity/turning_rate.py', 'test/core/test_turning_rate.py',
          ('a turn has all noise of its attitudes', 'GAINS / dt * innov', '1.0 / dt * innov'),
          ('the worst filter of the attitudes counts', 'argmin', 'argmax'),

@@ -19,7 +19,7 @@ from rovid_core.settings.run import (
 from rovid_core.simulation.coupled_plant import CoupledPlant
 from rovid_core.simulation.profiles import Profile, Sinusoid, Steps
 from rovid_core.simulation.sensors import simulate
-from rovid_core.velocity.attitude_history import from_yaw, product, rotate_back
+from rovid_core.velocity.attitude_history import from_yaw, product, rotate, rotate_back
 
 CURRENT = (0.15, -0.1)
 TRUTH = {'surge': SimulatedDof(17.6, 18.2, 4.0), 'sway': SimulatedDof(24.2, 21.7, 6.2),
@@ -96,6 +96,21 @@ def with_fixes_late(run: Run, late: float) -> tuple[Event, ...]:
         event.replaced(time=event.time + round(late * 1e9))
         if event.samples[0].input == 'position' else event for event in events(run)],
         key=lambda event: event.time))
+
+
+def with_lever_arm(run: Run, ahead: float, to_port: float) -> tuple[Event, ...]:
+    """Return what the sensors of a run say whose fixes are those of another place in the body."""
+    attitude, found = from_yaw(0.0), []
+    for event in events(run):
+        sample = event.samples[0]
+        if sample.input == 'attitude':
+            attitude = sample.value
+        elif sample.input == 'position':
+            arm = rotate(attitude, (ahead, to_port, 0.0))
+            event = event.replaced(samples=(Sample(
+                'position', tuple([x + y for x, y in zip(sample.value, arm)])),))
+        found.append(event)
+    return tuple(found)
 
 
 def settings(run: Run, dofs: tuple[str, ...] = ('surge', 'sway')) -> Settings:

@@ -80,6 +80,8 @@ class Member:
 
     Attributes
     ----------
+    bounds : Bounds
+        As given.
     prediction : FreePrediction
         What its model predicts without corrections.
 
@@ -99,7 +101,7 @@ class Member:
         self.prediction = FreePrediction(own, thrusters)
         self._verdict: Verdict | None = None
         self._is_judged = True
-        self._bounds = bounds
+        self.bounds = bounds
         self._slip = unmodelled.slip
         self._unseen: list[list[float]] = []
         self._unseen_of = 0  # blocks that it was made of
@@ -143,7 +145,7 @@ class Member:
         size = abs(normalised) / HUBER
         added = found.total * (size - 1.0) if size > 1.0 else 0.0
         filter.update(found, added, adapt)
-        filter.keep_inside(self._bounds)
+        filter.keep_inside(self.bounds)
         if not (adapt and self.blocks.add(found.told, found.given + added, found.psi, dt)):
             return 0
         self.prediction.end_block(filter, innovations.noise)
@@ -187,7 +189,7 @@ class Member:
         """Go to the parameters that fit best what was learned."""
         solution, self.filter.theta_covariance = self.blocks.solution()
         self.filter.set_theta(solution)
-        self.filter.keep_inside(self._bounds)
+        self.filter.keep_inside(self.bounds)
 
     @property
     def better_thrusters(self) -> Thrusters | None:
@@ -238,6 +240,7 @@ class Member:
 class Judged(Learner, Protocol):
     """What a bank needs of a member."""
 
+    bounds: Bounds
     thrusters: Any
 
     @property
@@ -328,12 +331,18 @@ class FilterBank(Generic[M]):
         start : BatchStart
             The data.
         first_guess : sequence of p floats
-            Parameters to begin with besides those of each member, the first time.
+            Parameters to begin with besides those of each member, the first time and where these
+            stand at a bound; empty for none.
         early : bool
             Whether this is the first time.
 
         """
-        guesses = [self.best.filter.theta, *([first_guess] if early else [])]
+        theta = self.best.filter.theta
+        # what stands at a bound may be the wrong one of two optima
+        spread = self.best.filter.theta_covariance
+        anew = early or any(not low < theta[i] < high and spread[i][i] > 0.0
+                            for i, low, high in self.best.bounds)
+        guesses = [theta, *([first_guess] if anew and len(first_guess) else [])]
         went_well = self._solve(start, guesses, PASSES if early else 2, early, True)
         self.confirmed = self.confirmed and not early
         return went_well

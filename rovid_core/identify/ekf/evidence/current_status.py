@@ -3,9 +3,10 @@ What is known of the current, and why no more: no turn yet, or something else th
 
 Only once the vehicle has turned a current can be told from drag and bias. Then surge and sway see
 one current. A pull in the world moves them by their own masses and drags, an offset of the
-heading mixes them, and of late fixes the path turns after the vehicle has; all leave a current
-behind that is not there, and what surge tells of it contradicts what sway tells. The score of the
-blocks says what a regressor for each would explain, beside all parameters and the current.
+heading mixes them, of late fixes the path turns after the vehicle has, and a sensor that is not in
+the middle swings round with it; all leave a current behind that is not there, and what surge tells
+of it contradicts what sway tells. The score of the blocks says what a regressor for each would
+explain, beside all parameters and the current.
 """
 
 from __future__ import annotations
@@ -39,8 +40,11 @@ COUPLING_FIRST = 'a coupling is missing, which may look like one'
 FALSE_ALTERNATIVE = 1e-5
 """Probability that something that fits better is found at the end of a block by chance."""
 
-PULL, HEADING, LATE = (-4, -3), (-2,), (-1,)
+ARM, PULL, HEADING, LATE = (-6, -5), (-4, -3), (-2,), (-1,)
 """Where the regressors of what may fit better stand."""
+
+LEAST_ARM = 0.1
+"""[m] from the middle of the vehicle to the sensor, to be said."""
 
 LEAST_CURRENT = 0.02
 """[m/s] of current that a pull has to pretend, to be said."""
@@ -139,7 +143,7 @@ def current_with_status(found: tuple[Array, Array], prior: float, better: Altern
     current = Current(float(x), float(y), (float(spread[0, 0]), float(spread[0, 1]),
                                            float(spread[1, 1])), better.chi2, 'known')
     if not std < SEEN * prior:
-        return current._replace(status='unobservable', advice=THRUST_ELSEWHERE)
+        return current._replace(status='unobservable', advice=better.advice or THRUST_ELSEWHERE)
     if better.advice:
         return current._replace(status='inconsistent', advice=better.advice)
     return current if std < KNOWN else current._replace(status='converging')
@@ -191,8 +195,8 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
     if is_coupling(missing):
         return Alternative(math.nan, COUPLING_FIRST)
     best = Alternative(0.0)
-    regressions = blocks.regressions((PULL, HEADING, LATE))
-    for found, described in zip(regressions, (_pull, _offset, _latency)):
+    regressions = blocks.regressions((ARM, PULL, HEADING, LATE))
+    for found, described in zip(regressions, (_arm, _pull, _offset, _latency)):
         if found is None:
             continue
         chi2, advice = min(found.power, found.t_squared), ''
@@ -210,10 +214,19 @@ def _is_significant(found: Regression, n: int) -> bool:
     """Tell whether neither chance nor the scatter of ``n`` blocks explains it."""
     k, power = len(found.kappa), max(found.power, 0.0)
     chance = math.exp(-0.5 * power) if k > 1 else math.erfc(math.sqrt(0.5 * power))
-    # all three are looked for at the end of each block
-    limit = FALSE_ALTERNATIVE / 3.0
+    # all four are looked for at the end of each block
+    limit = FALSE_ALTERNATIVE / 4.0
     return n > k and chance < limit and f_tail(
         found.t_squared * (n - k) / (k * (n - 1)), k, n - k) < limit
+
+
+def _arm(found: Regression) -> str:
+    ahead, to_port = found.kappa.tolist()
+    if not math.hypot(ahead, to_port) > LEAST_ARM:
+        return ''
+    return (f'fixes of a sensor {abs(ahead):.2f} m {"ahead of" if ahead > 0.0 else "behind"} the '
+            f'middle and {abs(to_port):.2f} m to {"port" if to_port > 0.0 else "starboard"} fit '
+            'better, see position.lever_arm')
 
 
 def _pull(found: Regression) -> str:

@@ -326,11 +326,12 @@ class PlanarFilter:
         self.motion[:4] = x + dx + h * cx, y + dy + h * cy, u, v
         if alone:
             return
-        # headings that are off turn the path through the water; a late fix shows where the
-        # vehicle was: behind by its velocity over ground, which has changed by this
-        du, dv = u - u0 - r * h * vm, v - v0 + r * h * um
-        self.sensitivities[0, -2:] += -dy, -sx * du - wx * dv
-        self.sensitivities[1, -2:] += dx, -sy * du - wy * dv
+        # a sensor ahead swings round; headings that are off turn the path through the water; a
+        # late fix shows where the vehicle was: behind by its velocity over ground, which has
+        # changed by this
+        du, dv, turn = u - u0 - r * h * vm, v - v0 + r * h * um, r * h
+        self.sensitivities[0, -6:] += turn * wx, -turn * sx, 0.0, 0.0, -dy, -sx * du - wx * dv
+        self.sensitivities[1, -6:] += turn * wy, -turn * sy, 0.0, 0.0, dx, -sy * du - wy * dv
         covariance, noise = self.covariance, heading_noise / h
         if noise:
             covariance[0, 0] += noise * dy * dy

@@ -25,12 +25,12 @@ CURRENT = slice(4, 6)
 
 AXES = 2
 
-ALTERNATIVES = ('pull_x', 'pull_y', 'heading', 'late')
+ALTERNATIVES = ('ahead', 'to_port', 'pull_x', 'pull_y', 'heading', 'late')
 """
 What a current may be mistaken for, watched behind all other regressors.
 
-A constant pull in the world along x and y [N], an offset of the headings [rad], and how much later
-than they are stamped the fixes come [s].
+Where the sensor of the fixes is in the body [m], a constant pull in the world along x and y [N],
+an offset of the headings [rad], and how much later than they are stamped the fixes come [s].
 """
 
 TURNING = {'surge': 'vr', 'sway': 'ur'}

@@ -263,7 +263,7 @@ class PlanarMember:
         self._alternative = NOT_JUDGED
         self._is_judged = True
         self._current_is_free = not considered
-        self._bounds = bounds
+        self.bounds = bounds
         self._fastest = max(row.velocity for row in rows)
 
     def restart(self, start: PlanarStart) -> None:
@@ -324,7 +324,7 @@ class PlanarMember:
                 innovations.learn_noise(normalised)
                 ended = self.blocks.add(found.told, found.given + added, found.psi.tolist(),
                                         span.dt if axis else 0.0)
-        filter.keep_inside(self._bounds)
+        filter.keep_inside(self.bounds)
         return BLOCK if ended else 0
 
     def learn(self, span: PlanarMeasurement, used: bool) -> list[float]:
@@ -357,7 +357,7 @@ class PlanarMember:
         solution, covariance = self.blocks.solution()
         self.filter.theta_covariance = np.array(covariance)
         self.filter.set_theta(solution)
-        self.filter.keep_inside(self._bounds)
+        self.filter.keep_inside(self.bounds)
 
     @property
     def verdict(self) -> Verdict | None:

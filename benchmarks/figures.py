@@ -71,11 +71,11 @@ PARTS: dict[str, tuple[str, dict[str, Section]]] = {
                             '--seeds 12', '--seeds 1', 1.0, recordings=True),
         'online': Section('The online methods', 'accuracy.online_methods', '--seeds 40',
                           '--seeds 2', 2.0, recordings=True),
-        'real': Section('Vehicles that are not the model', 'accuracy.real_vehicles', '--seeds 20',
+        'real': Section('Vehicles that are not the model', 'accuracy.real_vehicles', '--seeds 40',
                         '--seeds 1 --duration 60', 2.0),
         'real_configured': Section(
             'The same with what they have configured', 'accuracy.real_vehicles',
-            '--configured --seeds 20', '--configured --seeds 1 --duration 60', 1.0),
+            '--configured --seeds 40', '--configured --seeds 1 --duration 60', 1.0),
         'real_configured_aid': Section(
             'With what they have configured, by aid', 'accuracy.real_vehicles',
             '--configured --method aid --seeds 20',

@@ -474,6 +474,10 @@ MUTANTS = [
          'a_gyro_says_how_fast_the_vehicle_turns_where_there_is_one',
          ('couplings do without the gyro',
           'if settings.angular_velocity.topic else', 'if False else')),
+    *_of('rovid_core/pipeline/steps.py', 'test/core/test_couplings.py '
+         'a_gyro_and_the_fixes_do_not_wait_for_each_other',
+         ('what a gyro says is not there at once',
+          'self._couplings.add_rates(time, rates, jumped)', 'str()')),
     *_of('rovid_core/identify/ekf/planar/row.py', 'test/core/test_current.py '
          'the_velocity_of_the_filter_is_that_of_its_stamp',
          ('the velocities of surge and sway are behind a low-pass',

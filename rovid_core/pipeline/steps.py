@@ -297,18 +297,29 @@ class Pipeline:
         if reason and not jumped:
             return reason
         if name == 'attitude':
-            if jumped:
-                self._shared.attitude.restart_from(time, rotation)
-            else:
-                self._shared.attitude.add_sample(time, rotation, check.gate.change)
-            self._couplings.add_turn(time, None if jumped else check.gate.change)
-        elif name == 'angular_velocity' and self._shared.needs_rates:
-            if jumped:
-                self._shared.rates.restart()
-            self._shared.rates.add_sample(time, (value[0], value[1], value[2]))
+            self._note_attitude(time, rotation, check.gate.change, jumped != '')
+        elif name == 'angular_velocity':
+            self._note_rates(time, (value[0], value[1], value[2]), jumped != '')
         if source is None:
             return jumped
         return '' if source.add_sample(time, value, jumped) else 'overflow'
+
+    def _note_attitude(self, time: int, rotation: Quaternion, change: Vector | None,
+                       jumped: bool) -> None:
+        """Hand an attitude to all that turns; ``change`` is from the one before, if known."""
+        if jumped:
+            self._shared.attitude.restart_from(time, rotation)
+        else:
+            self._shared.attitude.add_sample(time, rotation, change)
+        self._couplings.add_turn(time, None if jumped else change)
+
+    def _note_rates(self, time: int, rates: Vector, jumped: bool) -> None:
+        """Hand what a gyro says to the couplings, and to a sensor with a lever arm."""
+        self._couplings.add_rates(time, rates, jumped)
+        if self._shared.needs_rates:
+            if jumped:
+                self._shared.rates.restart()
+            self._shared.rates.add_sample(time, rates)
 
     def _make_step(self, source: FilteredSource, now: int, estimates: list[Estimate]) -> bool:
         """Make the next step of a source, or none of its next measurement; False: not yet."""

@@ -190,17 +190,23 @@ class CouplingRegressors:
         self._filtered.add_point(time, velocity, self._timeouts[self.linear_input])
 
     def add_velocity(self, input: str, motion: Motion) -> None:
-        """Add what an input has measured, whether it is needed or not."""
-        if input == self.linear_input:
-            history = self._linear
-        elif input == self._rates_input != 'attitude':
-            history = self._rates
-        else:
+        """Add a linear velocity as it is measured, whether it is needed or not."""
+        if input != self.linear_input:
             return
         if motion.start == motion.end:
-            history.add_point(motion.end, motion.body, self._timeouts[input])
+            self._linear.add_point(motion.end, motion.body, self._timeouts[input])
         else:
-            history.add_mean(motion.start, motion.end, motion.body)
+            self._linear.add_mean(motion.start, motion.end, motion.body)
+
+    def add_rates(self, time: int, rates: Vector, jumped: bool) -> None:
+        """
+        Add what a gyro has measured [rad/s], as soon as it came.
+
+        Its own steps may wait for linear velocities that wait for these.
+        """
+        if jumped:
+            self._rates.restart()
+        self._rates.add_point(time, rates, self._timeouts['angular_velocity'])
 
     def add_turn(self, time: int, rotation: Vector | None) -> None:
         """Add the rotation [rad] from one attitude to the next; None after a pause or a jump."""

@@ -138,6 +138,15 @@ def test_a_gyro_says_how_fast_the_vehicle_turns_where_there_is_one() -> None:
     assert np.std(better - true) < 0.5 * np.std(worse - true)
 
 
+def test_a_gyro_and_the_fixes_do_not_wait_for_each_other() -> None:
+    """Yaw, by the gyro at 50 Hz, waits for sway, by fixes at 10 Hz that wait for the gyro."""
+    steps, stream = steps_of(quick(configured(
+        angular_velocity=InputSettings(topic='/gyro', type='t', field='f'))), 60.0)
+    assert len(steps['surge']) > 590 and len(steps['yaw']) > 2900
+    assert sum(number for (_, reason), number in stream.rejected.items()
+               if reason == 'no_coupling') <= 10  # before the first fixes
+
+
 def test_the_parts_of_a_step_lie_in_one_interval_between_fixes_each() -> None:
     steps, _ = steps_of(quick(configured()), 30.0)
     for one, other in zip(steps['surge'][:-1], steps['surge'][1:]):

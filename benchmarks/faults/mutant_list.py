@@ -474,6 +474,9 @@ MUTANTS = [
          'a_gyro_says_how_fast_the_vehicle_turns_where_there_is_one',
          ('couplings do without the gyro',
           'if settings.angular_velocity.topic else', 'if False else')),
+    *_of('rovid_core/velocity/couplings.py', 'test/core/test_couplings.py '
+         'attitudes_stand_in_for_a_gyro_that_dies',
+         ('nothing stands in for a gyro', 'return not self._has_attitude or', 'return True or')),
     *_of('rovid_core/pipeline/steps.py', 'test/core/test_couplings.py '
          'a_gyro_and_the_fixes_do_not_wait_for_each_other',
          ('what a gyro says is not there at once',

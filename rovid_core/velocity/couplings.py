@@ -160,6 +160,7 @@ class CouplingRegressors:
         self.are_there = any(
             settings.couplings(dof) or settings.watched(dof) for dof in settings.dofs)
         self.linear_input = 'velocity' if settings.velocity.topic else 'position'
+        self._has_attitude = bool(settings.attitude.topic)
         self._rates_input = 'angular_velocity' if settings.angular_velocity.topic else 'attitude'
         letters = {x for dof in settings.dofs for name in settings.couplings(dof)
                    if name not in NO_PRODUCTS for x in name}
@@ -236,11 +237,17 @@ class CouplingRegressors:
         """
         needed = self._needed(names)
         found = self._linear_from(start, measured).missing(start, end) if needed.linear else ''
-        if not found and needed.rates:
+        gyro = needed.rates and self._has_gyro(end)
+        if not found and gyro:
             found = self._rates.missing(start, end)
-        if not found and (needed.turns or needed.points):
+        if not found and (needed.turns or needed.points or needed.rates and not gyro):
             found = self._attitude.missing(start) or self._attitude.missing(end)
         return 'no_coupling' if found == 'no_attitude' else found
+
+    def _has_gyro(self, end: int) -> bool:
+        """Tell whether rates up to a time [ns] come from a gyro, or attitudes stand in for it."""
+        return not self._has_attitude or (
+            end - self._rates.end <= self._timeouts['angular_velocity'])
 
     def has_velocity(self, names: tuple[str, ...]) -> bool:
         """Tell whether a linear velocity of another DOF is in any of some regressors."""
@@ -286,9 +293,7 @@ class CouplingRegressors:
         linear = rates = up = ahead = (0.0, 0.0, 0.0)
         if needed.linear:
             linear = self._linear_from(start, measured).mean(start, end)
-        if needed.rates:
-            rates = self._rates.mean(start, end)
-        elif needed.turns:
+        if needed.rates or needed.turns:
             rates = self.mean_rates(start, end)
         if needed.points:
             q = self._attitude.at((start + end) // 2)

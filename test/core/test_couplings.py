@@ -138,6 +138,15 @@ def test_a_gyro_says_how_fast_the_vehicle_turns_where_there_is_one() -> None:
     assert np.std(better - true) < 0.5 * np.std(worse - true)
 
 
+def test_attitudes_stand_in_for_a_gyro_that_dies() -> None:
+    """What it measures stops; surge and sway go on."""
+    steps, _ = steps_of(quick(configured(
+        angular_velocity=InputSettings(topic='/gyro', type='t', field='f'))), 60.0,
+        without='angular_velocity')
+    assert len(steps['yaw']) < 1010  # 20 s
+    assert len(steps['surge']) > 570  # of 600
+
+
 def test_a_gyro_and_the_fixes_do_not_wait_for_each_other() -> None:
     """Yaw, by the gyro at 50 Hz, waits for sway, by fixes at 10 Hz that wait for the gyro."""
     steps, stream = steps_of(quick(configured(

@@ -463,9 +463,12 @@ MUTANTS = [
          ('a sensor to port swings the other way',
           '-6:] += turn * wy, -turn * sy', '-6:] += turn * wy, turn * sy')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
-         'what_stands_at_a_bound_may_be_the_wrong_optimum',
-         ('a bound is as good as an optimum', 'anew = early or any(', 'anew = early and any('),
-         ('what is left out stands at a bound', 'spread[i][i] > 0.0', 'True')),
+         'what_is_left_out_does_not_stand_at_a_bound',
+         ('nothing stands at its upper bound', 'not low < theta[i] < high', 'not low < theta[i]'),
+         ('what is left out stands at a bound', 'spread[i][i] > 0.0 and ', '')),
+    *_of('rovid_core/identify/aid/full_gain.py', 'test/core/test_adaptive_identifier.py '
+         'a_gamma_that_is_not_positive_is_no_crash',
+         ('a Gamma may be negative', 'if not linear > 0.0:', 'if False:')),
     *_of('rovid_core/velocity/turning_rate.py', 'test/core/test_turning_rate.py',
          ('a turn has all noise of its attitudes', 'GAINS / dt * innov', '1.0 / dt * innov'),
          ('the worst filter of the attitudes counts', 'argmin', 'argmax'),

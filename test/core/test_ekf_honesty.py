@@ -17,7 +17,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
-from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member
+from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member, stands_at_bound
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, KEPT, predicted
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
@@ -374,28 +374,11 @@ def test_what_loses_the_vehicle_before_there_is_a_verdict_counts_after_a_change_
     assert [bank.is_lost_often(lost, time) for time in (11.0, 12.0, 13.0)] == [False, False, True]
 
 
-class Noted:
-    """Data to go through, of which only is noted with what parameters."""
-
-    was_there = True
-
-    def __init__(self):
-        self.guesses = []
-
-    def solve(self, member, guesses, passes):
-        self.guesses.append(list(guesses))
-        return member
-
-
-@pytest.mark.parametrize(('alpha', 'known', 'begins'), [
-    (1.0, 0.1, False), (10.0, 0.1, True), (10.0, 0.0, False)])
-def test_what_stands_at_a_bound_may_be_the_wrong_optimum(alpha, known, begins):
-    """What is left out stands at its bounds as well."""
-    bank = FilterBank(lambda force: Member(
-        [alpha, *TRUTH[1:]], (known, 0.1, 0.1, 0.1), [(0, 0.1, 10.0)], force, 0.01))
-    start, first = Noted(), [1.5, *TRUTH[1:]]
-    assert bank.go_through_again(start, first, False)
-    assert (first in start.guesses[0]) is begins
+@pytest.mark.parametrize(('theta', 'variance', 'stands'), [
+    (1.0, 0.1, False), (10.0, 0.1, True), (0.1, 0.1, True), (10.0, 0.0, False)])
+def test_what_is_left_out_does_not_stand_at_a_bound(theta, variance, stands):
+    spread = [[0.1, 0.0], [0.0, variance]]
+    assert stands_at_bound([20.0, theta], spread, [(1, 0.1, 10.0)]) is stands
 
 
 def test_a_change_is_news_for_a_minute_and_then_said_as_what_the_numbers_are_of():

@@ -117,6 +117,8 @@ class FullGainIdentifier(AdaptiveIdentifier):
         if self._own_drag >= 0 and target < 0.0:  # w has its sign
             beta = min(beta + theta[4 + self._own_drag], 0.0)
         linear, quadratic = 1.0 + half * (feedback - gamma), -half * beta
+        if not linear > 0.0:
+            return None  # Gamma of a damaged state is not positive
         w = 2.0 * target / (linear + math.sqrt(linear * linear + 4.0 * quadratic * abs(target)))
         if learns:
             impulse = h * (w - measured)

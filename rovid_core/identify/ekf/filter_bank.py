@@ -34,6 +34,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
 )
 from rovid_core.identify.ekf.single.measurements import Measurement
 from rovid_core.model.dofs import EACH, OWN
+from rovid_core.model.plant import Array
 from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 MARGIN: Final = 10.0
@@ -261,6 +262,24 @@ class Judged(Learner, Protocol):
         """Go on from ``state``; raises ValueError if it does not fit."""
 
 
+def stands_at_bound(theta: Sequence[float] | Array, spread: Sequence[Sequence[float]] | Array,
+                    bounds: Bounds) -> bool:
+    """
+    Tell whether a parameter that is identified stands at one of its bounds.
+
+    Parameters
+    ----------
+    theta : sequence of p floats
+        The parameters.
+    spread : p by p floats
+        Their covariance; 0 for what is left out, which stands there, too.
+    bounds : Bounds
+        Index, lowest and highest value of each that has bounds.
+
+    """
+    return any(spread[i][i] > 0.0 and not low < theta[i] < high for i, low, high in bounds)
+
+
 M = TypeVar('M', bound=Judged)
 
 
@@ -337,12 +356,11 @@ class FilterBank(Generic[M]):
             Whether this is the first time.
 
         """
-        theta = self.best.filter.theta
+        filter = self.best.filter
         # what stands at a bound may be the wrong one of two optima
-        spread = self.best.filter.theta_covariance
-        anew = early or any(not low < theta[i] < high and spread[i][i] > 0.0
-                            for i, low, high in self.best.bounds)
-        guesses = [theta, *([first_guess] if anew and len(first_guess) else [])]
+        anew = early or stands_at_bound(
+            filter.theta, filter.theta_covariance, self.best.bounds)
+        guesses = [filter.theta, *([first_guess] if anew and len(first_guess) else [])]
         went_well = self._solve(start, guesses, PASSES if early else 2, early, True)
         self.confirmed = self.confirmed and not early
         return went_well

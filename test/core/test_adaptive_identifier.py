@@ -65,12 +65,13 @@ def self_tuning(typical=1.0, time=3.0):
 
 def test_a_gamma_that_is_not_positive_is_no_crash():
     """A damaged state may have one."""
-    identifier = self_tuning()
-    identifier.step(steps(1)[0])
+    identifier, (first, second) = self_tuning(), steps(2)
+    identifier.step(first)
     state = identifier.state()
-    state['gamma'] = (1e15 * (np.eye(4) - np.ones((4, 4)))).tolist()
+    state['gamma'] = (1e9 * (np.eye(4) - np.ones((4, 4)))).tolist()
+    state['theta_hat'][1] = 0.0  # no quadratic drag
     identifier.restore(state)
-    assert identifier.step(Step(0.1, (0.3, 0.3, 0.3), (1.0,) * 3)) == 'unstable_step'
+    assert identifier.step(second) == 'unstable_step'
 
 
 def test_what_is_published_is_a_mean_and_w_is_that_of_theta_hat():

@@ -462,6 +462,9 @@ MUTANTS = [
           '-6:] += turn * wx, -turn * sx', '-6:] += -turn * wx, turn * sx'),
          ('a sensor to port swings the other way',
           '-6:] += turn * wy, -turn * sy', '-6:] += turn * wy, turn * sy')),
+    *_of('rovid_core/identify/ekf/evidence/current_status.py', 'test/core/test_current.py '
+         'what_fits_better_is_said_also_where_it_hides_the_current',
+         ('what hides the current is not said', 'better.advice or THRUST', 'THRUST')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
          'what_is_left_out_does_not_stand_at_a_bound',
          ('nothing stands at its upper bound', 'not low < theta[i] < high', 'not low < theta[i]'),
@@ -479,7 +482,7 @@ MUTANTS = [
           'if settings.angular_velocity.topic else', 'if False else')),
     *_of('rovid_core/velocity/couplings.py', 'test/core/test_couplings.py '
          'attitudes_stand_in_for_a_gyro_that_dies',
-         ('nothing stands in for a gyro', 'return not self._has_attitude or', 'return True or')),
+         ('nothing stands in for a gyro', 'not self._has_attitude or end', 'True or end')),
     *_of('rovid_core/pipeline/steps.py', 'test/core/test_couplings.py '
          'a_gyro_and_the_fixes_do_not_wait_for_each_other',
          ('what a gyro says is not there at once',

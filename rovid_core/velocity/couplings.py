@@ -112,10 +112,8 @@ class Needed(NamedTuple):
 
     Attributes
     ----------
-    linear, rates : bool
-        Whether linear velocities, and angular ones that are measured.
-    turns : bool
-        Whether angular velocities that are made of attitudes.
+    linear, turns : bool
+        Whether linear velocities, and angular ones.
     points : bool
         Whether the attitude itself.
     early : tuple of str
@@ -126,7 +124,6 @@ class Needed(NamedTuple):
     """
 
     linear: bool
-    rates: bool
     turns: bool
     points: bool
     early: tuple[str, ...]
@@ -237,17 +234,17 @@ class CouplingRegressors:
         """
         needed = self._needed(names)
         found = self._linear_from(start, measured).missing(start, end) if needed.linear else ''
-        gyro = needed.rates and self._has_gyro(end)
-        if not found and gyro:
+        by_gyro = needed.turns and self._has_gyro(end)
+        if not found and by_gyro:
             found = self._rates.missing(start, end)
-        if not found and (needed.turns or needed.points or needed.rates and not gyro):
+        if not found and (needed.points or needed.turns and not by_gyro):
             found = self._attitude.missing(start) or self._attitude.missing(end)
         return 'no_coupling' if found == 'no_attitude' else found
 
     def _has_gyro(self, end: int) -> bool:
         """Tell whether rates up to a time [ns] come from a gyro, or attitudes stand in for it."""
-        return not self._has_attitude or (
-            end - self._rates.end <= self._timeouts['angular_velocity'])
+        return self._rates_input != 'attitude' and (
+            not self._has_attitude or end - self._rates.end <= self._timeouts[self._rates_input])
 
     def has_velocity(self, names: tuple[str, ...]) -> bool:
         """Tell whether a linear velocity of another DOF is in any of some regressors."""
@@ -257,11 +254,9 @@ class CouplingRegressors:
         known = self._known_needs.get(names)
         if known is None:
             letters = set(''.join([name for name in names if name not in NO_PRODUCTS]))
-            turns = bool(letters & set(ANGULAR))
-            by_attitude = turns and self._rates_input == 'attitude'
             points = any(name in OF_ATTITUDE for name in names)
             known = self._known_needs[names] = Needed(
-                bool(letters & set(LINEAR)), turns and not by_attitude, by_attitude, points,
+                bool(letters & set(LINEAR)), bool(letters & set(ANGULAR)), points,
                 tuple([name for name in names if name in OF_ATTITUDE
                        or not set(name) & set(LINEAR)]),
                 tuple([(FACTORS.index(name if name in OF_ATTITUDE else name[0]),
@@ -293,7 +288,7 @@ class CouplingRegressors:
         linear = rates = up = ahead = (0.0, 0.0, 0.0)
         if needed.linear:
             linear = self._linear_from(start, measured).mean(start, end)
-        if needed.rates or needed.turns:
+        if needed.turns:
             rates = self.mean_rates(start, end)
         if needed.points:
             q = self._attitude.at((start + end) // 2)

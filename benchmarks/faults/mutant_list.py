@@ -473,8 +473,8 @@ MUTANTS = [
          'a_gamma_that_is_not_positive_is_no_crash',
          ('a Gamma may be negative', 'if not linear > 0.0:', 'if False:')),
     *_of('rovid_core/velocity/turning_rate.py', 'test/core/test_turning_rate.py',
-         ('a turn has all noise of its attitudes', 'GAINS / dt * innov', '1.0 / dt * innov'),
-         ('the worst filter of the attitudes counts', 'argmin', 'argmax'),
+         ('a turn has all noise of its attitudes', 'self.gain / dt * innov', '1.0 / dt * innov'),
+         ('the worst filter of the attitudes counts', 'one.square < least', 'one.square > least * 0.0'),
          ('after a pause a turn goes on from before', 'if count == 1:', 'if False:')),
     *_of('rovid_core/velocity/couplings.py', 'test/core/test_couplings.py '
          'a_gyro_says_how_fast_the_vehicle_turns_where_there_is_one',

@@ -16,25 +16,66 @@ is the one with c = 0, which has the angles as they are measured.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
-import numpy as np
 from rovid_core.model.dofs import Vector
 
-GAINS: Final = 0.5 ** np.arange(6.0)
-"""Of the angles, 1 - c: over so many intervals, 1 to 32, a filter looks."""
+FILTERS: Final = 6
+"""Side by side; over 1, 2, 4 to 32 intervals they look."""
 
 MEMORY: Final = 100
 """Intervals over which the predictions are judged: some seconds, as motion comes and goes."""
+
+
+class AngleFilter:
+    """
+    The filter of the angle about one axis, for one size of the noise.
+
+    Attributes
+    ----------
+    gain : float
+        Of the angle, 1 - c.
+    rate_gain : float
+        Of the rate, times the interval.
+    rate : float
+        [rad/s] that it goes on with.
+    left : float
+        [rad] By which the measured angle is ahead of the filter's.
+    square : float
+        Mean square of its innovations [rad^2].
+
+    """
+
+    __slots__ = ('gain', 'rate_gain', 'rate', 'left', 'square')
+
+    def __init__(self, gain: float) -> None:
+        self.gain, self.rate_gain = gain, gain * gain / (2.0 - gain)
+        self.rate = self.left = self.square = 0.0
+
+    def begin(self, rate: float) -> None:
+        """Begin at a measured angle with a rate [rad/s]."""
+        self.rate, self.left, self.square = rate, 0.0, 0.0
+
+    def add(self, angle: float, dt: float, count: int) -> float:
+        """
+        Return the mean rate [rad/s] while a measured angle grew by ``angle`` [rad] in ``dt`` [s].
+
+        ``count`` is over how many intervals the predictions are judged.
+        """
+        innovation = self.left + angle - self.rate * dt
+        self.square += (innovation * innovation - self.square) / count
+        mean = self.rate + self.gain / dt * innovation
+        self.left = (1.0 - self.gain) * innovation
+        self.rate += self.rate_gain / dt * innovation
+        return mean
 
 
 class TurningRate:
     """The rates about the three axes of the body, of filters side by side."""
 
     def __init__(self) -> None:
-        shape = (3, GAINS.size)
-        self._rates, self._left, self._squares = np.zeros((3, *shape))
-        self._rate_gains = GAINS**2 / (2.0 - GAINS)
+        self._axes = [[AngleFilter(0.5**k) for k in range(FILTERS)] for _ in range(3)]
         self._count = 0
 
     def interrupt(self) -> None:
@@ -58,16 +99,21 @@ class TurningRate:
             The mean angular velocity in between [rad/s].
 
         """
-        angles = np.array(rotation)[:, np.newaxis]
-        count = self._count = min(self._count + 1, MEMORY)
+        self._count = min(self._count + 1, MEMORY)
+        x, y, z = rotation
+        one, other, third = self._axes
+        return self._mean(one, x, dt), self._mean(other, y, dt), self._mean(third, z, dt)
+
+    def _mean(self, filters: list[AngleFilter], angle: float, dt: float) -> float:
+        """Return the mean rate about an axis by the filter that has predicted best."""
+        count = self._count
         if count == 1:
-            self._rates[:] = angles / dt
-            self._left[:] = self._squares[:] = 0.0
-            return rotation[0] / dt, rotation[1] / dt, rotation[2] / dt
-        innovations = self._left + angles - self._rates * dt
-        self._squares += (innovations * innovations - self._squares) / count
-        means = self._rates + GAINS / dt * innovations
-        self._left = (1.0 - GAINS) * innovations
-        self._rates += self._rate_gains / dt * innovations
-        x, y, z = means[range(3), self._squares.argmin(axis=1)].tolist()
-        return x, y, z
+            for one in filters:
+                one.begin(angle / dt)
+            return angle / dt
+        best, least = 0.0, math.inf
+        for one in filters:
+            mean = one.add(angle, dt, count)
+            if one.square < least:
+                best, least = mean, one.square
+        return best

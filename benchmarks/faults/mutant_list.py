@@ -474,8 +474,21 @@ MUTANTS = [
          ('a Gamma may be negative', 'if not linear > 0.0:', 'if False:')),
     *_of('rovid_core/velocity/turning_rate.py', 'test/core/test_turning_rate.py',
          ('a turn has all noise of its attitudes', 'self.gain / dt * innov', '1.0 / dt * innov'),
-         ('the worst filter of the attitudes counts', 'one.square < least', 'one.square > least * 0.0'),
+         ('the worst filter of the attitudes counts',
+          'one.square < least', 'one.square > least * 0.0'),
          ('after a pause a turn goes on from before', 'if count == 1:', 'if False:')),
+    *_of('rovid_core/thrust/force_history.py', 'test/core/test_thrust.py '
+         'the_mean_force_on_some_dofs_is_of_what_is_known',
+         ('a mean force begins before the commands', 'start = max(start, self._times[0])', ''),
+         ('a mean force before the commands is asked for',
+          'not self._times or self._times[0] >= end', 'not self._times')),
+    *_of('rovid_core/pipeline/steps.py', 'test/core/test_couplings.py '
+         'thrust_beside_the_centre_of_mass_is_named_and_found',
+         ('the thrust on another DOF is not watched',
+          'self._forces.means(*seen, source.watched_thrusts)',
+          '[0.0] * len(source.watched_thrusts)'),
+         ('the thrust on another DOF is no regressor',
+          'self._forces.means(*span, source.thrusts)', '[0.0] * len(source.thrusts)')),
     *_of('rovid_core/velocity/couplings.py', 'test/core/test_couplings.py '
          'a_gyro_says_how_fast_the_vehicle_turns_where_there_is_one',
          ('couplings do without the gyro',

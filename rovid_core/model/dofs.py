@@ -17,6 +17,12 @@ Couplings that are made of a DOF's own force and velocity: min(tau, 0), and v|v|
 Whoever simulates a model makes them of the force and the velocity that it has there.
 """
 
+THRUSTS = {f'{dof}_thrust': dof for dof in ('surge', 'sway', 'heave', 'yaw')}
+"""
+Couplings that are the force on another DOF, and that DOF: thrust whose line does not go through
+the centre of mass turns the vehicle, and so does what moves a mass beside the axes.
+"""
+
 EACH = ('reverse_of_each', 'dead_band_of_each', 'thrust_loss_of_each')
 """
 What the thrusters of a DOF do, each by itself: how much of the force is of those that push
@@ -26,16 +32,16 @@ DOFs, too: then none of these is a function of the DOF's own force.
 
 COUPLINGS = {
     'surge': ('vr', 'wq', *OWN),
-    'sway': ('ur', 'wp', *OWN),
+    'sway': ('ur', 'wp', 'yaw_thrust', *OWN),
     'heave': ('uq', 'vp', *OWN),
-    'roll': ('sin_roll', 'v', 'qr', 'vw', *OWN),
-    'pitch': ('sin_pitch', 'pr', 'uw', *OWN),
-    'yaw': ('v', 'uv', 'pq', *OWN),
+    'roll': ('sin_roll', 'v', 'qr', 'vw', 'sway_thrust', *OWN),
+    'pitch': ('sin_pitch', 'pr', 'uw', 'surge_thrust', 'heave_thrust', *OWN),
+    'yaw': ('v', 'uv', 'pq', 'sway_thrust', 'surge_thrust', *OWN),
 }
 """
 What else may act on a DOF. Others do by products of their velocities u, v, w, p, q, r, by one of
-these alone (the drag of a sideways motion), and by the restoring terms sin(roll) cos(pitch),
-sin(pitch); its own force and velocity do by ``OWN``.
+these alone (the drag of a sideways motion), and by ``THRUSTS``; the attitude does by the
+restoring terms sin(roll) cos(pitch), sin(pitch); its own force and velocity do by ``OWN``.
 """
 
 RESTORING = ('sin_roll', 'sin_pitch')
@@ -75,7 +81,7 @@ Three = tuple[float, float, float]
 
 def velocity_factors(coupling: str) -> tuple[str, ...]:
     """Return the DOFs whose velocities a coupling is a product of; () for one of the others."""
-    if coupling in RESTORING or coupling in OWN:
+    if coupling in RESTORING or coupling in OWN or coupling in THRUSTS:
         return ()
     return tuple([DOFS['uvwpqr'.index(letter)] for letter in coupling])
 

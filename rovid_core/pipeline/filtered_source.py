@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from rovid_core.model.dofs import OWN
+from rovid_core.model.dofs import OWN, THRUSTS
 from rovid_core.model.lowpass import LowPass
 from rovid_core.model.samples import Motion
 from rovid_core.pipeline.planar_steps import PlanarSteps
@@ -37,14 +37,16 @@ class FilteredSource(VelocitySource):
     last : Motion or None
         Where the next step begins.
     couplings : tuple of str
-        Of all its DOFs, each once, but for ``OWN``.
+        Of all its DOFs, each once, but for ``THRUSTS`` and ``OWN``.
+    thrusts : tuple of int
+        Numbers of the DOFs whose force is a coupling, behind these.
     own : list of (int, str)
-        Those of ``OWN`` behind them, with the number of the DOF among those of the source.
+        Those of ``OWN`` behind all of them, with the number of the DOF among those of the source.
     needs_others : bool
         Whether its steps need velocities or attitudes of other inputs.
     coupling_indices : list of tuple of int
         Which of all these each of its DOFs has, in the order of its settings.
-    watched, watched_indices
+    watched, watched_thrusts, watched_indices
         The same of the regressors that are watched; nothing waits for these.
     regressors : LowPass
         Of the couplings.
@@ -64,14 +66,19 @@ class FilteredSource(VelocitySource):
         self.indices = tuple(settings.dofs.index(d) for d in self.dofs)
         self.planar = planar if planar is not None and planar.input == input else None
         names = [settings.couplings(d) for d in self.dofs]
-        self.couplings, _ = _union([[x for x in one if x not in OWN] for one in names])
+        self.couplings, forces = _parted([x for one in names for x in one if x not in OWN])
         self.own = [(j, x) for j, one in enumerate(names) for x in one if x in OWN]
-        everything = [*self.couplings, *self.own]
+        everything = [*self.couplings, *forces, *self.own]
         self.coupling_indices = [tuple([everything.index((j, x) if x in OWN else x) for x in one])
                                  for j, one in enumerate(names)]
+        self.thrusts = tuple([settings.dofs.index(THRUSTS[x]) for x in forces])
         self.has_couplings = bool(everything)
         self.needs_others = bool(self.couplings) or self.planar is not None
-        self.watched, self.watched_indices = _union([settings.watched(d) for d in self.dofs])
+        watched = [settings.watched(d) for d in self.dofs]
+        self.watched, forces = _parted([x for one in watched for x in one])
+        self.watched_thrusts = tuple([settings.dofs.index(THRUSTS[x]) for x in forces])
+        everything = [*self.watched, *forces]
+        self.watched_indices = [tuple([everything.index(x) for x in one]) for one in watched]
         self.last_regressors: tuple[float, ...] = ()
         self.held: Motion | None = None
         self.last: Motion | None = None
@@ -124,8 +131,8 @@ class FilteredSource(VelocitySource):
             self._warn = None
 
 
-def _union(of_dofs: Sequence[Sequence[str]]
-           ) -> tuple[tuple[str, ...], list[tuple[int, ...]]]:
-    """Return all names of some DOFs, each once, and which of them each DOF has."""
-    union = tuple(dict.fromkeys(name for names in of_dofs for name in names))
-    return union, [tuple([union.index(name) for name in names]) for names in of_dofs]
+def _parted(names: Sequence[str]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return couplings that the motion makes, and those of ``THRUSTS``, each once."""
+    once = tuple(dict.fromkeys(names))
+    return (tuple([name for name in once if name not in THRUSTS]),
+            tuple([name for name in once if name in THRUSTS]))

@@ -391,7 +391,8 @@ class Pipeline:
         span = source.coupling_span(motion)
         if span is None:
             return ()
-        return self._couplings.mean(source.couplings, *span, self._is_linear(source))
+        measured = self._couplings.mean(source.couplings, *span, self._is_linear(source))
+        return (*measured, *self._forces.means(*span, source.thrusts))
 
     def _coupling_means(self, source: FilteredSource, motion: Motion) -> list[tuple[float, float]]:
         """Return the regressors over both parts of the step that a motion ends."""
@@ -474,9 +475,10 @@ class Pipeline:
         pieces = self._forces.pieces(begin, time, source.indices) if self._watches else ()
         split = middle if interval else time
         watched: tuple[float, ...] = ()
-        if source.watched:
-            watched = self._couplings.as_known(
-                source.watched, *((last.start, last.end) if interval else (begin, time)))
+        if source.watched or source.watched_thrusts:
+            seen = (last.start, last.end) if interval else (begin, time)
+            watched = (*self._couplings.as_known(source.watched, *seen),
+                       *self._forces.means(*seen, source.watched_thrusts))
         path_noise, turn, none = motion.path_noise, motion.turn, not source.has_couplings
         steps = []
         for j in range(len(source.indices)):
@@ -501,7 +503,8 @@ class Pipeline:
         source.interrupt()
         velocity = source.velocity.step(0.0, motion.velocity)
         source.last_regressors = self._coupling_regressors(source, motion)
-        if source.has_couplings and len(source.last_regressors) == len(source.couplings):
+        if source.has_couplings and len(source.last_regressors) == (
+                len(source.couplings) + len(source.thrusts)):
             still = [0.0] * len(source.indices)
             own = own_regressors(source.own, (motion, motion), (still, still, still), (0.0, 0.0))
             source.regressors.step(0.0, (*source.last_regressors, *[x for x, _ in own]))

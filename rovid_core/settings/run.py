@@ -23,6 +23,7 @@ from rovid_core.model.dofs import (
     OWN,
     PARAMETERS,
     RESTORING,
+    THRUSTS,
     velocity_factors,
 )
 from rovid_core.model.plant import lumped
@@ -159,6 +160,8 @@ class Scales:
         """Return the standard deviations of the couplings before any data, in SI."""
         # what acts on reverse only may take as much of it as there is
         own = {name: self._acceleration * scale for name, scale in zip(OWN, self.regressor)}
+        # and a force may have an arm of a metre, or the inverse of that
+        own.update(dict.fromkeys(THRUSTS, self.initial[0]))
         return tuple([own.get(x) or coupling_prior(x) for x in self.couplings])
 
     @property
@@ -347,7 +350,7 @@ class Settings:
         return self.all_methods or self.identifier.method in WATCHING
 
     def possible_couplings(self, dof: str) -> tuple[str, ...]:
-        """Return the couplings of a DOF whose velocities and angles are measured."""
+        """Return the couplings of a DOF whose velocities, angles and forces are known."""
         sources = {self.source(d) for d in self.dofs}
         linear = 'velocity' if self.velocity.topic else 'position'
         known = set(LINEAR_DOFS) if linear in sources else set()
@@ -355,6 +358,7 @@ class Settings:
             known |= set(ANGULAR_DOFS)
         return tuple([name for name in COUPLINGS[dof] if name not in OWN and (
             bool(self.attitude.topic) if name in RESTORING
+            else THRUSTS[name] in self.dofs if name in THRUSTS
             else set(velocity_factors(name)) <= known)])
 
     def watched(self, dof: str) -> tuple[str, ...]:
@@ -496,6 +500,10 @@ class Settings:
                 f'{name}.couplings', 'needs attitude.topic or angular_velocity.topic')
         if set(RESTORING) & set(couplings) and not self.attitude.topic:
             raise SettingsError(f'{name}.couplings', 'needs attitude.topic')
+        for coupling in couplings:
+            if coupling in THRUSTS and THRUSTS[coupling] not in self.dofs:
+                raise SettingsError(
+                    f'{name}.couplings', f'{coupling} needs {THRUSTS[coupling]} in dofs')
 
     def _check_dof(self, name: str) -> None:
         dof = self.dof[name]

@@ -226,6 +226,21 @@ class ForceHistory:
                 found.append([integrals[j] for j in dofs])
         return found
 
+    def means(self, start: int, end: int, dofs: tuple[int, ...]) -> list[float]:
+        """
+        Return the mean force on some DOFs over a span [ns] up to now, longer than 0.
+
+        Of what was before the first command nothing is known.
+        """
+        if not dofs:
+            return []
+        if not self._times or self._times[0] >= end:
+            return [0.0] * len(dofs)
+        start = max(start, self._times[0])
+        first, last = self.integrals((start, end), dofs)
+        dt = (end - start) * NS
+        return [(q - p) / dt for p, q in zip(first, last)]
+
     def each(self, start: int, middle: int, end: int, dof: int) -> tuple[Three, ...]:
         """Return the means of ``EACH`` of a DOF over both parts of a span [ns]; () for none."""
         numbers, found = self._each[dof], []

@@ -19,7 +19,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rovid_core.model.dofs import HEADING, OWN, RESTORING, Vector
+from rovid_core.model.dofs import HEADING, OWN, RESTORING, THRUSTS, Vector
 from rovid_core.model.samples import Motion, NS
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import (
@@ -34,7 +34,8 @@ from rovid_core.velocity.turning_rate import TurningRate
 LINEAR, ANGULAR = 'uvw', 'pqr'
 OF_ATTITUDE = (*RESTORING, *HEADING)
 FACTORS = (*LINEAR, *ANGULAR, *OF_ATTITUDE, '')  # the last one is 1
-NO_PRODUCTS = (*OF_ATTITUDE, *OWN)
+OF_FORCES = (*OWN, *THRUSTS)
+NO_PRODUCTS = (*OF_ATTITUDE, *OF_FORCES)
 
 
 class MeanVelocities:
@@ -248,7 +249,7 @@ class CouplingRegressors:
 
     def has_velocity(self, names: tuple[str, ...]) -> bool:
         """Tell whether a linear velocity of another DOF is in any of some regressors."""
-        return self._needed(tuple([name for name in names if name not in OWN])).linear
+        return self._needed(tuple([name for name in names if name not in OF_FORCES])).linear
 
     def _needed(self, names: tuple[str, ...]) -> Needed:
         known = self._known_needs.get(names)

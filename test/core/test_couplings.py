@@ -10,6 +10,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 from rovid_core.identify.estimate import Estimate
+from rovid_core.model.dofs import THRUSTS
 from rovid_core.model.plant import lumped
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
@@ -215,6 +216,7 @@ def test_restoring_terms_are_those_of_the_attitude() -> None:
 @pytest.mark.parametrize('dof, couplings, changes, says', [
     ('surge', ('uv',), {}, "got 'uv', takes vr, wq"),
     ('surge', ('vr', 'vr'), {}, 'names one twice'),
+    ('yaw', ('sway_thrust',), {'dofs': ('surge', 'yaw')}, 'sway_thrust needs sway in dofs'),
 ])
 def test_what_there_is_not_is_refused_by_its_key(
         dof: str, couplings: tuple[str, ...], changes: dict[str, object], says: str) -> None:
@@ -269,6 +271,43 @@ def test_without_couplings_no_wrong_mass_is_said_to_have_converged() -> None:
            for dof in estimate.dofs}
     assert max(off.values()) > 0.5  # it is such a vehicle
     assert not [d.dof for d in estimate.dofs if d.status == 'converged' and off[d.dof] > 0.1]
+
+
+ARM = 0.1
+"""[m] By which the thrust of sway acts ahead of the centre of mass, which nobody has told."""
+
+
+def with_an_arm(couplings: tuple[str, ...], prior: float = 0.0) -> Estimate:
+    """Identify a vehicle whose sway thrust turns it, too."""
+    settings = replace(guessed(couplings=True), current=CurrentSettings(prior=prior))
+    settings = replace(settings, dof={**settings.dof, 'yaw': replace(
+        settings.dof['yaw'], couplings=couplings)})
+    rows = [list(row) for row in settings.thrusters.allocation]
+    rows[5][1] = ARM
+    true = replace(settings, thrusters=replace(
+        settings.thrusters, allocation=tuple(map(tuple, rows))))
+    stream = Stream(settings)
+    for event in events(true, 120.0):
+        stream.receive(event)
+    stream.finish()
+    assert stream.estimate is not None
+    return stream.estimate
+
+
+@pytest.mark.parametrize('prior', [0.0, 0.3])
+def test_thrust_beside_the_centre_of_mass_is_named_and_found(prior: float) -> None:
+    lacking = next(d for d in with_an_arm(('uv',), prior).dofs if d.dof == 'yaw')
+    assert lacking.status != 'converged'
+    assert abs(TRUTH['yaw'].mass * lacking.parameters[0] - 1.0) > 0.1
+    assert 'follows sway thrust' in lacking.reasons[0]
+    assert 'add couplings: [uv, sway_thrust]' in lacking.reasons[0]
+    complete = next(d for d in with_an_arm(('uv', 'sway_thrust'), prior).dofs if d.dof == 'yaw')
+    assert complete.status == 'converged'
+    assert complete.parameters[0] == pytest.approx(1.0 / TRUTH['yaw'].mass, rel=0.02)
+    (uv, arm), (_, std) = complete.couplings, complete.couplings_std
+    assert uv == pytest.approx(IDEAL['yaw'][1], rel=0.05)
+    assert arm == pytest.approx(ARM / TRUTH['yaw'].mass, rel=0.02)
+    assert abs(arm - ARM / TRUTH['yaw'].mass) < 4.0 * std
 
 
 def test_a_saved_state_goes_on_with_the_same_bits() -> None:
@@ -409,7 +448,8 @@ def test_what_is_watched_is_what_would_be_configured_and_nothing_waits_for_it() 
     # without positions for a while yaw goes on, and what is not known is 0
     lost, _ = steps_of(without, 30.0, without='position')
     assert len(lost['yaw']) == len(as_watched['yaw'])
-    assert lost['yaw'][-1].watched == (0.0,) * len(without.watched('yaw'))
+    assert not any(x for x, name in zip(lost['yaw'][-1].watched, without.watched('yaw'))
+                   if name not in THRUSTS)
 
 
 VECTORED = ThrusterSettings(

@@ -100,6 +100,18 @@ def test_linear_hold_waits_for_the_next_command():
     assert chain().known(10**12)
 
 
+@pytest.mark.parametrize('timing', [{}, {'time_constant': 1e-6}, {'hold': 'linear'}])
+def test_the_mean_force_on_some_dofs_is_of_what_is_known(timing):
+    thrust = ForceHistory(replace(TWO, **timing), ('surge', 'yaw'))
+    assert thrust.means(0, 100 * MS, (0, 1)) == [0.0, 0.0]
+    for time in (100, 200):
+        thrust.add_commands(time * MS, (1.0, 0.0))
+    assert thrust.means(0, 100 * MS, (0, 1)) == [0.0, 0.0]
+    assert thrust.means(50 * MS, 200 * MS, (1, 0)) == pytest.approx([10.0, 40.0], rel=1e-4)
+    assert thrust.means(150 * MS, 200 * MS, (1,)) == pytest.approx([10.0])
+    assert thrust.means(0, 200 * MS, ()) == []
+
+
 def test_one_topic_per_thruster_needs_all_of_them():
     thrust = ForceHistory(replace(TWO, topics=('/a', '/b')), ('surge', 'yaw'))
     thrust.add_commands(0, (1.0,), 0)

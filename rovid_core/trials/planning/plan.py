@@ -23,7 +23,7 @@ import math
 
 import numpy as np
 from rovid_core.identify.intervals import Z95
-from rovid_core.model.dofs import OWN, RESTORING, velocity_factors
+from rovid_core.model.dofs import OWN, RESTORING, THRUSTS, velocity_factors
 from rovid_core.model.plant import Array
 from rovid_core.settings.run import Scales
 from rovid_core.simulation.profiles import Sinusoid, Steps
@@ -315,9 +315,10 @@ def coupled_prospect(dof: str, plans: Mapping[str, Plan], scales: Scales, sensor
     Return what the profiles of all plans tell of a DOF with couplings (``scales.couplings``).
 
     ``kappas`` are what is known of them; they take part in the motion of this DOF alone. A
-    coupling with the attitude, or with a DOF that is not planned, is not told.
+    coupling with the attitude, with a force, or with a DOF that is not planned, is not told.
     """
-    told = tuple([name for name in scales.couplings if name not in RESTORING
+    told = tuple([name for name in scales.couplings
+                  if name not in RESTORING and name not in THRUSTS
                   and all(other in plans for other in velocity_factors(name))])
     partners = tuple(dict.fromkeys(
         other for name in told for other in velocity_factors(name) if other != dof))

@@ -15,7 +15,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     LAG,
 )
 from rovid_core.identify.last_minute import KEYS, lacking, UNTOLD_DEAD_BAND
-from rovid_core.model.dofs import EACH, Four, RESTORING
+from rovid_core.model.dofs import EACH, Four
 from rovid_core.model.thrusters import DEAD_BAND, Thrusters
 from rovid_core.settings.inputs import LONGEST_LAG
 from rovid_core.settings.run import Scales
@@ -101,7 +101,7 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         said = f'the heading, as with a current{size}'
     else:
         name = missing.name
-        written = name.replace('_', ' ') if name in RESTORING else ' '.join(name)
+        written = name.replace('_', ' ') if '_' in name else ' '.join(name)
         return (f'{_percent(missing)} of the error follows {written} with a coefficient of about '
                 f'{kappa * scales.velocity:.2g}: add couplings: '
                 f'[{", ".join([*scales.couplings, name])}]')

@@ -477,6 +477,20 @@ MUTANTS = [
          ('the worst filter of the attitudes counts',
           'one.square < least', 'one.square > least * 0.0'),
          ('after a pause a turn goes on from before', 'if count == 1:', 'if False:')),
+    *_of('rovid_ros/messages/field_paths.py', 'test/commands/test_survey.py '
+         'a_log_without_the_field_costs_a_row',
+         ('an error of a field does not come from another process',
+          'super().__init__(key, message)', "super().__init__(f'{key}: {message}')")),
+    *_of('rovid_ros/comparison/trials.py', 'test/commands/test_replay_state.py '
+         'a_record_that_began_from_a_state_of_another_method_is_replayed_and_compared',
+         ('methods are compared from a state',
+          '"""Begin anew: methods are compared by what this log alone tells them."""',
+          'super().restore(state)')),
+    *_of('rovid_ros/logs/writer.py', 'test/files/test_power_loss.py '
+         'an_output_log_has_its_name_when_it_is_on_the_disk',
+         ('an output is closed before it is on the disk',
+          'self._close()\n        if self._part != self._path and not',
+          'self.close()\n        if self._part != self._path and not')),
     *_of('rovid_core/thrust/force_history.py', 'test/core/test_thrust.py '
          'the_mean_force_on_some_dofs_is_of_what_is_known',
          ('a mean force begins before the commands', 'start = max(start, self._times[0])', ''),

@@ -22,8 +22,11 @@ class SettingsError(ValueError):
     """
 
     def __init__(self, key: str, message: str) -> None:
-        super().__init__(f'{key}: {message}')
+        super().__init__(key, message)  # both, so that it can come from another process
         self.key = key
+
+    def __str__(self) -> str:
+        return ': '.join(self.args)
 
 
 @dataclass(frozen=True)

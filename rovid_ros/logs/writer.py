@@ -187,16 +187,19 @@ class OutputLog(LogWriter):
 
     def finish(self) -> None:
         """Give it its name, whole and on the disk."""
-        self.close(synced=self._part != self._path)
+        self._close()
         if self._part != self._path:
             os.replace(self._part, self._path)
             sync_folder(self._path.parent)
 
     def __exit__(self, *error: object) -> None:
         """Close the file; a part without a message is removed."""
-        self.close()
+        self._close()
         if self._part != self._path and not self._channels:
             self._part.unlink(missing_ok=True)
+
+    def _close(self) -> None:
+        self.close(synced=self._part != self._path)
 
 
 def unfinished(path: Path) -> Path:

@@ -17,7 +17,7 @@ from rovid_ros.config.parameter_file import load as load_parameters
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.files.state_file import load, save, StateError
 from rovid_ros.files.whole_files import FileLock
-from rovid_ros.logs.log import Log, LogMessage
+from rovid_ros.logs.log import Log, LogMessage, RECORD
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.converter import Converter
@@ -46,6 +46,42 @@ def dives(config: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     for writer in writers:
         writer.close()
     return paths
+
+
+def recorded(path: Path, log: Path, state: dict[str, Any]) -> Path:
+    """Write a log as a node does that begins from a state; return its path."""
+    with LogWriter(path) as writer, log.open('rb') as file:
+        writer.metadata(RECORD, {'run': '1', 'part': '0', 'state': json.dumps(state)})
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            writer.write_raw(channel.topic, schema.name, message.data, message.log_time)
+    return path
+
+
+def test_a_record_that_began_from_a_state_of_another_method_is_replayed_and_compared(
+        dives: list[Path], config: Path, tmp_path: Path,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    call = Call(config, tmp_path)
+    assert call(dives[0], '--method', 'ekf') == 0
+    record = recorded(tmp_path / 'record.mcap', dives[1], json.loads(
+        call.state.read_text())['state'])
+    results = {}
+    for log in (record, dives[1]):
+        for method in METHODS:
+            out = tmp_path / 'out.json'
+            assert main(['replay', str(log), '--params-file', str(config), '--method', method,
+                         '--json', str(out)]) == 0
+            results[log, method] = json.loads(out.read_text())['dofs']
+    assert capsys.readouterr().err.count(
+        'the node began this recording with a state of ekf; aid begins anew') == 1
+    assert results[record, 'aid'] == results[dives[1], 'aid']
+    assert results[record, 'ekf'] != results[dives[1], 'ekf']  # it goes on from the state
+    for log in (record, dives[1]):
+        assert main(['compare', str(log), '--params-file', str(config), '--json',
+                     str(tmp_path / f'{log.stem}.json')]) == 0
+    models = [json.loads((tmp_path / f'{log.stem}.json').read_text())['models']
+              for log in (record, dives[1])]
+    assert models[0] == models[1]
 
 
 class Call:

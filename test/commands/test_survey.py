@@ -76,6 +76,15 @@ def test_the_summary_says_what_says_nothing(
     assert 'A line takes three dives.' in ' '.join(said.split())
 
 
+def test_a_log_without_the_field_costs_a_row(season: Path, tmp_path: Path) -> None:
+    table = tmp_path / 'table.csv'
+    assert main(['survey', str(season / 'dives'), '--params-file', str(CONFIG), '-p',
+                 'position.field:=point.nowhere', '--output', str(table)]) == 1
+    errors = {Path(row['log']).name: row['error'] for row in rows(table)}
+    assert errors.keys() == {'d1.mcap', 'd2.mcap', 'broken.mcap'}
+    assert "position.field: 'point.nowhere'" in errors['d1.mcap']
+
+
 @pytest.mark.long
 def test_one_process_gives_the_same_table(season: Path) -> None:
     assert survey(season, 'one.csv', '--workers', '1') == 1

@@ -73,14 +73,18 @@ def test_what_others_read_has_its_name_when_it_is_on_the_disk(
     assert [entry.name for entry in tmp_path.iterdir()] == ['result.json']
 
 
+@pytest.mark.parametrize('closed', [False, True])  # before it is given its name
 def test_an_output_log_has_its_name_when_it_is_on_the_disk(
-        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        closed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / 'out.mcap'
     path.write_bytes(b'old')
     disk = Disk(monkeypatch, tmp_path)
     disk.watch(path)
     with OutputLog(path) as log:
         log.write('/a', 'std_msgs/msg/String', {'data': 'x'}, 1)
+        if not closed:
+            log.finish()
+    if closed:
         log.finish()
     assert disk.watch(path) == {path.read_bytes()}
     assert disk.seen(path) == {b'old', path.read_bytes()}

@@ -481,6 +481,22 @@ MUTANTS = [
          'a_log_without_the_field_costs_a_row',
          ('an error of a field does not come from another process',
           'super().__init__(key, message)', "super().__init__(f'{key}: {message}')")),
+    *_of('rovid_core/inputs/outlier_gate.py', 'test/core/test_couplings.py '
+         'without_a_gate_the_turns_are_filtered_as_well',
+         ('a gate of 0 knows no turns', 'change = self.change = self._change(good.value, value)',
+          'change = self._change(good.value, value)\n        '
+          'self.change = change if self._limit else None')),
+    *_of('rovid_core/inputs/outlier_gate.py', 'test/core/test_outliers.py '
+         'without_the_gate_they_do',
+         ('a gate of 0 refuses', 'not self._limit or', '')),
+    *_of('rovid_core/ordering/event_order.py', 'test/core/test_ordering.py '
+         'nobody_waits_for_a_reference_that_comes_late',
+         ('a reference lets the others wait', 'key in self._inputs and lag <= FAR',
+          'lag <= FAR')),
+    *_of('rovid_core/pipeline/stream.py', 'test/core/test_slow_fixes.py '
+         'a_wait_that_has_grown_outlasts_a_change_of_other_settings',
+         ('any change takes back a wait that has grown',
+          'if settings.max_wait != self.settings.max_wait:', 'if True:')),
     *_of('rovid_ros/comparison/trials.py', 'test/commands/test_replay_state.py '
          'a_record_that_began_from_a_state_of_another_method_is_replayed_and_compared',
          ('methods are compared from a state',

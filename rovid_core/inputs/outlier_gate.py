@@ -155,7 +155,8 @@ class OutlierGate:
         u, v, w = good.rate
         x, y, z = innovation = (change[0] - u * dt, change[1] - v * dt, change[2] - w * dt)
         size = math.sqrt(x * x + y * y + z * z)
-        is_good = size <= self._allowed(good, dt) or self._innovations < LEARNED_AFTER
+        is_good = (not self._limit or self._innovations < LEARNED_AFTER
+                   or size <= self._allowed(good, dt))
         self._learn(dt, size, is_good)
         if is_good:
             self._outliers = None

@@ -73,11 +73,8 @@ class InputCheck:
 
     def change(self, settings: Settings) -> None:
         """Use other limits."""
-        self._is_gated = settings.gate > 0.0
         self.gate.change_limits(settings)
         self._units.change(settings)
-        if not self._is_gated:
-            self.gate.restart()  # what it last saw must not stand for what comes
 
     def restart(self) -> None:
         """Forget everything."""
@@ -126,7 +123,7 @@ class InputCheck:
                 self._is_stuck = False
                 self.gate.restart_from(time, value)
                 return 'gap'
-        reason = self.gate.check(time, value) if self._is_gated else ''
+        reason = self.gate.check(time, value)
         self._units.add_sample(time, value, reason, self.gate.change)
         return reason
 

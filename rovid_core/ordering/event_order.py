@@ -211,7 +211,7 @@ class EventOrder:
 
     def _note_late(self, key: Key, time: int, lag: int) -> None:
         self._last_lags[key] = max(lag, round(KEPT_LAG * self._last_lags.get(key, 0)))
-        if self._grows and lag <= FAR:
+        if self._grows and key in self._inputs and lag <= FAR:
             lags = self._lags.setdefault(key, [])
             lags.append((time, lag))
             if len(lags) >= LATE_IN_A_ROW and time - lags[0][0] >= LATE_FOR:

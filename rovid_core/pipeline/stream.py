@@ -160,7 +160,8 @@ class Stream:
 
         """
         self._note('parameters', told)
-        self._order.change(settings.wait, settings.max_wait < 0.0)
+        if settings.max_wait != self.settings.max_wait:  # else a wait that grew stays
+            self._order.change(settings.wait, settings.max_wait < 0.0)
         self._pipeline.change(settings)
         self.settings = settings
         self._pipeline.adapt = settings.enable

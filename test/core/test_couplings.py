@@ -157,6 +157,12 @@ def test_a_gyro_and_the_fixes_do_not_wait_for_each_other() -> None:
                if reason == 'no_coupling') <= 10  # before the first fixes
 
 
+def test_without_a_gate_the_turns_are_filtered_as_well() -> None:
+    with_gate, without = [
+        steps_of(quick(configured(simulation=NOISY, gate=gate)), 30.0)[0] for gate in (8.0, 0.0)]
+    assert [s.couplings for s in without['surge']] == [s.couplings for s in with_gate['surge']]
+
+
 def test_the_parts_of_a_step_lie_in_one_interval_between_fixes_each() -> None:
     steps, _ = steps_of(quick(configured()), 30.0)
     for one, other in zip(steps['surge'][:-1], steps['surge'][1:]):

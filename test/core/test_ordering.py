@@ -50,6 +50,22 @@ def stream(count=200):
     return sorted(events, key=lambda e: (e.time, rank(e.samples[0].input)))
 
 
+def test_nobody_waits_for_a_reference_that_comes_late():
+    # positions fail after a second: the others wait for them as long as they may
+    events = [e for e in stream(1000) if e.samples[0].input != 'position' or e.time < 1000 * MS]
+    late = [event(e.time / MS - 500, 'reference') for e in events if e.time > 600 * MS]
+    released = []
+    for behind in ([], late):
+        order = EventOrder(INPUTS, 0.1, 1.0, lambda i, r: None, lambda line: None, grows=True)
+        waiting, out = iter(behind), []
+        for e in events:
+            out.append([x for x in named(order.push(e)[0]) if x[1] != 'reference'])
+            if e.time > 600 * MS and behind:
+                order.push(next(waiting))
+        released.append(out)
+    assert released[0] == released[1]
+
+
 def test_released_as_soon_as_every_other_input_has_come_as_far():
     order = Order()
     assert order.push(0, 'position') == []

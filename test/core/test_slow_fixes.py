@@ -69,8 +69,13 @@ def vehicle(rate: float, noise: float = 0.05, **changes: object) -> Settings:
 
 
 def run(settings: Settings, duration: float = 120.0, late: float = 0.0, jitter: float = 0.0,
-        pause: tuple[float, float] = (0.0, 0.0), echo: float = 0.0) -> Stream:
-    """Return the stream after fixes that come ``late`` [s], and of which some are echoes."""
+        pause: tuple[float, float] = (0.0, 0.0), echo: float = 0.0,
+        then: Settings | None = None) -> Stream:
+    """
+    Return the stream after fixes that come ``late`` [s], and of which some are echoes.
+
+    Half-way it goes on with other settings where they are given.
+    """
     random = np.random.default_rng(1)
     # fixes at uneven times are every so many of fast ones
     period = 1.0 / settings.simulation.position_rate
@@ -88,7 +93,9 @@ def run(settings: Settings, duration: float = 120.0, late: float = 0.0, jitter: 
                 value = (value[0] + 30.0, *value[1:])
         events.append((arrival, len(events), Event(time, (Sample(name, value),))))
     stream = Stream(settings)
-    for _, _, event in sorted(events):
+    for k, (_, _, event) in enumerate(sorted(events)):
+        if then is not None and k == len(events) // 2:
+            stream.change(then, '')
         stream.receive(event)
     stream.finish()
     return stream
@@ -131,6 +138,11 @@ def test_the_others_wait_for_fixes_that_keep_coming_late() -> None:
     assert steps(stream) > 105
     warning, = stream.take_warnings()
     assert 'position keeps coming' in warning
+
+
+def test_a_wait_that_has_grown_outlasts_a_change_of_other_settings() -> None:
+    stream = run(vehicle(1.0), late=0.6, then=vehicle(1.0, max_speed=3.0))
+    assert stream.rejected['position', 'late'] == 3
 
 
 def test_what_is_too_late_says_what_to_set() -> None:

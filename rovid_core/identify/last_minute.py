@@ -117,7 +117,8 @@ class LastMinute:
     @property
     def fit(self) -> float:
         """Return the share of the motion that is predicted: 1 - rms(error) / rms(path)."""
-        error, path = (sum(getattr(b, name) for b in self._blocks) for name in ('error', 'path'))
+        error, path = (math.fsum([b.error for b in self._blocks]),
+                       math.fsum([b.path for b in self._blocks]))
         return 1.0 - math.sqrt(error / path) if path > 0.0 else math.nan
 
     def doubt(self, converged: bool) -> str:
@@ -129,8 +130,8 @@ class LastMinute:
     def _doubt(self, converged: bool) -> str:
         if len(self._blocks) < BLOCKS:
             return 'the model has not predicted a minute yet'
-        error, acceleration = (
-            sum(getattr(b, name) for b in self._blocks) for name in ('error', 'acceleration'))
+        error, acceleration = (math.fsum([b.error for b in self._blocks]),
+                               math.fsum([b.acceleration for b in self._blocks]))
         normal, right, squares = (
             sum(getattr(b, name) for b in self._blocks) for name in ('normal', 'right', 'squares'))
         on = np.append(np.flatnonzero(self._scales.active), np.arange(4, len(self._size)))

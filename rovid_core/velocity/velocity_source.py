@@ -203,7 +203,7 @@ class VelocitySource:
         if self._needs_attitude:
             self._attitude = attitude
         if self.input == 'depth':
-            if not self._shared.vertical_velocity(end, 1):
+            if self._shared.vertical_velocity(end, 1) is None:
                 self._shared.add_depth(start, last[1][0])
             self._shared.add_depth(end, new[1][0])
         fix = (0.0, 0.0)

@@ -406,7 +406,9 @@ def _check_commands(seen: Observation, findings: Findings) -> None:
 
 def _check_together(seen: Observation, findings: Findings) -> None:
     """Compare the inputs with each other: their clocks, and the time that they share."""
-    deciding = {section(name): one for (name, _), one in seen.samples.items()
+    topics = seen.settings.thrusters.topics
+    deciding = {f'thrusters of {topics[part]}' if name == 'thrusters' and len(topics) > 1
+                else section(name): one for (name, part), one in seen.samples.items()
                 if one.count and name != 'reference'}
     if len(deciding) < 2:
         return

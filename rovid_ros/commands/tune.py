@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 import math
 from pathlib import Path
+import shlex
 import textwrap
 from typing import Any
 
@@ -69,12 +70,13 @@ def run(args: argparse.Namespace) -> None:
         read_settings(replace(source, paths=(*source.paths[:-1], args.output)))
         if args.json:
             write_json(args.json, tuned_document(tuned))
-    for rule in source.overrides:
-        if changes.keys() & override(rule):
-            warn(args.prog, f'-p {rule} wins over what {args.output} says: leave it out')
+    wins = [rule for rule in source.overrides if changes.keys() & override(rule)]
+    for rule in wins:
+        warn(args.prog, f'-p {rule} wins over what {args.output} says: leave it out')
     print_written(args.output, args.json)
-    files = ' '.join(f'--params-file {path}' for path in (*source.paths[:-1], args.output))
-    print(f'next      rovid replay {" ".join(map(str, args.logs))} {files}')
+    found = replace(source, paths=(*source.paths[:-1], args.output), overrides=tuple(
+        [rule for rule in source.overrides if rule not in wins]))
+    print(f'next      rovid replay {shlex.join([*map(str, args.logs), *found.arguments])}')
 
 
 class TuningPlayer(PipelinePlayer):

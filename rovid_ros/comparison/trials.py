@@ -218,12 +218,12 @@ class Model:
     def error(self, logs: Sequence[str]) -> float:
         """Return the mean mae over those logs that judge it; infinite without any."""
         values = [self.scores[log].mae for log in self.judges(logs)]
-        return sum(values) / len(values) if values else math.inf
+        return math.fsum(values) / len(values) if values else math.inf
 
     def fit_on(self, logs: Sequence[str]) -> float:
         """Return the mean fit over those logs that judge it; NaN without any."""
         values = [self.scores[log].fit for log in self.judges(logs)]
-        return sum(values) / len(values) if values else math.nan
+        return math.fsum(values) / len(values) if values else math.nan
 
     def judges(self, logs: Sequence[str]) -> list[str]:
         """Return those logs that have steps to score it on and push the DOF, if any does."""
@@ -341,7 +341,7 @@ def _best_terms(trial: Trial, dof: str, settings: Settings, trials: Sequence[Tri
         if not all(map(math.isfinite, fit.parameters)):
             return math.inf
         model = (*fit.parameters, *fit.couplings)
-        return sum(judge.scores.score(dof, model).mae for judge in judges)
+        return math.fsum([judge.scores.score(dof, model).mae for judge in judges])
 
     best, least = configured, error(configured)
     for candidate in subsets(configured):

@@ -255,9 +255,14 @@ class Checkpoint:
             except OSError as error:
                 raise SettingsError('checkpoint.path', f'{self.path} {error.strerror}') from None
 
+    @property
+    def is_kept(self) -> bool:
+        """Tell whether the state is to be saved to a file."""
+        return bool(self._stream.settings.checkpoint_path)
+
     def restore(self) -> dict[str, Any] | None:
         """Go on from the file where there is one that fits; return its state."""
-        if not self._stream.settings.checkpoint_path or not self.path.exists():
+        if not self.is_kept or not self.path.exists():
             return None
         state = self._restore(self.path)
         if state is None:
@@ -266,7 +271,7 @@ class Checkpoint:
 
     def save(self) -> str:
         """Write the file; return why not, or ''."""
-        if not self._stream.settings.checkpoint_path:
+        if not self.is_kept:
             return 'checkpoint.path is not set'
         try:
             state = self._stream.state()

@@ -57,6 +57,10 @@ class IdentifierNode(ParameterNode):
     live : bool
         False: no subscriptions, no recording and no checkpoint; the owner calls
         ``add_message``. Such a node always starts by itself.
+    scorer : Scorer, optional
+        Gets every step.
+    is_stopped : callable
+        Tells whether the process is asked to end, which ends a look-up of frames.
 
     Attributes
     ----------
@@ -74,8 +78,10 @@ class IdentifierNode(ParameterNode):
     """
 
     def __init__(self, values: Mapping[str, Any] | None = None, *, live: bool = True,
-                 scorer: Scorer | None = None) -> None:
+                 scorer: Scorer | None = None,
+                 is_stopped: Callable[[], bool] = lambda: False) -> None:
         self._live = live
+        self._is_stopped = is_stopped
         self.saved = True
         self._scorer = scorer
         self._save_timer: Timer | None = None
@@ -95,7 +101,7 @@ class IdentifierNode(ParameterNode):
         """Make everything but the inputs."""
         self.found.clear()
         if self._live:
-            self.show_found(look_up(self, self.initial_settings()))
+            self.show_found(look_up(self, self.initial_settings(), self._is_stopped))
         settings = self.initial_settings()
         if not self._live:
             settings = replace(settings, record_path='', checkpoint_path='')
@@ -106,7 +112,7 @@ class IdentifierNode(ParameterNode):
             self.get_logger().info(f'{key}: {value} from {TOPIC}')
         if self.changes:
             change_parameters(self.stream, self.changes)
-        self.show_changes({'enable': self.stream.adapting})
+        self.show({'enable': self.stream.adapting})
         self._join_graph()
 
     def activate(self) -> None:
@@ -197,13 +203,14 @@ class IdentifierNode(ParameterNode):
         self.converter = Converter(settings, self.stream.reject)
         self._classes = {topic: message_class(settings, self.converter, topic)
                          for topic in self.converter.topics} if self._live else {}
-        self._health = HealthMonitor(self, self.stream, self._recorder, live=self._live)
+        self._checkpoint = Checkpoint(self.stream, self.get_logger())
+        self.resources.callback(self._checkpoint.close)
+        self._health = HealthMonitor(
+            self, self.stream, self._recorder, self._checkpoint, live=self._live)
         self._silence = StaleEstimates(self, self.stream)
         self._decoder = InputDecoder(
             self.stream, self.converter, self._classes, self._health.arrivals.add,
             self.get_logger(), keep=self._recorder is not None)
-        self._checkpoint = Checkpoint(self.stream, self.get_logger())
-        self.resources.callback(self._checkpoint.close)
         restored = self._checkpoint.restore()
         if self._recorder:
             self._recorder.open(restored)

@@ -130,12 +130,16 @@ class ParameterNode(ManagedNode):
     def show_changes(self, changes: Mapping[str, Any]) -> None:
         """Let the parameters show values that were changed by a service or a replayed log."""
         self.changes.update(changes)
-        super().set_parameters_atomically(typed_parameters(changes))
+        self.show(changes)
 
     def show_found(self, found: Mapping[str, Any]) -> None:
         """Go on with values of keys that were not given, and let the parameters show them."""
         self.found = dict(found)
-        super().set_parameters_atomically(typed_parameters(found))
+        self.show(found)
+
+    def show(self, values: Mapping[str, Any]) -> None:
+        """Let the parameters show what nobody has changed; it does not outlast a clean-up."""
+        super().set_parameters_atomically(typed_parameters(values))
 
     def set_parameters(self, parameter_list: list[Parameter[Any]]) -> list[SetParametersResult]:
         """Set one parameter after the other."""

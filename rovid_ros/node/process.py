@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Literal, TYPE_CHECKING
 
@@ -32,7 +32,7 @@ FOR_EVER = -1
 Kind = Literal['subscription', 'guard_condition', 'timer', 'client', 'service']
 
 
-def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
+def run(make: Callable[..., Any], arguments: Sequence[str],
         stop: StopRequest) -> int:
     """
     Run a node until a signal comes, and return the exit code.
@@ -51,9 +51,13 @@ def run(make: Callable[[Mapping[str, Any]], Any], arguments: Sequence[str],
         # rclpy's own handlers would end the context before the last estimates are out
         rclpy.init(args=list(rest), signal_handler_options=SignalHandlerOptions.NO)
         set_logger_level('rcl', LoggingSeverity.UNSET)
-        node = make(values)
+        node = make(values, is_stopped=lambda: stop.received)
     except (ValueError, OSError, RuntimeError, ParameterException, NameValidationException,
             NoTypeSupportImportedException) as error:
+        if stop.received:  # which is why something is missing
+            stop.ignore_signals()
+            rclpy.try_shutdown()
+            return DONE
         tell(f'{NODE_NAME}: {printable(one_line(error))}')
         rclpy.try_shutdown()
         return USAGE if isinstance(error, UsageError) else AT_FAULT

@@ -27,7 +27,7 @@ def find_dives(given: Sequence[str]) -> list[Path]:
     A log, a bag of rosbag2, a pattern with ``*``, a folder with logs and bags at any depth, or a
     text file (``.txt``) with one of these a line, relative to the file; ``#`` begins a comment. A
     path that is not there stays in the list. Raises LogError where a pattern, folder or list has
-    no log.
+    no log, or a list names itself.
     """
     found: dict[str, Path] = {}
     for text in given:
@@ -36,14 +36,18 @@ def find_dives(given: Sequence[str]) -> list[Path]:
     return list(found.values())
 
 
-def _dives(text: str) -> Iterator[Path]:
+def _dives(text: str, lists: tuple[str, ...] = ()) -> Iterator[Path]:
+    """Yield the logs of a path in some lists, of which each names the next one."""
     path = Path(text)
     if path.suffix == LIST and path.is_file():
-        found = list(_listed(path))
+        if os.path.realpath(path) in lists:
+            raise LogError(f'{path}: the list names itself')
+        found = list(_listed(path, (*lists, os.path.realpath(path))))
     elif path.is_dir() and not (path / BAG).is_file():
         found = list(_inside(path))
     elif glob.has_magic(text) and not path.exists():
-        found = [dive for name in sorted(glob.glob(text, recursive=True)) for dive in _dives(name)]
+        found = [dive for name in sorted(glob.glob(text, recursive=True))
+                 for dive in _dives(name, lists)]
     else:
         found = [path]
     if not found:
@@ -51,11 +55,11 @@ def _dives(text: str) -> Iterator[Path]:
     yield from found
 
 
-def _listed(path: Path) -> Iterator[Path]:
+def _listed(path: Path, lists: tuple[str, ...]) -> Iterator[Path]:
     for line in path.read_text(encoding='utf-8', errors='replace').splitlines():
         name = line.partition('#')[0].strip()
         if name:
-            yield from _dives(str(path.parent / name))
+            yield from _dives(str(path.parent / name), lists)
 
 
 def _inside(folder: Path) -> Iterator[Path]:

@@ -1,6 +1,7 @@
 """``rovid check``: each mistake is found, named and told apart from what is right."""
 
 from collections.abc import Callable
+from copy import deepcopy
 import json
 import math
 from pathlib import Path
@@ -282,6 +283,27 @@ def downwards(message: Message) -> Message:
 def backwards(message: Message) -> Message:
     return shifted(message, -0.3) if message[0] == '/imu' and message[3] // 50_000_000 % 8 == 0 \
         else message
+
+
+@pytest.mark.long
+def test_each_thruster_topic_has_a_clock(tmp_path: Path, log: Path) -> None:
+    store, other = standard_types(), tmp_path / 'other.mcap'
+    with log.open('rb') as file, LogWriter(other) as writer:
+        for schema, channel, message in make_reader(file).iter_messages():
+            assert schema is not None
+            fields = plain(store.deserialize_cdr(message.data, schema.name))
+            if channel.topic != '/current':
+                writer.write(channel.topic, schema.name, fields, message.log_time)
+                continue
+            for k, effort in enumerate(fields['effort']):
+                one = (f'/current/{k}', schema.name, deepcopy({**fields, 'effort': [effort]}),
+                       message.log_time)
+                writer.write(*(shifted(one, -3600.0) if k == 1 else one), message.log_time)
+    outcome = checked(tmp_path, {
+        'thrusters.topic': None, 'thrusters.names': None, 'thrusters.field': 'effort[0]',
+        'thrusters.topics': [f'/current/{k}' for k in range(3)]}, logs=[other])
+    assert [one.subject for one in findings(outcome, WARNING) if 'stamps are' in str(one)] == [
+        'thrusters of /current/1'], outcome.text
 
 
 @pytest.mark.long

@@ -87,7 +87,8 @@ def test_the_tuned_file_replays_better(
     assert re.search(r'^thrusters.delay and .*: \d+.\d ± \d+.\d % better$', said.out, re.M)
     assert 'nothing else is clearly better, so these stay: ' in said.out
     assert (f'next      rovid replay {folder}/log.mcap --params-file {first} '
-            f'--params-file {tuned}') in said.out
+            f'--params-file {tuned} -p max_wait:=0.1 -p surge.typical.velocity:=20.0\n'
+            ) in said.out
     assert f'-p thrusters.delay:=0.0 wins over what {tuned} says: leave it out' in said.err
     assert 'max_wait' not in said.err
     assert 'typical' not in said.err  # it finds typical sizes itself

@@ -161,6 +161,7 @@ def test_a_clock_that_goes_back_does_not_overwrite_what_was_learned(tmp_path: Pa
     for adapt in (False, True):
         stream.enable(adapt)
         assert kept.save() == ''
+    assert (kept.is_kept, kept.path) == (True, beside)  # what /diagnostics looks at
     assert path.read_text() == learned
     assert load(beside, settings())['adapt'] is True
     assert lines.text.count(f'{path} stays as it was, {beside} is written') == 1

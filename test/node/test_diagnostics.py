@@ -320,12 +320,16 @@ def test_a_node_that_is_not_active_says_so(messages: list[Raw]) -> None:
 
 
 def test_files_that_are_not_written(messages: list[Raw], tmp_path: Path) -> None:
-    run = Watched({'checkpoint.path': str(tmp_path / 'c.json'), 'checkpoint.period': 1.0})
+    # what a clock that went back has reset is saved beside what was learned
+    path, written = tmp_path / 'c.json', str(tmp_path / 'c-reset.json')
+    run = Watched({'checkpoint.path': str(path), 'checkpoint.period': 1.0})
     run.feed(messages)
-    assert run.statuses(uptime=2.0)['state'][1] == OK
-    assert run.statuses(uptime=4.0)['state'][1] == WARN
-    (tmp_path / 'c.json').touch()
-    assert run.statuses(uptime=4.0)['state'][1] == OK
+    path.touch()
+    assert run.statuses(uptime=2.0, checkpoint=written)['state'][1] == OK
+    assert run.statuses(uptime=4.0, checkpoint=written)['state'][1] == WARN
+    Path(written).touch()
+    _, level, _, values = run.statuses(uptime=4.0, checkpoint=written)['state']
+    assert (level, values['checkpoint path']) == (OK, written)
     _, level, message, values = run.statuses(uptime=2.0, record='r.mcap', recording=False)['state']
     assert level == ERROR
     assert 'recording has ended' in message

@@ -16,6 +16,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
+from rovid_core.pipeline.stream import Stream
+from rovid_ros.config.parameters import settings_from
+from rovid_ros.files.state_file import save
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.player import CONTROL
 from rovid_ros.node.node import IdentifierNode
@@ -273,6 +276,21 @@ def waiting(ros: None, tmp_path: Path) -> Iterator[IdentifierNode]:
     node = IdentifierNode(changed({**WAITING, 'checkpoint.path': str(tmp_path / 'c.json')}))
     yield node
     node.destroy_node()
+
+
+def test_what_a_checkpoint_froze_is_not_frozen_without_it(
+        waiting: IdentifierNode, tmp_path: Path) -> None:
+    path = tmp_path / 'c.json'
+    frozen = Stream(settings_from(changed({'enable': False})))
+    save(path, frozen.settings, frozen.state())
+    assert waiting.trigger_configure() == SUCCESS
+    assert not waiting.stream.adapting
+    assert waiting.get_parameter('enable').value is False
+    assert waiting.trigger_cleanup() == SUCCESS
+    path.unlink()
+    assert waiting.trigger_configure() == SUCCESS
+    assert waiting.stream.adapting
+    assert waiting.get_parameter('enable').value is True
 
 
 def test_nothing_is_left_behind(waiting: IdentifierNode) -> None:

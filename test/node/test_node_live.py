@@ -22,6 +22,7 @@ from rclpy.impl.logging_severity import LoggingSeverity
 from rclpy.logging import set_logger_level
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+from rovid_core.settings.run import SettingsError
 from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameters import settings_from
 from rovid_ros.files.whole_files import FileLock
@@ -455,6 +456,17 @@ def test_a_process_that_is_refused_prints_one_line(
     assert node.wait() == code
     assert expected in node.output
     assert len(node.output.splitlines()) == 1
+
+
+@pytest.mark.usefixtures('refused')
+def test_a_signal_while_something_is_looked_up(capfd: pytest.CaptureFixture[str]) -> None:
+    def look_up(values: dict[str, object], is_stopped: Callable[[], bool]) -> None:
+        signal.raise_signal(signal.SIGINT)
+        assert is_stopped()
+        raise SettingsError('position.lever_arm', 'has not come')
+
+    assert run(look_up, ['node'], StopRequest()) == 0
+    assert capfd.readouterr().err == ''
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

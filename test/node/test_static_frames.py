@@ -1,5 +1,6 @@
 """Static transforms that a node looks up once."""
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -55,10 +56,12 @@ def test_what_was_published_before_and_what_comes_later_is_taken(peer: Peer) -> 
     try:
         publishers[0].publish(transform('base_link', 'bracket', 0.25))
         take_latched(node, TransformStamped, '/kept', add,
-                     lambda: frames.knows(['usbl'], 'base_link'), PATIENCE)
+                     lambda: frames.knows(['usbl'], 'base_link'), PATIENCE, lambda: False)
         assert frames.values({KEY: 'usbl'}, 'base_link', '') == {KEY: [0.75, 0.0, 0.0]}
         # what never comes is not waited for without end, and nothing is left behind
-        take_latched(node, TransformStamped, '/kept', str, lambda: False, 0.1)
+        take_latched(node, TransformStamped, '/kept', str, lambda: False, 0.1, lambda: False)
+        # nor once the node is asked to end
+        take_latched(node, TransformStamped, '/kept', str, lambda: False, math.inf, lambda: True)
         assert list(node.subscriptions) == own
     finally:
         node.destroy_node()

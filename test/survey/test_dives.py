@@ -37,6 +37,14 @@ def test_a_list_is_relative_to_itself(season: Path) -> None:
     assert [path.resolve() for path in found] == [season / 'b.mcap', season / 'may' / 'bag']
 
 
+def test_a_list_that_names_itself_is_refused(season: Path) -> None:
+    first, second = season / 'first.txt', season / 'second.txt'
+    first.write_text('second.txt\nb.mcap\n')
+    second.write_text('*.txt\n')
+    with pytest.raises(LogError, match='first.txt: the list names itself'):
+        find_dives([str(first)])
+
+
 @pytest.mark.parametrize('name', ['may/*.mcap', 'empty', 'none.txt'])
 def test_what_holds_no_log_is_refused(season: Path, name: str) -> None:
     (season / 'empty').mkdir()

@@ -155,7 +155,7 @@ class FullGainIdentifier(AdaptiveIdentifier):
 def _product(rows: Rows, phi: tuple[float, ...]) -> tuple[float, ...]:
     """Return Gamma phi."""
     if len(phi) > 4:
-        return tuple([sum(g * x for g, x in zip(row, phi)) for row in rows])
+        return tuple([_dot(row, phi) for row in rows])
     # written out, which takes a third of the time
     (a, b, c, d), (e, f, g, h), (i, j, k, m), (n, o, p, q) = rows
     w, x, y, z = phi
@@ -164,7 +164,7 @@ def _product(rows: Rows, phi: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _dot(x: tuple[float, ...], y: tuple[float, ...]) -> float:
-    total = 0.0
+    total = 0.0  # sum() rounds differently from Python 3.12 on
     for p, q in zip(x, y):
         total += p * q
     return total

@@ -13,6 +13,7 @@ from rovid_core.identify.estimate import DofEstimate, Estimate
 from rovid_core.model.plant import physical
 from rovid_core.pipeline.stream import Stream
 from rovid_ros.config.parameters import topics_of
+from rovid_ros.files.state_file import Checkpoint
 from rovid_ros.node.health.diagnostics import ACTIVE, diagnostics, NodeState
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.health.levels import (
@@ -43,13 +44,14 @@ class HealthMonitor:
     ``steady`` returns the time [s] of a clock that is never set.
     """
 
-    def __init__(self, node: Node, stream: Stream, recorder: Recorder | None = None, *,
-                 live: bool = True, steady: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, node: Node, stream: Stream, recorder: Recorder | None = None,
+                 checkpoint: Checkpoint | None = None, *, live: bool = True,
+                 steady: Callable[[], float] = time.monotonic) -> None:
         self.arrivals = Arrivals()
         self._node = node
         self._log = node.get_logger()
         self._stream = stream
-        self._recorder = recorder
+        self._recorder, self._checkpoint = recorder, checkpoint
         self._live = live
         self._steady = steady
         self._start = self._expected_since = now = steady()
@@ -86,10 +88,11 @@ class HealthMonitor:
             self._report_inputs(data, now - self._expected_since)
         self._warn([], now)
         self._log_refused(self._refusals.due(now))
-        recorder = self._recorder
+        recorder, checkpoint = self._recorder, self._checkpoint
         return diagnostics(data, NodeState(
             self._node.get_fully_qualified_name(), state, now - self._start,
-            str(recorder.path) if recorder else '', recorder.is_open if recorder else True))
+            str(recorder.path) if recorder else '', recorder.is_open if recorder else True,
+            str(checkpoint.path) if checkpoint and checkpoint.is_kept else ''))
 
     def finish(self) -> None:
         """Log what was refused since the last line about it, and what was found."""

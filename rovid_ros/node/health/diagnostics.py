@@ -54,6 +54,7 @@ class NodeState:
     uptime: float = 0.0  # [s]
     record: str = ''  # file that it records to, '' if none
     recording: bool = True  # False: recording has ended by itself
+    checkpoint: str = ''  # file that the state is saved to, '' if none
 
 
 def diagnostics(data: HealthData, node: NodeState) -> Output:
@@ -87,11 +88,11 @@ def _state(data: HealthData, node: NodeState, others: dict[str, LevelAndMessage]
     doing = 'adapting' if data.stream.adapting else 'frozen'
     problems = [(WARN if level == STALE else level, name)
                 for name, (level, _) in others.items() if level != OK]
-    saved = file_age(settings.checkpoint_path)
+    saved = file_age(node.checkpoint)
     if node.record and not node.recording:
         problems.append((ERROR, 'recording has ended'))
     overdue = 3.0 * settings.checkpoint_period
-    if settings.checkpoint_path and min(math.inf if saved is None else saved,
+    if node.checkpoint and min(math.inf if saved is None else saved,
                                         node.uptime) > overdue:
         problems.append((WARN, 'the checkpoint is not written'))
     message = doing + (f'; look at {", ".join(name for _, name in problems)}' if problems else '')
@@ -101,7 +102,7 @@ def _state(data: HealthData, node: NodeState, others: dict[str, LevelAndMessage]
     return (level, message), {
         'state': node.state, 'adaptation': doing, 'method': settings.identifier.method,
         'level': LEVEL_NAMES[level], 'uptime [s]': _number(node.uptime),
-        'checkpoint path': settings.checkpoint_path or 'none',
+        'checkpoint path': node.checkpoint or 'none',
         'checkpoint age [s]': 'never written' if saved is None else _number(saved),
         'recording path': node.record or 'none', 'version': __version__}
 

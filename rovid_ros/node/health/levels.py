@@ -5,8 +5,9 @@ The levels of ``/diagnostics``: all of their rules, and the counters that they j
 status      level    when
 ==========  =======  ==============================================================
 an input    ERROR    its publishers have another type, another definition of the
-                     type or a QoS that does not fit: somebody has to change it
-            WARN     nothing has come yet; or none of what comes is taken; or its
+                     type or a QoS that does not fit; or all that comes is refused,
+                     or begins anew after a gap: somebody has to change it
+            WARN     nothing has come yet; or what comes waits for others; or its
                      stamps are further from this clock than it may be silent; or
                      more than 2 % of it was refused recently
             STALE    it came, and has been silent for longer than it may be

@@ -343,11 +343,13 @@ def _unpacker(converter: Converter, topic: str, cls: type[Any]) -> Unpacker:
     return Unpacker(converter, topic, wire, lambda cdr: deserialize_message(cdr, cls))
 
 
-def look_up(node: Node, settings: Settings) -> dict[str, Any]:
+def look_up(node: Node, settings: Settings,
+            is_stopped: Callable[[], bool] = lambda: False) -> dict[str, Any]:
     """
     Return the values of ``wanted_frames`` by key; waits for them, at most ``FRAMES_PATIENCE``.
 
-    Nothing else of the node runs meanwhile. Raises SettingsError if they do not come.
+    Nothing else of the node runs meanwhile. Raises SettingsError if they do not come, or if it
+    is stopped.
     """
     wanted = wanted_frames(settings)
     if not wanted:
@@ -359,18 +361,20 @@ def look_up(node: Node, settings: Settings) -> dict[str, Any]:
                             str(error)) from None
     frames = StaticFrames()
     take_latched(node, cls, TOPIC, frames.add,
-                 lambda: frames.knows(wanted.values(), settings.base_frame), FRAMES_PATIENCE)
+                 lambda: frames.knows(wanted.values(), settings.base_frame), FRAMES_PATIENCE,
+                 is_stopped)
     return frames.values(wanted, settings.base_frame, f'within {FRAMES_PATIENCE:g} s')
 
 
 def take_latched(node: Node, cls: type[Any], topic: str, take: Callable[[Any], object],
-                 is_enough: Callable[[], bool], timeout: float) -> None:
+                 is_enough: Callable[[], bool], timeout: float,
+                 is_stopped: Callable[[], bool]) -> None:
     """Take what was published on a topic and is kept for those who come late, until it does."""
     subscription = node.create_subscription(
         cls, topic, lambda message: None, latched(FRAMES_DEPTH))
     end = time.monotonic() + timeout
     try:
-        while not is_enough() and time.monotonic() < end and node.context.ok():
+        while not is_enough() and time.monotonic() < end and not is_stopped():
             with subscription.handle:
                 taken = subscription.handle.take_message(cls, False)
             if taken is None:

@@ -447,7 +447,7 @@ MUTANTS = [
     *_of('rovid_core/velocity/couplings.py', 'test/core/test_current.py '
          'what_a_dof_has_of_its_own_does_not_wait_for_the_current',
          ('what a DOF has of its own is a product of velocities',
-          'tuple([name for name in names if name not in OWN])', 'names')),
+          'tuple([name for name in names if name not in OF_FORCES])', 'names')),
     *_of('rovid_core/pipeline/steps.py', 'test/commands/test_six_axes.py '
          'in_a_tank_the_noise_of_fixes_does_not_make_yaw_heavier',
          ('in still water yaw is coupled with differences of fixes',

@@ -113,5 +113,13 @@ class Identifier(Protocol):
         """Continue from ``state``; raise ValueError if it does not fit."""
 
 
+def check_bounds(names: Sequence[str], values: Sequence[float], low: Sequence[float],
+                 high: Sequence[float]) -> None:
+    """Raise ValueError for a value of a saved state that is out of its bounds, or NaN."""
+    for name, value, bottom, top in zip(names, values, low, high):
+        if not bottom <= value <= top:
+            raise ValueError(f'{name} {value} is outside {bottom} to {top}')
+
+
 class DivergenceError(ArithmeticError):
     """Why a method cannot go on: the state of its filter means nothing any more."""

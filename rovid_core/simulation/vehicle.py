@@ -9,6 +9,7 @@ import math
 import numpy as np
 from rovid_core.model.dofs import DOFS, Quaternion, Vector
 from rovid_core.model.plant import advance, Array, lumped
+from rovid_core.model.samples import NS
 from rovid_core.settings.run import Settings, SettingsError, SimulatedDof, ThrusterSettings
 from rovid_core.simulation.coupled_plant import CoupledPlant, is_coupled, Water
 from rovid_core.simulation.profiles import Profile, Sinusoid, Waveform
@@ -16,7 +17,6 @@ from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.thrust.thruster_curve import thruster_model, wrench
 from rovid_core.velocity.attitude_history import product, rotate, rotate_back
 
-NS = 1e-9
 MAX_STEP = 5_000_000
 """Longest integration step [ns]; the mean force of a step is exact."""
 

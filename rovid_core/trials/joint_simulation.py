@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 from rovid_core.model.dofs import OWN, own_coefficients, velocity_factors
 from rovid_core.model.plant import MAX_PIECES, MAX_VELOCITY, runge_kutta
-
-NS = 1e-9
+from rovid_core.model.samples import NS
 
 Rates = Callable[[Sequence[float]], list[float]]
 

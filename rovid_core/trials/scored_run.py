@@ -11,12 +11,11 @@ import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
 from rovid_core.model.lowpass import filtered
 from rovid_core.model.plant import Array, trajectory
+from rovid_core.model.samples import NS
 from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 from rovid_core.trials.joint_simulation import ForceSegment
 from rovid_core.trials.record import LogWater, through_water, Times
 from rovid_core.trials.spilling_table import SpillingTable
-
-NS = 1e-9
 
 Axis = tuple[float, ...]
 """Horizontal direction of an axis of the body in the world, x and y; () where it is not known."""

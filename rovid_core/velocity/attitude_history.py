@@ -254,8 +254,7 @@ class SharedMotion:
         """Return the heading [rad] at a time [ns], None where it is not known."""
         if self.attitude.missing(time):
             return None
-        x, y, z, w = self.attitude.at(time)
-        return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        return yaw_of(self.attitude.at(time))
 
     def horizontal_velocity(self, time: int) -> tuple[float, float]:
         """Return the newest horizontal velocity [m/s]; 0 where it is too old."""
@@ -270,6 +269,12 @@ def normalised(q: Quaternion) -> Quaternion:
     if not 0.0 < length < math.inf:
         raise ValueError(f'a quaternion of length {length}')
     return (q[0] / length, q[1] / length, q[2] / length, q[3] / length)
+
+
+def yaw_of(q: Quaternion) -> float:
+    """Return the yaw of an attitude [rad], as in REP 103: yaw is turned first."""
+    x, y, z, w = q
+    return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
 def from_yaw(yaw: float) -> Quaternion:

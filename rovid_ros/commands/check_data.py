@@ -15,7 +15,7 @@ from rovid_core.model.samples import NS
 from rovid_core.ordering.cadence import PERIODS
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import IdentifierSettings, LEAST_GAP, Settings, WATCHING
-from rovid_core.velocity.attitude_history import normalised, rotation_between
+from rovid_core.velocity.attitude_history import normalised, rotation_between, yaw_of
 from rovid_ros.config.parameters import section, topics_of
 from rovid_ros.messages.converter import Converter
 
@@ -164,7 +164,7 @@ class SampleStatistics:
 
     def _unwrapped_heading(self, value: tuple[float, ...]) -> tuple[float, ...]:
         x, y, z, w = value
-        yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        yaw = yaw_of((x, y, z, w))
         self._heading += math.remainder(yaw - self._heading, 2.0 * math.pi)
         return (self._heading,)
 

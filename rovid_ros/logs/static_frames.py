@@ -10,7 +10,13 @@ from typing import Any
 
 from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_core.velocity.attitude_history import normalised, product, rotate, rotate_back
+from rovid_core.velocity.attitude_history import (
+    normalised,
+    product,
+    rotate,
+    rotate_back,
+    yaw_of,
+)
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.log import Log, RECORD
 
@@ -119,7 +125,7 @@ def _angles(q: Quaternion) -> tuple[float, float, float]:
     if abs(sine) > 1.0 - 1e-12:
         return 0.0, math.copysign(0.5 * math.pi, sine), 2.0 * math.atan2(z, w)
     return (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), math.asin(sine),
-            math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+            yaw_of(q))
 
 
 def values_in_logs(settings: Settings, logs: Sequence[Path]) -> dict[str, Any]:

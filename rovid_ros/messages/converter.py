@@ -454,15 +454,15 @@ def _attitude_of_numbers(settings: Settings) -> Callable[[Any], Quaternion]:
     quaternion = _quaternion(settings)
     turned = _quaternion(replace(settings, attitude=replace(
         settings.attitude, frames=settings.heading_frames or settings.attitude.frames)))
-    half = 0.5 * (math.pi / 180.0 if settings.heading_unit == 'deg' else 1.0)
+    unit = math.pi / 180.0 if settings.heading_unit == 'deg' else 1.0
 
     def read(value: Any) -> Quaternion:
         if len(value) == 4:
             return quaternion(*_numbers(value, 4))
-        roll, pitch, yaw = [half * angle for angle in _numbers(value, 3)]
+        roll, pitch, yaw = [unit * angle for angle in _numbers(value, 3)]
         if not math.isfinite(roll + pitch + yaw):
             return _NO_ATTITUDE
-        return turned(*from_angles(2.0 * roll, 2.0 * pitch, 2.0 * yaw))
+        return turned(*from_angles(roll, pitch, yaw))
 
     return read
 

@@ -10,7 +10,13 @@ from typing import Any, cast
 import numpy as np
 from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.settings.run import Settings, SettingsError
-from rovid_core.velocity.attitude_history import from_angles, from_yaw, product, rotate_back
+from rovid_core.velocity.attitude_history import (
+    from_angles,
+    from_yaw,
+    product,
+    rotate_back,
+    yaw_of,
+)
 from rovid_ros.config.parameters import sources
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import (
@@ -220,18 +226,18 @@ def _quaternion(settings: Settings, value: Values) -> Quaternion:
 
 def _angles(settings: Settings, value: Values) -> Values:
     """Return roll, pitch and yaw in the message's unit and sense."""
-    x, y, z, w = _quaternion(replace(settings, attitude=replace(
+    x, y, z, w = q = _quaternion(replace(settings, attitude=replace(
         settings.attitude, frames=settings.heading_frames or settings.attitude.frames)), value)
     angles = (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
               math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))),
-              math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+              yaw_of(q))
     return tuple(map(math.degrees, angles)) if settings.heading_unit == 'deg' else angles
 
 
 def _heading(settings: Settings, value: Values) -> float:
     """Return the heading in the message's unit and sense."""
-    x, y, z, w = product(value, from_angles(*settings.attitude.mounting))  # type: ignore[arg-type]
-    yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)) - settings.yaw_offset
+    turned = product(value, from_angles(*settings.attitude.mounting))  # type: ignore[arg-type]
+    yaw = yaw_of(turned) - settings.yaw_offset
     frames = settings.heading_frames or settings.frames_of('attitude')
     angle = math.remainder(0.5 * math.pi - yaw if frames == 'ned' else yaw, 2.0 * math.pi)
     return math.degrees(angle) if settings.heading_unit == 'deg' else angle

@@ -17,7 +17,7 @@ from typing import Any, cast, Final
 
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import KnownUncertainty
-from rovid_core.identify.method import Identifier
+from rovid_core.identify.method import check_bounds, Identifier
 from rovid_core.model.dofs import Four, PARAMETERS, Three
 from rovid_core.model.samples import finite, Step
 from rovid_core.settings.run import Scales, SettingsError
@@ -264,10 +264,7 @@ class AdaptiveIdentifier(Identifier):
         parameters = tuple([float(x) for x in values])
         if len(parameters) != len(self._low):
             raise ValueError(f'{len(parameters)} parameters, not {len(self._low)}')
-        for name, p, bottom, top in zip((*PARAMETERS, *self._scales.couplings), parameters,
-                                        self._low, self._high):
-            if not bottom <= p <= top:
-                raise ValueError(f'{name} {p} is outside {bottom} to {top}')
+        check_bounds((*PARAMETERS, *self._scales.couplings), parameters, self._low, self._high)
         return parameters
 
     def _publish(self, step: Step, idle: bool) -> None:

@@ -25,7 +25,7 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
-from rovid_core.identify.ekf.evidence.block_fit import Verdict
+from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.innovations import SOON
 from rovid_core.identify.ekf.evidence.missing_terms import (
     clocks_in_doubt,
@@ -54,7 +54,7 @@ from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
-from rovid_core.identify.method import Identifier
+from rovid_core.identify.method import check_bounds, Identifier
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.samples import Step
 from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters, Thrusters
@@ -77,6 +77,36 @@ UNEXPLAINED, MANY_BLOCKS = 3.0, 12
 
 CORRELATION = (0.6, 0.75)
 """Of innovations, up to which a model may be used: to begin with, and while it is."""
+
+
+def objection(verdict: Verdict | None, clocks: str, missing: Missing | None, correlation: float,
+              fit: float) -> str:
+    """
+    Return why a model may not be used yet whatever its intervals are.
+
+    Parameters
+    ----------
+    verdict : Verdict or None
+        What the blocks say.
+    clocks : str
+        What is said of them, '' for nothing.
+    missing : Missing or None
+        What the model lacks.
+    correlation : float
+        Of innovations that follow each other.
+    fit : float
+        Of what is predicted without corrections.
+
+    """
+    if verdict is None:
+        return 'it takes a minute of thrust before its intervals can be judged'
+    if clocks:
+        return 'the delay is out of range'
+    if is_coupling(missing):
+        return COUPLING_MISSING
+    if not correlation < CORRELATION[0]:
+        return 'the errors of the prediction hang together: the model lacks something'
+    return predicted(fit)
 
 
 class ExtendedKalman(Identifier):
@@ -270,16 +300,10 @@ class ExtendedKalman(Identifier):
         """Return why the model may not be used yet whatever its intervals are, '' if it may."""
         if self._usable:
             return ''
-        if self._bank.best.verdict is None:
-            return 'it takes a minute of thrust before its intervals can be judged'
-        if self._clocks:
-            return 'the delay is out of range'
-        if is_coupling(self._bank.best.verdict.missing):
-            return COUPLING_MISSING
-        correlation = self._bank.best.innovations.correlation
-        if not correlation < CORRELATION[0]:
-            return 'the errors of the prediction hang together: the model lacks something'
-        return predicted(self._bank.best.prediction.fit)
+        best = self._bank.best
+        missing = None if best.verdict is None else best.verdict.missing
+        return objection(best.verdict, self._clocks, missing, best.innovations.correlation,
+                         best.prediction.fit)
 
     def _judge(self) -> None:
         """Find whether the model may be used."""
@@ -426,13 +450,7 @@ class ExtendedKalman(Identifier):
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        parameters = [float(x) for x in state['parameters']]
-        low, high = self.bounds
-        if len(parameters) != 4:
-            raise ValueError(f'{len(parameters)} parameters, not 4')
-        for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
-            if not bottom <= p <= top:
-                raise ValueError(f'{name} {p} is outside {bottom} to {top}')
+        check_bounds(PARAMETERS, floats(state['parameters'], 4), *self.bounds)
         self._begin(floats(state['theta'], len(self._theta)), read_thrusters(state['thrusters']))
         self._prior = floats(state['prior'], len(self._prior))
         self._bank.restore(state['bank'])

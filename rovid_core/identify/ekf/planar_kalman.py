@@ -35,7 +35,6 @@ from rovid_core.identify.ekf.evidence.current_status import (
 from rovid_core.identify.ekf.evidence.innovations import SOON
 from rovid_core.identify.ekf.evidence.missing_terms import (
     clocks_in_doubt,
-    COUPLING_MISSING,
     described,
     drifting,
     is_coupling,
@@ -49,6 +48,7 @@ from rovid_core.identify.ekf.extended_kalman import (
     IDLE,
     LARGEST,
     MANY_BLOCKS,
+    objection,
     UNEXPLAINED,
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
@@ -62,7 +62,7 @@ from rovid_core.identify.ekf.planar.member import (
     PlanarPrediction,
 )
 from rovid_core.identify.ekf.planar.row import PlanarRow
-from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
+from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
@@ -490,15 +490,9 @@ class PlanarKalman:
             return ''
         if self.current.status != 'known':
             return why_not_known(self.current)
-        if self._bank.best.verdict is None:
-            return 'it takes a minute of thrust before its intervals can be judged'
-        if self._clocks(k):
-            return 'the delay is out of range'
-        if is_coupling(self._missing(k)):
-            return COUPLING_MISSING
-        if not self._bank.best.innovations.correlation < CORRELATION[0]:
-            return 'the errors of the prediction hang together: the model lacks something'
-        return predicted(self._prediction.fits[k])
+        best = self._bank.best
+        return objection(best.verdict, self._clocks(k), self._missing(k),
+                         best.innovations.correlation, self._prediction.fits[k])
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""

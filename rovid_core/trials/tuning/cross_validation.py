@@ -17,9 +17,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.plant import Array
+from rovid_core.model.samples import NS
 from rovid_core.trials.tuning.log import CommandedForce, Segment
 
-NS = 1e-9
 FOLDS = 8  # blocks of time of equal length; each is held out once
 PART = 15.0  # [s] longer than most vehicles remember a push, shorter than a pilot drives one axis
 # [s] Shorter steps are joined, and longer ones simulated in parts: a vehicle's velocity hardly

@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import Array, linear_recurrence
-from rovid_core.model.samples import Event
+from rovid_core.model.samples import Event, NS
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.force_history import MAX_FORCE
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench
 from rovid_core.trials.record import LogWater
 from rovid_core.trials.score import ScoreLog
 
-NS = 1e-9
 BEFORE = 60.0  # [s] the first command is taken to have stood this long, whatever the delay
 
 

@@ -7,7 +7,7 @@ import math
 from typing import Any, TYPE_CHECKING
 
 from rovid_core.identify.ekf.single.linearised_filter import floats
-from rovid_core.identify.method import Identifier
+from rovid_core.identify.method import check_bounds, Identifier
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
 
@@ -83,11 +83,7 @@ class PlanarRow(Identifier):
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
-        parameters = floats(state['parameters'], 4)
-        low, high = self.bounds
-        for name, p, bottom, top in zip(PARAMETERS, parameters, low, high):
-            if not bottom <= p <= top:
-                raise ValueError(f'{name} {p} is outside {bottom} to {top}')
+        check_bounds(PARAMETERS, floats(state['parameters'], 4), *self.bounds)
         v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
         shared = state['planar']
         if (shared is None) == self._is_first:

@@ -24,6 +24,7 @@ from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.planar.layout import AXES
 from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.estimate import Current, TURN
+from rovid_core.model.dofs import THRUSTS
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarPiece
 
@@ -192,7 +193,9 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
 
     """
     missing = verdict.missing
-    if is_coupling(missing):
+    # a sensor ahead of the middle moves with the turns that yaw thrust makes
+    may_be_an_arm = missing is not None and missing.name.split()[-1] in THRUSTS
+    if is_coupling(missing) and not may_be_an_arm:
         return Alternative(math.nan, COUPLING_FIRST)
     best = Alternative(0.0)
     regressions = blocks.regressions((ARM, PULL, HEADING, LATE))
@@ -207,7 +210,7 @@ def better_than_a_current(blocks: ScoreBlocks, verdict: Verdict) -> Alternative:
             advice = described(found)
         if (advice != '', chi2) > (best.advice != '', best.chi2):
             best = Alternative(chi2, advice)
-    return best
+    return Alternative(math.nan, COUPLING_FIRST) if may_be_an_arm and not best.advice else best
 
 
 def _is_significant(found: Regression, n: int) -> bool:

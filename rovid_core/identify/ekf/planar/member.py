@@ -12,12 +12,13 @@ from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.current_status import (
     Alternative,
     better_than_a_current,
+    COUPLING_FIRST,
     DOUBTED_LATENCY,
     LATE,
     NOT_JUDGED,
 )
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters
+from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters, is_coupling
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import Unmodelled
@@ -367,6 +368,8 @@ class PlanarMember:
             found = self.blocks.verdict(self.unmodelled.is_there)
             if found is not None and self._current_is_free:
                 self._alternative = better_than_a_current(self.blocks, found)
+                if is_coupling(found.missing) and self._alternative.advice != COUPLING_FIRST:
+                    found = replace(found, missing=None)  # it only looks like the coupling
             self._verdict, self._is_judged = found, True
         return self._verdict
 

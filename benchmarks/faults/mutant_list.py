@@ -744,7 +744,7 @@ MUTANTS = [
          ('a compass counts the other way',
           'sign, zero = (-1.0, 0.5 * math.pi)', 'sign, zero = (1.0, 0.5 * math.pi)'),
          ('degrees are radians',
-          "unit = math.pi / 180.0 if settings.heading_unit == 'deg'", 'unit = 1.0 if True'),
+          'yaw = zero + sign * unit * float(value)', 'yaw = zero + sign * float(value)'),
          ('the latency is added',
           'time - source.latency', 'time + source.latency'),
          ('the offset of the depth is subtracted',

@@ -64,7 +64,7 @@ class EventOrder:
     max_wait : float
         [s] How much later than its stamp an event may come.
     grows : bool
-        Whether ``max_wait`` grows, up to ``FAR``, for an input that keeps coming later.
+        Whether ``max_wait`` grows, by up to ``FAR``, for an input that keeps coming later.
     time_jump : float
         [s] A stamp back by more than this is a jump of time; by less, it is dropped.
     reject : callable
@@ -81,6 +81,7 @@ class EventOrder:
         self._inputs = frozenset(inputs)
         self._grows = grows
         self._max_wait = round(max_wait * 1e9)
+        self._longest_wait = FAR + self._max_wait
         self._time_jump = round(time_jump * 1e9)
         self._reject = reject
         self._warn = warn
@@ -106,9 +107,13 @@ class EventOrder:
     def change(self, max_wait: float, grows: bool = False) -> None:
         """Use another ``max_wait`` [s]; what has been released stays the past."""
         self._grows = grows
+        self._longest_wait = FAR + round(max_wait * 1e9)
+        self._wait(round(max_wait * 1e9))
+
+    def _wait(self, max_wait: int) -> None:
         self._past = max(self._past, self._newest - self._max_wait)
-        self._max_wait = round(max_wait * 1e9)
-        self._jumps.far = max(FAR, self._max_wait)
+        self._max_wait = max_wait
+        self._jumps.far = max(FAR, max_wait)
 
     def lag(self, name: str) -> float:
         """Return by how much [s] late events of an input are behind the newest one, at most."""
@@ -211,13 +216,13 @@ class EventOrder:
 
     def _note_late(self, key: Key, time: int, lag: int) -> None:
         self._last_lags[key] = max(lag, round(KEPT_LAG * self._last_lags.get(key, 0)))
-        if self._grows and key in self._inputs and lag <= FAR:
+        if self._grows and key in self._inputs and lag <= self._longest_wait:
             lags = self._lags.setdefault(key, [])
             lags.append((time, lag))
             if len(lags) >= LATE_IN_A_ROW and time - lags[0][0] >= LATE_FOR:
-                wait = min(FAR, round(MARGIN * max(lag for _, lag in lags)))
+                wait = min(self._longest_wait, round(MARGIN * max(lag for _, lag in lags)))
                 self._lags.clear()
-                self.change(max(wait, self._max_wait) * 1e-9, grows=True)
+                self._wait(max(wait, self._max_wait))
                 self._warn(f'{key[0]} keeps coming {lag / 1e9:.2f} s after newer messages of '
                            f'other inputs: they wait up to {wait / 1e9:.2f} s for it from now on')
             return

@@ -119,9 +119,14 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
         player = TuningPlayer(read_with, water)
         # typical sizes are found here, so that warnings about them would be out of place, as are
         # those about what is only tried
-        replay(logs, read_with, player, start=start, duration=duration,
-               warn=lambda line: None if tried is not settings or line.startswith('typical sizes')
-               else warn(line))
+        try:
+            replay(logs, read_with, player, start=start, duration=duration, warn=lambda line: (
+                None if tried is not settings or line.startswith('typical sizes')
+                else warn(line)))
+        except CommandError as error:
+            if tried is settings:
+                raise
+            raise TuningError(str(error)) from None
         return player.log
 
     share = 0.0

@@ -12,9 +12,10 @@ import pytest
 from rovid_core.settings.run import CurrentSettings, Settings
 from rovid_core.trials.tuning.cross_validation import Change, Stage
 from rovid_core.trials.tuning.log import TuningLog
-from rovid_core.trials.tuning.tune import Tuned
+from rovid_core.trials.tuning.tune import Tuned, TuningError
 from rovid_ros.commands import tune as command
 from rovid_ros.commands.main import main
+from rovid_ros.commands.running import CommandError
 from rovid_ros.commands.tune import tuned_text
 from rovid_ros.config.parameter_file import edited, load
 from rovid_ros.config.parameters import settings_from
@@ -126,6 +127,24 @@ def test_warns_of_the_settings_in_use_alone(
     settings = replace(settings_from(load(folder / 'mine.yaml')), current=CurrentSettings(0.0))
     command.tune_logs([folder / 'log.mcap'], settings, warn=told.append)
     assert told == ['the clock of an input']
+
+
+def test_a_log_that_gives_nothing_with_what_is_tried_is_no_end(
+        folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def tried(read: Callable[[Settings], TuningLog], settings: Settings, *_: object) -> Tuned:
+        with pytest.raises(TuningError, match='no step'):
+            read(replace(settings, yaw_offset=0.1))
+        read(settings)
+        raise AssertionError
+
+    def nothing(*_: object, **__: object) -> None:
+        raise CommandError('no step')
+
+    monkeypatch.setattr(command, 'tune', tried)
+    monkeypatch.setattr(command, 'replay', nothing)
+    settings = replace(settings_from(load(folder / 'mine.yaml')), current=CurrentSettings(0.0))
+    with pytest.raises(CommandError, match='no step'):
+        command.tune_logs([folder / 'log.mcap'], settings)
 
 
 def test_what_a_recorded_node_did_with_its_identifier_is_left_out(folder: Path) -> None:

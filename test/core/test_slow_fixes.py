@@ -140,6 +140,13 @@ def test_the_others_wait_for_fixes_that_keep_coming_late() -> None:
     assert 'position keeps coming' in warning
 
 
+def test_the_others_wait_longer_for_fixes_that_come_later_than_their_latency() -> None:
+    late = {'position': InputSettings('/fix', 't', 'f', latency=2.0)}
+    stream = run(vehicle(1.0, **late), late=2.6)
+    assert stream.rejected['position', 'late'] == 3
+    assert steps(stream) > 105
+
+
 def test_a_wait_that_has_grown_outlasts_a_change_of_other_settings() -> None:
     stream = run(vehicle(1.0), late=0.6, then=vehicle(1.0, max_speed=3.0))
     assert stream.rejected['position', 'late'] == 3

@@ -229,7 +229,10 @@ def _if_better(read: Callable[[Settings], TuningLog], now: _Reading, timed: _Tim
     late = _rounded(late)
     if not _changes(late):
         return now, timed, late
-    other = _read(read, _with_latencies(now.settings, late), thrusters)
+    try:
+        other = _read(read, _with_latencies(now.settings, late), thrusters)
+    except TuningError:  # so late nothing can be made of it
+        return now, timed, _unchanged(late)
     found = _timed(other, present, each, lambda share: None)
     # of turns alone, slow fixes may want what all of the log does not
     if _predicts_better(found, timed):

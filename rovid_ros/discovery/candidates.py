@@ -20,7 +20,15 @@ _THRUSTER = {'thruster', 'thrusters', 'thrust', 'motor', 'motors', 'prop', 'prop
 _SIDES = {'left', 'right', 'port', 'starboard', 'front', 'rear', 'fore', 'aft', 'bow', 'stern',
           'center', 'middle', 'lateral', 'vertical', 'horizontal'}
 _MEASURED = {'temperature', 'temp', 'voltage', 'vel', 'velocity', 'pos', 'position', 'angle'}
+FAST = 10.0
+"""[m/s] Faster than underwater vehicles are."""
+
+_LAGGING = {'filtered', 'filter', 'ekf', 'ukf', 'fused', 'smoothed'}  # behind what they are of
+_UNITS = {'mm': 1e-3, 'cm': 1e-2, 'dm': 0.1}
 _GRAVITY = (8.8, 10.8)  # [m/s^2] length of what an accelerometer sees on average
+_PLACES = ('position', 'point', 'translation')
+_CHANGES = ('linear', 'angular', 'velocity')
+_FASTEST = 20.0  # [m/s]
 _DEPTH = {'depth', 'pressure', 'altitude', 'baro', 'ctun'}
 # What is asked for, and not what is.
 _ASKED = {'goal', 'target', 'setpoint', 'desired', 'waypoint', 'ref', 'error', 'trajectory'}
@@ -48,6 +56,18 @@ def candidates(signals: Sequence[Signal]) -> dict[str, list[Candidate]]:
     return found
 
 
+def words_in(name: str) -> list[str]:
+    """Return the words in a name, in lower case."""
+    return [word for word in re.split(r'[^a-z]+', name.lower()) if word]
+
+
+def too_fast(signals: Sequence[Signal]) -> list[tuple[Signal, float]]:
+    """Return what could be a position but moves too fast, and how fast [m/s]."""
+    found = [(signal, float(np.median(_speeds(signal)))) for signal in signals
+             if _is_place(signal) and len(_speeds(signal))]
+    return [(signal, speed) for signal, speed in found if speed > _FASTEST]
+
+
 def _points(signal: Signal, likely: Iterable[str], unlikely: Iterable[str] = ()) -> float:
     """Return a point per likely word, up to two, and how much its rate counts among equals."""
     words = signal.words
@@ -67,22 +87,27 @@ def _moves(signal: Signal, least: float) -> bool:
     return bool(np.max(signal.spread) > least)
 
 
-def _position(signal: Signal) -> Iterable[Candidate]:
+def _is_place(signal: Signal) -> bool:
+    """Tell whether a signal that moves is named as a position."""
     last = signal.path.rpartition('.')[2]
-    named = last in ('position', 'point', 'translation') or bool(
+    named = last in _PLACES or last not in _CHANGES and bool(
         signal.words & {'position', 'pos', 'lbl', 'usbl', 'fix'})
     vector = signal.shape == 'vector' or (signal.shape == 'array' and ',' in signal.path)
-    geographic = signal.shape == 'geographic'
-    if not (vector and named or geographic) or not _moves(signal, 0.01):
+    return (vector and named or signal.shape == 'geographic') and _moves(signal, 0.01)
+
+
+def _position(signal: Signal) -> Iterable[Candidate]:
+    if not _is_place(signal):
         return
     speeds = _speeds(signal)
-    if not len(speeds) or np.median(speeds) > 20.0:
+    if not len(speeds) or np.median(speeds) > _FASTEST:
         return
-    typed = last in ('position', 'point', 'translation')
+    typed = signal.path.rpartition('.')[2] in _PLACES
     # a GPS is under water the last one to be right
-    yield Candidate(signal, 3.0 * typed - 3.0 * geographic + _points(
+    yield Candidate(signal, 3.0 * typed - 3.0 * (signal.shape == 'geographic') + _points(
         signal, ('position', 'pose', 'odom', 'odometry', 'mocap', 'lbl', 'usbl', 'local', 'nav',
-                 'fix', 'gps', 'viso'), ('joint', 'angular')))
+                 'fix', 'gps', 'viso'), ('joint', 'angular'))
+        - bool(signal.words & _LAGGING))
 
 
 def _attitude(signal: Signal) -> Iterable[Candidate]:
@@ -90,7 +115,8 @@ def _attitude(signal: Signal) -> Iterable[Candidate]:
     if signal.shape == 'quaternion':
         lengths = np.linalg.norm(signal.values, axis=1)
         if abs(np.median(lengths) - 1.0) < 0.02 and _moves(signal, 1e-4):
-            yield Candidate(signal, 3.0 + _points(signal, likely))
+            yield Candidate(signal, 3.0 + _points(signal, likely)
+                            - bool(signal.words & _LAGGING))
     elif signal.shape == 'vector' and signal.words & {'rpy', 'euler', 'angles'}:
         yield Candidate(part(signal, (0, 1, 2), ', '.join(
             f'{signal.path}.{axis}'.lstrip('.') for axis in 'xyz'), 'array'),
@@ -120,7 +146,8 @@ def _depth(signal: Signal) -> Iterable[Candidate]:
     words = signal.words
     if signal.shape not in ('number', 'array') or signal.values.shape[1] != 1 or (
             not words & _DEPTH
-            or words & {'variance', 'cmd', 'temperature', 'air'}):
+            or words & {'variance', 'cmd', 'temperature', 'air'}
+            or words >= {'dvl', 'altitude'}):  # that above the ground
         return
     if not _moves(signal, 1e-3):
         return
@@ -135,8 +162,11 @@ def _depth(signal: Signal) -> Iterable[Candidate]:
             keys = {'scale': -_PASCAL}
         else:  # [bar]
             keys = {'scale': -1e5 * _PASCAL, 'offset': _ATMOSPHERE * _PASCAL}
-    elif 'depth' in words and high > -low:
-        keys = {'scale': -1.0}
+    else:
+        unit = next((size for name, size in _UNITS.items() if name in words), 1.0)
+        if 'depth' in words and high > -low:
+            unit = -unit
+        keys = {'scale': unit} if unit != 1.0 else {}
     yield Candidate(signal, _points(
         signal, ('depth', 'pressure', 'water', 'fluid', 'baro'), ('altitude',)), keys)
 
@@ -190,17 +220,13 @@ def _one_topic_each(signals: Sequence[Signal]) -> list[Signal]:
     groups: dict[tuple[Any, ...], list[Signal]] = {}
     for signal in signals:
         parts = signal.topic.split('/')
-        if signal.shape == 'number' and signal.words & _THRUSTER and not (
-                signal.words & _MEASURED):
-            kind = [word for word in _words(parts[-1]) if word not in _SIDES]
+        if signal.shape == 'number' and signal.words & _THRUSTER and (
+                signal.words & {'cmd', 'command'} or not signal.words & _MEASURED):
+            kind = [word for word in words_in(parts[-1]) if word not in _SIDES]
             groups.setdefault((signal.type, signal.path, len(parts), *kind), []).append(signal)
     return [together(sorted(group, key=lambda one: [
         (int(digits or 0), text) for text, digits in re.findall(r'(\D+)(\d*)', one.topic)]))
         for group in groups.values()]
-
-
-def _words(name: str) -> list[str]:
-    return [word for word in re.split(r'[^a-z]+', name.lower()) if word]
 
 
 def _thrusters(signal: Signal) -> Iterable[Candidate]:
@@ -212,7 +238,7 @@ def _thrusters(signal: Signal) -> Iterable[Candidate]:
     likely = ('thruster', 'thrusters', 'motor', 'motors', 'rc', 'rcou', 'out', 'pwm', 'servo',
               'esc', 'command', 'cmd', 'force', 'forces', 'effort', 'current', 'axes', 'actuator',
               'actuators', 'channels', 'thrust')
-    named = any(_THRUSTER.intersection(_words(name)) for name in signal.names) or (
+    named = any(_THRUSTER.intersection(words_in(name)) for name in signal.names) or (
         bool(words & _THRUSTER) and signal.path in ('effort', 'velocity'))
     if not words & set(likely) or words & {'imu', 'magnetometer', 'gps'} or (
             'states' in words and not named):

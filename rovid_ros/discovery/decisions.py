@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
-from rovid_core.model.dofs import coupling_prior, DOFS
+from rovid_core.model.dofs import coupling_prior, DOFS, LINEAR_DOFS
 from rovid_ros.discovery.ardupilot import Motors
-from rovid_ros.discovery.candidates import Candidate
+from rovid_ros.discovery.candidates import Candidate, FAST, too_fast, words_in
 from rovid_ros.discovery.moments import Misfit
 from rovid_ros.discovery.motion import answer, Motion, motion, noise_of, Push, STEP
 from rovid_ros.discovery.signals import Array, Signal
@@ -142,6 +142,7 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
         guesses.append(
             f'position.latency {late:g} s: what {inputs["position"].signal.topic} shows comes so '
             'much later after its command than what the other inputs show')
+    guesses += _too_fast(signals) if 'position' not in inputs else []
     made = Discovery(frames, inputs, others, thrusters, guesses=guesses, latencies=likely)
     original = moved
     if heading and thrusters.how != 'data' and {'surge', 'sway'} <= moved.velocities.keys():
@@ -157,6 +158,11 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
             f'{", ".join(moved.velocities)} were looked at')
     _say(made)
     return made
+
+
+def _too_fast(signals: Sequence[Signal]) -> list[str]:
+    return [f'position: {signal.place} left out, for in metres it moves at {speed:.0f} m/s'
+            for signal, speed in too_fast(signals)]
 
 
 def _list(signals: Sequence[Signal]) -> str:
@@ -272,8 +278,9 @@ def _frames(signals: Sequence[Signal], inputs: Mapping[str, Candidate]) -> tuple
                     name = 'ned' if z < 0.0 else 'enu'
                     return name, (f'frames: {name}, for the accelerometer beside the gyro sees '
                                   f'{z:+.1f} m/s^2')
-    if any('ned' in one.signal.words for one in inputs.values()):
-        return 'ned', 'frames: ned, by name'
+    for one in inputs.values():
+        if 'ned' in one.signal.words or 'ned' in words_in(one.signal.frame):
+            return 'ned', f'frames: ned, by the name of {one.signal.frame or one.signal.topic}'
     return 'enu', ('frames: enu (ROS); had it been ned everywhere, only the signs of sway, heave '
                    'and yaw and of their biases would change')
 
@@ -445,6 +452,10 @@ def _say(made: Discovery) -> None:
     if against and thrusters.how != 'data':
         made.guesses.append(f'{", ".join(against)} accelerates against its command: look at the '
                             'sign in thrusters (or at frames) before you believe a mass')
+    for dof, known in made.dofs.items():
+        if dof in LINEAR_DOFS and known.velocity > FAST:
+            made.guesses.append(f'{dof} moves at {known.velocity:.0f} m/s: is what measures it in '
+                                'metres?')
     weak = [dof for dof, known in made.dofs.items() if known.sign == 0]
     if weak:
         made.guesses.append(f'{", ".join(weak)}: the log hardly says how the command moves it')

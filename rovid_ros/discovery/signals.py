@@ -48,6 +48,7 @@ class Signal:
     rate: float = 0.0  # [Hz] in the log, with what was left out
     longest_gap: float = 0.0  # [s] between two samples of the log
     topics: tuple[str, ...] = ()  # of the entries of an array, where each has its own
+    frame: str = ''  # of the header
 
     @cached_property
     def words(self) -> frozenset[str]:
@@ -151,6 +152,7 @@ class _Sampler:
         rate = (self._count - 1) / max(1e-9 * (self._last - self._first), 1e-9)
         seconds = (times - begin) * 1e-9
         middle = self._messages[len(self._messages) // 2]
+        frame = getattr(getattr(middle, 'header', None), 'frame_id', '')
         found = _paths(middle, '') if paths is None else ((path, 'array') for path in paths)
         for path, shape in found:
             values, names = _values(self._messages, path, shape)
@@ -159,7 +161,7 @@ class _Sampler:
             order = order[np.argsort(seconds[order], kind='stable')]
             if len(order) >= 3:
                 yield Signal(topic, type, path, shape, seconds[order], values[order], names,
-                             rate, 1e-9 * self._gap)
+                             rate, 1e-9 * self._gap, frame=frame)
 
 
 def _has_fix(position: Any) -> bool:

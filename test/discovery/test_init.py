@@ -21,7 +21,7 @@ from rovid_ros.config.parameters import settings_from
 from rovid_ros.discovery.ardupilot import allocation, FRAMES, motors
 from rovid_ros.discovery.candidates import candidates
 from rovid_ros.discovery.configuration import configuration
-from rovid_ros.discovery.decisions import decide
+from rovid_ros.discovery.decisions import decide, Discovery
 from rovid_ros.discovery.signals import read_signals, Signal
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
@@ -183,7 +183,8 @@ def test_thrusters_may_have_a_topic_each(topics: tuple[str, ...], repository: Pa
 
 def test_what_is_measured_of_a_motor_is_no_command() -> None:
     times = np.arange(0.0, 30.0, 0.2)
-    for topic, is_one in (('/motor1/cmd', True), ('/motor1/temperature', False)):
+    for topic, is_one in (('/motor1/cmd', True), ('/motor1/temperature', False),
+                          ('/thruster1_joint/cmd_vel', True), ('/thruster1/vel', False)):
         signal = Signal(topic, 'std_msgs/msg/Float64', 'data', 'number', times,
                         np.sin(times)[:, np.newaxis], rate=5.0)
         assert ('thrusters' in candidates([signal])) is is_one
@@ -537,6 +538,57 @@ def test_a_point_that_never_moves_sideways_is_a_depth(
     found = candidates([Signal(
         '/depth', 'geometry_msgs/msg/PointStamped', 'point', 'vector', times, place, rate=10.0)])
     assert {name: ones[0].signal.place for name, ones in found.items()} == places
+
+
+@pytest.mark.parametrize(('topic', 'size', 'scale'), [
+    ('/depth', 1.0, -1.0), ('/depth_cm', 100.0, -0.01), ('/depth/mm', 1000.0, -0.001),
+    ('/dvl/altitude', 1.0, None)])
+def test_a_depth_is_in_the_unit_of_its_name(topic: str, size: float, scale: float | None) -> None:
+    times = np.arange(0.0, 60.0, 0.1)
+    values = size * (2.0 + np.cos(times))[:, np.newaxis]
+    found = candidates([Signal(topic, 'std_msgs/msg/Float64', 'data', 'number', times, values)])
+    assert [one.keys['scale'] for one in found.get('depth', [])] == (
+        [] if scale is None else [scale])
+
+
+def test_of_a_pose_and_what_lags_behind_it_the_pose_is_taken() -> None:
+    times = np.arange(0.0, 60.0, 0.02)
+    place = np.column_stack([np.sin(times), times, -2.0 + np.cos(times)])
+    kind, path = 'nav_msgs/msg/Odometry', 'pose.pose.position'
+    signals = [Signal('/odometry/filtered', kind, path, 'vector', times, place, rate=50.0),
+               Signal('/lbl/pose', kind, path, 'vector', times[::5], place[::5], rate=10.0)]
+    assert [one.signal.topic for one in candidates(signals)['position']] == [
+        '/lbl/pose', '/odometry/filtered']
+    # its velocity is none
+    assert 'position' not in candidates([Signal(
+        '/local_position/velocity', kind, 'twist.linear', 'vector', times, place)])
+
+
+def with_signals(log: Path, change: Callable[[Signal], Signal | None]) -> Discovery:
+    """Return what is made of a log whose signals are others; None leaves one out."""
+    with Log([log]) as opened:
+        read = [change(signal) for signal in read_signals(opened, 0.0, None)]
+    signals = [signal for signal in read if signal is not None]
+    return decide(candidates(signals), signals, lambda name, found: found[0])
+
+
+def test_a_frame_that_is_named_ned_is_ned(logs: dict[str, Path]) -> None:
+    made = with_signals(logs['odometry_wrench'], lambda one: replace(one, frame='world_ned'))
+    assert made.frames == 'ned'
+    assert 'frames: ned, by the name of world_ned' in made.guesses
+
+
+def test_what_moves_too_fast_for_metres_is_named(logs: dict[str, Path]) -> None:
+    log = logs['jhurov']
+    place = with_signals(log, lambda one: replace(one, values=1000.0 * one.values)
+                         if one.topic == '/sharps/position' else one)
+    assert 'position' not in place.inputs
+    assert any('/sharps/position point left out, for in metres it moves at' in one
+               for one in place.guesses)
+    depth = with_signals(log, lambda one: replace(one, values=100.0 * one.values)
+                         if one.topic == '/depth/pressure' else one)
+    assert any(one.startswith('heave moves at ') and one.endswith('in metres?')
+               for one in depth.guesses)
 
 
 def test_fixes_are_not_late_because_the_thrust_then_opposes_the_motion(tmp_path: Path) -> None:

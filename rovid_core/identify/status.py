@@ -147,6 +147,8 @@ class DofStatus:
     def verdict(self) -> str:
         """Return what all data since the start do not show, '' if they show everything."""
         self._add_steps()
+        if self._judgement.status == 'converged':  # whatever the shape of the regressors
+            return ''
         return '; '.join(self._excitation.since_start().reasons)
 
     def _add_steps(self) -> None:
@@ -200,8 +202,9 @@ def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit:
     # not (x < limit) is also true for NaN
     for what, known in (('mass', alpha), ('acceleration', share)):
         if not known < limit:
-            return (f'the {what} is known to {_percent(known)}, not yet to {_percent(limit)}: '
-                    'drive this axis longer, or with more thrust')
+            far = (f'known to {_percent(known)}, not yet to {_percent(limit)}' if known < 1.0
+                   else 'not known yet')
+            return f'the {what} is {far}: drive this axis longer, or with more thrust'
     return ''
 
 

@@ -18,7 +18,7 @@ import tempfile
 from typing import Any
 
 import numpy as np
-from rovid_core.model.dofs import DOFS, PHYSICAL
+from rovid_core.model.dofs import DOFS, LINEAR_DOFS, PHYSICAL
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Scales, Settings, SettingsError
 from rovid_ros.commands.arguments import (
@@ -47,6 +47,7 @@ from rovid_ros.config.parameters import (
     settings_from,
     topics_of,
 )
+from rovid_ros.discovery.candidates import FAST
 from rovid_ros.files.state_file import DamagedStateError, is_record, load as load_checkpoint
 from rovid_ros.files.whole_files import before, write_json
 from rovid_ros.logs.container import LogError
@@ -207,6 +208,10 @@ def _check_settings(settings: Settings, findings: Findings, installed: bool | No
             findings.warning(
                 f'{dof}.initial.mass', f'is {known.mass:g}, less than dry_mass {known.dry_mass:g}',
                 'an effective mass has the added mass of the water in it')
+        if dof in LINEAR_DOFS and known.typical_velocity > FAST:
+            findings.warning(
+                f'{dof}.typical.velocity', f'is {known.typical_velocity:g} m/s',
+                'is what measures it in metres? A depth has depth.scale for that')
     if settings.reference.topic and settings.reference.topic == settings.velocity.topic:
         findings.warning('reference.topic', 'is velocity.topic: the score is against what was '
                          'identified from', 'give another source, or none')

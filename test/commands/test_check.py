@@ -285,6 +285,12 @@ def backwards(message: Message) -> Message:
         else message
 
 
+def test_a_vehicle_is_not_that_fast(tmp_path: Path) -> None:
+    outcome = checked(tmp_path, {'heave.typical.velocity': 47.0, 'yaw.typical.velocity': 12.0})
+    assert [one.subject for one in findings(outcome, WARNING)
+            if 'in metres?' in str(one)] == ['heave.typical.velocity']
+
+
 @pytest.mark.long
 def test_each_thruster_topic_has_a_clock(tmp_path: Path, log: Path) -> None:
     store, other = standard_types(), tmp_path / 'other.mcap'

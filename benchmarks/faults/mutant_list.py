@@ -477,6 +477,14 @@ MUTANTS = [
          ('the worst filter of the attitudes counts',
           'one.square < least', 'one.square > least * 0.0'),
          ('after a pause a turn goes on from before', 'if count == 1:', 'if False:')),
+    *_of('rovid_core/identify/ekf/evidence/current_status.py', 'test/core/test_current.py '
+         'a_sensor_ahead_of_the_middle_is_no_coupling_with_the_yaw_thrust',
+         ('a sensor that is not in the middle is a coupling',
+          "missing.name.split()[-1] in THRUSTS", 'False')),
+    *_of('rovid_core/identify/ekf/planar/member.py', 'test/core/test_current.py '
+         'a_sensor_ahead_of_the_middle_is_no_coupling_with_the_yaw_thrust',
+         ('a coupling is named beside the sensor that it looks like',
+          'found = replace(found, missing=None)  # it only', 'pass  # it only')),
     *_of('rovid_ros/messages/field_paths.py', 'test/commands/test_survey.py '
          'a_log_without_the_field_costs_a_row',
          ('an error of a field does not come from another process',

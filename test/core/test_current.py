@@ -259,6 +259,16 @@ def test_what_fits_better_is_said_also_where_it_hides_the_current():
     assert 'm to starboard fit better, see position.lever_arm' in current.advice
 
 
+def test_a_sensor_ahead_of_the_middle_is_no_coupling_with_the_yaw_thrust():
+    run = replace(FIXES, apart=True, duration=130.0)
+    stream = Stream(settings(run, ('surge', 'sway', 'yaw')))
+    for event in with_lever_arm(run, ahead=0.5, to_port=0.0):
+        stream.receive(event)
+    current = stream.estimate.current
+    assert 'm ahead of the middle' in current.advice
+    assert 'add couplings' not in ' '.join(stream.estimate.dofs[1].reasons)
+
+
 def test_a_coupling_that_is_missing_comes_before_what_looks_like_a_current():
     of = settings(FIXES)
     stream = Stream(replace(of, dof={

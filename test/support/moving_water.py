@@ -33,6 +33,13 @@ PUSHES: Profile = {
     'yaw': (Steps((0.0, 0.48, 0.0, 0.0), 4.0), Sinusoid(0.12, 0.11))}
 
 
+APART: Profile = {
+    'surge': (Steps((9.0, -9.0, 0.0, 0.0, 0.0, 0.0), 10.0),),
+    'sway': (Steps((0.0, 0.0, 8.0, -8.0, 0.0, 0.0), 10.0),),
+    'yaw': (Steps((0.0, 0.0, 0.0, 0.0, 1.0, -1.0), 10.0),)}
+"""One axis after the other."""
+
+
 @dataclass(frozen=True)
 class Run:
     """A vehicle and its sensors."""
@@ -47,12 +54,13 @@ class Run:
     runs_down: float = 0.0  # [1/s] share of the thrust at the beginning that is lost per time
     lag: float = 0.0  # [s] of the thrusters of surge and sway
     reverse: float = 1.0  # thrust of surge backwards, relative to one forwards
+    apart: bool = False  # one axis is driven after the other
 
 
 @lru_cache(maxsize=4)
 def events(run: Run) -> tuple[Event, ...]:
     """Return what its sensors say."""
-    pushes = {**PUSHES, 'yaw': ()} if run.stiff else PUSHES
+    pushes = {**PUSHES, 'yaw': ()} if run.stiff else APART if run.apart else PUSHES
     with patch.object(CoupledPlant, 'advance', _advanced(run)):
         return tuple([Event(time, (Sample(name, value),)) for time, name, value in simulate(
             settings(run), run.duration, 0, pushes)])

@@ -480,7 +480,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/evidence/current_status.py', 'test/core/test_current.py '
          'a_sensor_ahead_of_the_middle_is_no_coupling_with_the_yaw_thrust',
          ('a sensor that is not in the middle is a coupling',
-          "missing.name.split()[-1] in THRUSTS", 'False')),
+          'missing.name.split()[-1] in THRUSTS', 'False')),
     *_of('rovid_core/identify/ekf/planar/member.py', 'test/core/test_current.py '
          'a_sensor_ahead_of_the_middle_is_no_coupling_with_the_yaw_thrust',
          ('a coupling is named beside the sensor that it looks like',

@@ -28,6 +28,7 @@ _SMALL = 0.15  # share of the strongest thruster of a DOF below which another do
 # that are turned fits by chance more easily.
 _LIKE, _LIKE_TURNED = 0.5, 0.8
 _TOGETHER = 0.1  # of the strongest pattern of commands; a weaker one is chance
+_FORCES = {'force', 'forces', 'thrust'}
 _SPEEDS = {'rpm', 'rps', 'speed', 'speeds'}  # of propellers
 
 
@@ -120,13 +121,14 @@ def _forces_or_speeds(models: Sequence[Thrusters], moved: Motion,
     Return thrusters whose force goes as the command, or with its square as a propeller's speed.
 
     Where no name says that it is a speed, the square has to leave less than four fifths
-    unexplained of what the command leaves: a curve that is neither, or a mean of few thrusters,
-    favours one of both a little.
+    unexplained of what the command leaves, and where one says that it is a force, half: a curve
+    that is neither, or a mean of few thrusters, favours one of both a little.
     """
     forces, speeds = models
     driven = len(forces.rows.keys() | speeds.rows.keys())
     lacks = [driven - explained_by(made, moved) for made in models]
-    if lacks[1] < lacks[0] * (1.0 if forces.signal.words & _SPEEDS else 0.8):
+    words = forces.signal.words
+    if lacks[1] < lacks[0] * (1.0 if words & _SPEEDS else 0.5 if words & _FORCES else 0.8):
         guesses.append('thrusters.model quadratic: as speeds of propellers the commands explain '
                        'more of the motion than as forces')
         return speeds

@@ -51,7 +51,7 @@ from rovid_ros.messages.types import Decoder, WireType
 from rovid_ros.results.current import current_text, still_water
 from rovid_ros.results.documents import current_document, dofs_document, Result
 from rovid_ros.results.outputs import LATCHED, Outputs
-from rovid_ros.results.text import NONE, number, percent, quantity, table
+from rovid_ros.results.text import NO_NEWTONS, NONE, number, percent, quantity, table
 
 DESCRIPTION = (
     'Prints the parameters of each degree of freedom, how well they predict the log, and what '
@@ -447,6 +447,8 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
             lines.append(f'{dof}: the thrust is delayed by {delay} ± {std} s')
     lines += [_filled(f'{", ".join(names)}, from all of the data: {verdict}')
               for verdict, names in alike.items()]
+    if not all(values.get('newtons', True) for values in dofs.values()):
+        lines.append(_filled(NO_NEWTONS))
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
         'model\npredicts from the logged thrust alone.')

@@ -228,6 +228,8 @@ def _thrusters() -> list[Key]:
         key('model', 'force of a command i: k i, k i|i|, polynomial or table',
             choices=('linear', 'quadratic', 'polynomial', 'table')),
         key('gain', 'k, one per thruster; their number is the number of thrusters', 'N/command'),
+        key('newtons', 'false: nobody knows the newtons of a command, so that masses, drags and '
+            'biases are per unit of it; it is repeated beside them'),
         key('polynomial', 'coefficients from the constant term upwards, times k'),
         key('table_command', 'commands of the table, increasing'),
         key('table_force', 'forces of the table, times k', 'N'),

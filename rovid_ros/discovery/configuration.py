@@ -153,7 +153,9 @@ def _chain(made: Thrusters) -> list[str]:
         lines.append(_line(6, 'model: quadratic', "a propeller's speed; its force is u|u|"))
     lines.append(_line(6, f'gain: [{", ".join(map(repr, chain.gain))}]',
                        'N per command; -1 where a motor is reversed' if made.how == 'frame' else
-                       'newtons per command are not known'))
+                       'newtons per command are not known:'))
+    if made.how != 'frame':
+        lines.append(_line(6, 'newtons: false', '  masses and drags are per unit of the command'))
     lines.append('      allocation:')
     rows = [made.rows.get(dof, (0.0,) * len(chain.gain)) for dof in DOFS]
     texts = [', '.join(f'{value:7.4g}' if value % 1.0 else f'{value:7.1f}' for value in row)

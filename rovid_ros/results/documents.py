@@ -111,8 +111,8 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
         Per DOF the parameters in both forms, ``std``, their 95 % ``intervals`` and
         ``delay_s`` (None where there are none), ``mae``, ``fit``, ``steps``, ``status``,
         ``reasons`` and ``verdict``, and ``couplings`` and ``fit_joint`` where a DOF has
-        couplings, and ``thrusters`` where they are found to work otherwise than configured; a
-        number that is not finite is None.
+        couplings, ``thrusters`` where they are found to work otherwise than configured, and
+        ``newtons`` where it is false; a number that is not finite is None.
 
     """
     dofs = estimate.dofs if estimate else tuple([
@@ -132,6 +132,7 @@ def dofs_document(settings: Settings, estimate: Estimate | None,
             **couplings_document(
                 settings.couplings(dof.dof), dof.couplings, dof.couplings_std),
             **thrusters_document(dof.thrusters),
+            **({} if settings.thrusters.newtons else {'newtons': False}),
             'mae': json_number(score.mae if score else math.nan),
             'fit': json_number(score.fit if score else math.nan),
             **({'fit_joint': json_number(joint[dof.dof].fit)}
@@ -210,6 +211,8 @@ class Identified:
         By name.
     thrusters : Thrusters
         How they are found to work.
+    newtons : bool
+        False: masses, drags and bias are per unit of the command.
 
     """
 
@@ -220,6 +223,7 @@ class Identified:
     status: str = ''
     couplings: Mapping[str, float] = field(default_factory=dict)
     thrusters: Thrusters = AS_CONFIGURED
+    newtons: bool = True
 
     @property
     def physical(self) -> dict[str, float]:
@@ -270,7 +274,7 @@ def _of_replay(document: Mapping[str, Any], path: Path) -> list[Identified]:
     return [
         Identified(dof, _parameters(values, f'{path}: dofs.{dof}'), source,
                    status=_one_line(values.get('status', '')), couplings=_couplings(dof, values),
-                   thrusters=_thrusters(values))
+                   thrusters=_thrusters(values), newtons=values.get('newtons') is not False)
         for dof, values in _dofs(document['dofs'], f'{path}: dofs').items()]
 
 

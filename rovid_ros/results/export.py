@@ -63,7 +63,7 @@ from rovid_ros.results.hydrodynamics import (
     urdf,
     vehicle,
 )
-from rovid_ros.results.text import number, quantity, unit
+from rovid_ros.results.text import NO_NEWTONS, number, quantity, unit
 
 _AXES = dict(zip(DOFS, ('xU', 'yV', 'zW', 'kP', 'mQ', 'nR')))
 """Force and velocity of each DOF in the notation of SNAME."""
@@ -138,6 +138,8 @@ def notes(models: Sequence[Identified]) -> list[str]:
         if model.status in ('waiting', 'invalid'):
             was = 'nothing but the initial values' if model.status == 'waiting' else 'not valid'
             lines.append(f'warning: {model.dof}: is {model.status}: these parameters are {was}')
+    if any(not model.newtons for model in models):
+        lines.append(f'warning: {NO_NEWTONS}')
     return lines
 
 

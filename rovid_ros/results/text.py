@@ -10,6 +10,10 @@ from rovid_core.model.dofs import ANGULAR_DOFS
 
 NONE = '-'
 
+NO_NEWTONS = (
+    'masses, drags and biases are per unit of the command, not in kg and N: thrusters.newtons is '
+    'false')
+
 
 def number(value: float | None) -> str:
     """Return four significant digits, without an exponent where that is readable."""

@@ -174,6 +174,15 @@ def test_a_dof_without_an_estimate_is_told(exported: Exported, status: str) -> N
     assert f'warning: heave: is {status}' in err
 
 
+def test_masses_that_are_no_kilograms_are_told(exported: Exported) -> None:
+    document = replayed(TRUE)
+    assert not exported(document, '--format', 'csv')[1]
+    for dof in document['dofs'].values():
+        dof['newtons'] = False
+    _, err = exported(document, '--format', 'csv')
+    assert err.count('warning: masses, drags and biases are per unit of the command') == 1
+
+
 # --- the JSON of compare
 
 MODELS = {'models': [

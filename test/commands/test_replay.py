@@ -182,6 +182,18 @@ def test_what_the_data_say_of_several_dofs_is_said_once(
     assert 'heave is converging: it takes a minute of thrust' in said
 
 
+def test_masses_that_are_no_kilograms_are_told(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, said = tmp_path / 'out.json', []
+    for newtons in ('true', 'false'):
+        assert main(['replay', str(log), '--params-file', str(config), '--json', str(path),
+                     '--duration', '10', '-p', f'thrusters.newtons:={newtons}']) == 0
+        dofs = json.loads(path.read_text())['dofs'].values()
+        assert {dof.get('newtons') for dof in dofs} == {None if newtons == 'true' else False}
+        said.append('are per unit of the command' in capsys.readouterr().out)
+    assert said == [False, True]
+
+
 def test_a_part_of_the_log(config: Path, log: Path, tmp_path: Path) -> None:
     path = tmp_path / 'part.json'
     assert main(['replay', str(log), '--params-file', str(config), '--json', str(path),

@@ -130,6 +130,7 @@ def test_an_allocation_is_estimated(logs: dict[str, Path], repository: Path,
     known = settings_from(load(repository / 'config' / 'jhurov.yaml'))
     assert found.thrusters.names == known.thrusters.names
     assert found.thrusters.model == 'linear'
+    assert not found.thrusters.newtons
     assert found.depth_scale == pytest.approx(known.depth_scale, rel=1e-3)
     assert_rows(found, known)
 

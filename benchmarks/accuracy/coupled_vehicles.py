@@ -3,11 +3,11 @@ Tell how a method does on vehicles that move in all axes at once.
 
 Two planar vehicles with the Coriolis forces of their masses are simulated with noisy fixes, an
 attitude and thrust on all three axes at once: one as large as the paper's, with a mass matrix that
-is not diagonal, and one as large as a BlueROV2. Each log is identified without and with the
-couplings of ``docs/guide.md``. The table says, per DOF, how far the effective mass (to a force on
-this DOF alone) and the quadratic drag are off, how often the 95 % interval of the mass holds the
-true one, how often the status is ``converged`` in the end, and how often it is so with the true
-mass outside, or off by more than 10 %. A method without intervals holds none.
+is not diagonal, and one as large as a BlueROV2. Each log is identified without couplings and with
+those of ``docs/guide.md``. The table says, per DOF, how far the effective mass (to a force on this
+DOF alone) and the quadratic drag are off, how often the 95 % interval of the mass holds the true
+one, how often the status is ``converged`` in the end, and how often it is so with the true mass
+outside, or off by more than 10 %. A method without intervals holds none.
 
 Usage: python -m benchmarks.accuracy.coupled_vehicles [--seeds N] [--duration S] [--method M]
 """
@@ -36,8 +36,9 @@ from rovid_core.simulation.sensors import simulate
 
 from benchmarks.markdown import table
 
-COUPLINGS = {
-    'surge': ('vr',), 'sway': ('ur', 'yaw_thrust'), 'yaw': ('v', 'uv', 'sway_thrust')}
+COUPLINGS = {'surge': ('vr',), 'sway': ('ur',), 'yaw': ('v', 'uv')}
+OFF_DIAGONAL = {'sway': ('yaw_thrust',), 'yaw': ('sway_thrust',)}
+"""What those need besides whose mass matrix is not diagonal."""
 
 
 def _matrix(planar: list[list[float]]) -> tuple[float, ...]:
@@ -79,13 +80,19 @@ def effective_mass(vehicle: str, dof: str) -> float:
     return 1.0 / float(inverse[k, k])
 
 
+def couplings_of(vehicle: str, dof: str) -> tuple[str, ...]:
+    """Return the couplings that a DOF needs."""
+    return COUPLINGS[dof] + (
+        OFF_DIAGONAL.get(dof, ()) if VEHICLES[vehicle].mass_matrix else ())
+
+
 def configured(vehicle: str, method: str, coupled: bool) -> Settings:
     """Return the settings of a run whose guess is wrong by 1.5 to 2."""
     simulation = VEHICLES[vehicle]
     return Settings(
         dofs=tuple(simulation.dofs),
         dof={d: DofSettings(1.5 * t.mass, t.quadratic_drag / 1.8, t.linear_drag / 2.0,
-                            couplings=COUPLINGS[d] if coupled else ())
+                            couplings=couplings_of(vehicle, d) if coupled else ())
              for d, t in simulation.dofs.items()},
         position=InputSettings(topic='/position', type='t', field='f'),
         attitude=InputSettings(topic='/attitude', type='t', field='f'),
@@ -133,7 +140,7 @@ def main() -> None:
                 mass, drag, held, converged = (
                     np.array(column) for column in zip(*(run[coupled, dof] for run in runs)))
                 rows.append((
-                    vehicle, ', '.join(COUPLINGS[dof]) if coupled else 'none', dof,
+                    vehicle, ', '.join(couplings_of(vehicle, dof)) if coupled else 'none', dof,
                     f'{100 * np.median(mass):+.1f}', f'{100 * np.abs(mass).max():.1f}',
                     f'{100 * np.median(drag):+.1f}', f'{100 * held.mean():.0f}',
                     f'{100 * converged.mean():.0f}',

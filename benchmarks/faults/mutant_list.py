@@ -485,6 +485,10 @@ MUTANTS = [
          'a_sensor_ahead_of_the_middle_is_no_coupling_with_the_yaw_thrust',
          ('a coupling is named beside the sensor that it looks like',
           'found = replace(found, missing=None)  # it only', 'pass  # it only')),
+    *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
+         'a_velocity_of_the_other_handedness_is_named',
+         ('a right velocity is of the other handedness', 'max(one, other) < 0.0', 'True'),
+         ('no velocity is of the other handedness', 'max(one, other) < 0.0', 'False')),
     *_of('rovid_ros/messages/field_paths.py', 'test/commands/test_survey.py '
          'a_log_without_the_field_costs_a_row',
          ('an error of a field does not come from another process',

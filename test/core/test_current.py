@@ -259,6 +259,20 @@ def test_what_fits_better_is_said_also_where_it_hides_the_current():
     assert 'm to starboard fit better, see position.lever_arm' in current.advice
 
 
+def test_a_velocity_of_the_other_handedness_is_named():
+    run = Run(input='velocity', rate=5.0, noise=0.005, duration=200.0)
+    streams = [Stream(settings(run)) for _ in range(2)]
+    for event in events(run):
+        sample, = event.samples
+        u, v, *rest = sample.value
+        mirrored = sample.replaced(value=(u, -v, *rest)) if sample.input in (
+            'velocity', 'thrusters') else sample
+        for stream, one in zip(streams, (sample, mirrored)):
+            stream.receive(event.replaced(samples=(one,)))
+    told = [' '.join(stream.estimate.dofs[0].reasons) for stream in streams]
+    assert ['handedness' in text for text in told] == [False, True]
+
+
 def test_a_sensor_ahead_of_the_middle_is_no_coupling_with_the_yaw_thrust():
     run = replace(FIXES, apart=True, duration=130.0)
     stream = Stream(settings(run, ('surge', 'sway', 'yaw')))

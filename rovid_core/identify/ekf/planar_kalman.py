@@ -71,6 +71,13 @@ from rovid_core.model.samples import PlanarStart, PlanarStep
 from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters
 from rovid_core.settings.run import CurrentSettings, Scales
 
+CERTAIN = 5.0
+"""Standard deviations from which two signs together are no chance."""
+
+MIRRORED = (
+    'as it turns surge and sway push each other the other way than inertia does: the sideways '
+    'velocity and the attitude differ in handedness, see velocity.frames and attitude.frames')
+
 WINDOW = 180.0
 """[s] Longest time that is kept to be gone through again."""
 
@@ -456,6 +463,8 @@ class PlanarKalman:
     def note(self, k: int) -> str:
         """Return what the filter has to say of surge (0) or sway (1), '' if nothing."""
         said = [self._bank.said_of_change(self._time)]
+        if self._is_mirrored:
+            said.append(MIRRORED)
         if self.current.advice:
             said.append(why_not_known(self.current))
         if self._clocks(k):
@@ -475,6 +484,16 @@ class PlanarKalman:
             said += [UNTOLD[name] for dof, name in map(str.split, verdict.untold)
                      if dof == DOFS[k] and verdict.covariance[i][i] > limit]
         return '; '.join(filter(None, said))
+
+    @property
+    def _is_mirrored(self) -> bool:
+        """Tell whether both push each other the other way as they turn than their inertia does."""
+        verdict, places = self._bank.best.verdict, [row.turning for row in self._model.rows]
+        if verdict is None or min(places) < 0:
+            return False
+        one, other = [sign * verdict.theta[i] / math.sqrt(verdict.covariance[i][i])
+                      for sign, i in zip((1.0, -1.0), places)]
+        return max(one, other) < 0.0 and one * one + other * other > CERTAIN * CERTAIN
 
     def _missing(self, k: int) -> Missing | None:
         """Return what the model of surge (0) or sway (1) lacks."""

@@ -12,6 +12,7 @@ rclpy = pytest.importorskip('rclpy')
 
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.srv import SetParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.lifecycle import TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -107,6 +108,9 @@ def test_through_all_states(messages: list[Raw], peer: Peer, start: Start,
     assert_same(heard(estimates), replayed_record(record, VALUES))
     assert heard(estimates)[:len(got)] == got
 
+    (result,) = peer.call(SetParameters, f'{NAME}/set_parameters', SetParameters.Request(
+        parameters=[Parameter('velocity.max', value=4.0).to_parameter_msg()])).results
+    assert result.successful
     assert ask(peer, 'configure')
     assert 'going on from' in node.output
     assert (tmp_path / 'record-1.mcap').exists()

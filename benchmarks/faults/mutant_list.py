@@ -512,8 +512,8 @@ MUTANTS = [
     *_of('rovid_ros/comparison/trials.py', 'test/commands/test_replay_state.py '
          'a_record_that_began_from_a_state_of_another_method_is_replayed_and_compared',
          ('methods are compared from a state',
-          '"""Begin anew: methods are compared by what this log alone tells them."""',
-          'super().restore(state)')),
+          'log alone tells them."""\n        return \'\'',
+          'log alone tells them."""\n        return super().restore(state)')),
     *_of('rovid_ros/logs/writer.py', 'test/files/test_power_loss.py '
          'an_output_log_has_its_name_when_it_is_on_the_disk',
          ('an output is closed before it is on the disk',

@@ -181,7 +181,7 @@ def replay(logs: Sequence[Path], settings: Settings, player: Player, *,
         if state is not None:
             restore(state, player.stream)
         elif log.recorded:
-            _restore_recorded(log, player, settings, warn)
+            _restore_recorded(log, player, warn)
         if not player.stream.adapting:
             player.repeat_control('enable', 'false')  # so that a node tells it
         interrupt = stack.enter_context(Interrupt(unfinished(output) if output else None))
@@ -343,20 +343,16 @@ def _topics(log: Log, converter: Converter, settings: Settings,
     return names
 
 
-def _restore_recorded(log: Log, player: Player, settings: Settings,
-                      warn: Callable[[str], None]) -> None:
+def _restore_recorded(log: Log, player: Player, warn: Callable[[str], None]) -> None:
     """Begin where the node began when it recorded this log, if that was with this method."""
     recorded = log.metadata[RECORD].get('state')
     if recorded:
         try:
-            state = json.loads(recorded)
-            if state['method'] == settings.identifier.method:
-                player.restore(state)
-            else:
-                warn(f'the node began this recording with a state of {state["method"]}; '
-                     f'{settings.identifier.method} begins anew')
+            said = player.restore(json.loads(recorded))
         except (ValueError, TypeError, LookupError, AttributeError, RecursionError) as error:
             raise CommandError(f'the state that the recording began with: {error}') from None
+        if said:
+            warn(said)
 
 
 def _control(message: LogMessage) -> tuple[str, str]:

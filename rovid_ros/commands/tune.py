@@ -92,8 +92,9 @@ class TuningPlayer(PipelinePlayer):
                              water=None if water is None else water.at)
         self.converter = Converter(settings, self.stream.reject)
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any]) -> str:
         """Begin anew: the state of an identifier is of no use here."""
+        return ''
 
     def repeat_control(self, name: str, value: str) -> list[Estimate]:
         """Do a control again only if it is about time."""

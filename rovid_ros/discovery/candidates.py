@@ -63,9 +63,9 @@ def words_in(name: str) -> list[str]:
 
 def too_fast(signals: Sequence[Signal]) -> list[tuple[Signal, float]]:
     """Return what could be a position but moves too fast, and how fast [m/s]."""
-    found = [(signal, float(np.median(_speeds(signal)))) for signal in signals
-             if _is_place(signal) and len(_speeds(signal))]
-    return [(signal, speed) for signal, speed in found if speed > _FASTEST]
+    places = [(signal, _speeds(signal)) for signal in signals if _is_place(signal)]
+    return [(signal, float(np.median(speeds))) for signal, speeds in places
+            if len(speeds) and np.median(speeds) > _FASTEST]
 
 
 def _points(signal: Signal, likely: Iterable[str], unlikely: Iterable[str] = ()) -> float:

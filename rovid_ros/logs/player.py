@@ -29,8 +29,8 @@ class Player(Protocol):
     def maker(self, topic: str, wire: WireType, decode: Decoder) -> Maker:
         """Return what makes the data that ``add_message`` needs, of the messages of a topic."""
 
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Begin where the node began when it recorded the log."""
+    def restore(self, state: Mapping[str, Any]) -> str:
+        """Begin where the node began when it recorded the log; return why not, or ''."""
 
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message; return the estimates that it released."""
@@ -57,8 +57,8 @@ class PipelinePlayer:
         """Return what makes events of the messages of a topic."""
         return Unpacker(self.converter, topic, wire, decode).events
 
-    def restore(self, state: Mapping[str, Any]) -> None:
-        self.stream.restore(state)
+    def restore(self, state: Mapping[str, Any]) -> str:
+        return restore_recorded(self.stream, state)
 
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message, as events; return the estimates that it released."""
@@ -93,6 +93,16 @@ def recorded_changes(value: str) -> dict[str, Any]:
     if not isinstance(changes, dict):
         raise ValueError(f'a control of parameters that has no keys: {value!r}')
     return changes
+
+
+def restore_recorded(stream: Stream, state: Mapping[str, Any]) -> str:
+    """Go on from the state that a recording began with; return why not, or ''."""
+    mine = stream.settings.identifier.method
+    if state['method'] != mine:
+        return (f'the node began this recording with a state of {state["method"]}; {mine} begins '
+                'anew')
+    stream.restore(state)
+    return ''
 
 
 def repeat_control(stream: Stream, name: str, value: str) -> list[Estimate]:

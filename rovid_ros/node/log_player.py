@@ -17,6 +17,7 @@ from rovid_core.identify.estimate import Estimate
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import ScoreLog
 from rovid_ros.logs.log import LogMessage, Maker
+from rovid_ros.logs.player import restore_recorded
 from rovid_ros.messages.types import Decoder, WireType
 from rovid_ros.node.node import IdentifierNode
 
@@ -56,8 +57,8 @@ class NodePlayer:
         """Return the decoder: the node converts by itself."""
         return lambda data, time: decode(data)
 
-    def restore(self, state: Mapping[str, Any]) -> None:
-        self.stream.restore(state)
+    def restore(self, state: Mapping[str, Any]) -> str:
+        return restore_recorded(self.stream, state)
 
     def add_message(self, message: LogMessage) -> list[Estimate]:
         """Add the next message when it is due; return the estimates that it released."""

@@ -80,6 +80,7 @@ def test_a_record_that_began_from_a_state_of_another_method_is_replayed_and_comp
         assert main(['compare', str(log), '--params-file', str(config), '--json', str(out)]) == 0
         compared.append(json.loads(out.read_text()))
     assert compared[0] == compared[1]
+    assert 'begins anew' not in capsys.readouterr().err
 
 
 class Call:

@@ -19,6 +19,7 @@ from rclpy.serialization import deserialize_message
 from rovid_core.inputs.refusals import REASONS
 from rovid_core.pipeline.stream import Stream
 from rovid_ros.config.parameters import settings_from
+from rovid_ros.files.state_file import Checkpoint
 from rovid_ros.messages.converter import Converter
 from rovid_ros.node.health.console import (
     Events,
@@ -269,7 +270,9 @@ def test_a_command_that_holds_for_ever(messages: list[Raw]) -> None:
 def test_the_inputs_are_waited_for_from_the_activation_on(
         ros_node: Node, capfd: pytest.CaptureFixture[str]) -> None:
     now = [0.0]
-    monitor = HealthMonitor(ros_node, Stream(SETTINGS), steady=lambda: now[0])
+    stream = Stream(SETTINGS)
+    monitor = HealthMonitor(ros_node, stream, None, Checkpoint(stream, ros_node.get_logger()),
+                            steady=lambda: now[0])
     now[0] = 60.0
     monitor.expect_inputs()
     for seconds, is_told in ((60.5, False), (66.0, True)):

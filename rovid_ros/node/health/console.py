@@ -44,8 +44,8 @@ class HealthMonitor:
     ``steady`` returns the time [s] of a clock that is never set.
     """
 
-    def __init__(self, node: Node, stream: Stream, recorder: Recorder | None = None,
-                 checkpoint: Checkpoint | None = None, *, live: bool = True,
+    def __init__(self, node: Node, stream: Stream, recorder: Recorder | None,
+                 checkpoint: Checkpoint, *, live: bool = True,
                  steady: Callable[[], float] = time.monotonic) -> None:
         self.arrivals = Arrivals()
         self._node = node
@@ -92,7 +92,7 @@ class HealthMonitor:
         return diagnostics(data, NodeState(
             self._node.get_fully_qualified_name(), state, now - self._start,
             str(recorder.path) if recorder else '', recorder.is_open if recorder else True,
-            str(checkpoint.path) if checkpoint and checkpoint.is_kept else ''))
+            str(checkpoint.path) if checkpoint.is_kept else ''))
 
     def finish(self) -> None:
         """Log what was refused since the last line about it, and what was found."""

@@ -12,11 +12,12 @@ import pytest
 
 from test.support.processes import child_environment
 
-# How long an example takes says more about what else the machine does. New examples are for people
-# to find; a build that others wait for repeats its own.
-settings.register_profile('suite', max_examples=50, deadline=None,
-                          suppress_health_check=[HealthCheck.too_slow],
-                          derandomize=bool(os.environ.get('CI')))
+# How long an example takes says more about what else the machine does. The suite repeats its
+# examples, as one that fails by chance tells nothing of a change; to ask for a number of examples
+# looks for new ones.
+settings.register_profile('suite', max_examples=int(os.environ.get('ROVID_EXAMPLES', '50')),
+                          deadline=None, suppress_health_check=[HealthCheck.too_slow],
+                          derandomize='ROVID_EXAMPLES' not in os.environ)
 settings.load_profile('suite')
 
 # A shell that runs the suite in the background has it ignore Ctrl-C, and all its children with it.

@@ -47,6 +47,9 @@ class Scorer(Protocol):
     def begin_anew(self, dof: str) -> None:
         """Forget the steps of a DOF so far: their couplings are not those of what follows."""
 
+    def add_commands(self, time: int, raw: tuple[float, ...]) -> None:
+        """Add the raw commands of all thrusters."""
+
     def add_current(self, time: int, x: float, y: float) -> None:
         """Add the current of the water that is known by now."""
 
@@ -273,8 +276,11 @@ class Pipeline:
             return self._add_measurement(time, name, value)
         if name == 'thrusters':
             refused = self._commands.add_commands(time, value, sample.part)
-            if not refused and self._configuration.active and self._forces.raw:
-                self._configuration.add_commands(time, self._forces.raw)
+            raw = () if refused else self._forces.raw
+            if raw and self._configuration.active:
+                self._configuration.add_commands(time, raw)
+            if raw and self._scorer is not None:
+                self._scorer.add_commands(time, raw)
             return refused
         if name == 'sign':
             self._commands.add_signs(time, value)

@@ -198,13 +198,17 @@ _NOTHING = 1e-9  # [N] is what a force of 0 is after the allocation
 def _inverse_model(
         settings: ThrusterSettings) -> tuple[Callable[[float], float], float, float]:
     """Return the raw command for a thruster force before its gain, and that force's limits."""
-    limit = settings.limit or math.inf
+    limit, reverse = settings.limit or math.inf, settings.reverse
     offset, scale = settings.offset, settings.scale
-    if settings.model == 'linear':
-        return (lambda f: max(-limit, min(limit, f)) / scale + offset, -limit, limit)
-    if settings.model == 'quadratic':
-        return (lambda f: max(-limit, min(limit, math.copysign(math.sqrt(abs(f)), f))) / scale
-                + offset, -limit * limit, limit * limit)
+    if settings.model in ('linear', 'quadratic'):
+        root = 1.0 if settings.model == 'linear' else 0.5
+
+        def command(f: float) -> float:
+            u = math.copysign(abs(f if f > 0.0 else f / reverse)**root, f)
+            return max(-limit, min(limit, u)) / scale + offset
+
+        most = limit**(1.0 / root)
+        return command, -reverse * most, most
     ends = settings.limit or 1.0
     commands = (np.linspace(-ends, ends, 2001) if settings.model == 'polynomial'
                 else np.array(settings.table_command))

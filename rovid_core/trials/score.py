@@ -197,6 +197,9 @@ class ScoreLog:
         """Add the current of the water in the world [m/s] at a time [ns], where it is known."""
         self.water.add(time, x, y)
 
+    def add_commands(self, time: int, raw: tuple[float, ...]) -> None:
+        """Do nothing: a score takes the forces of the steps."""
+
     def add_reference(self, time: int, value: tuple[float, ...]) -> None:
         """Add a reference velocity, first the linear and then the angular one."""
         self._references.append((time,), value)

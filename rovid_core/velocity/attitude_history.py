@@ -282,6 +282,16 @@ def from_yaw(yaw: float) -> Quaternion:
     return (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
 
 
+def angles_of(q: Quaternion) -> tuple[float, float, float]:
+    """Return roll, pitch and yaw [rad] of an attitude, as in REP 103; upright there is no roll."""
+    x, y, z, w = q
+    sine = 2.0 * (w * y - x * z)
+    if abs(sine) > 1.0 - 1e-12:
+        return 0.0, math.copysign(0.5 * math.pi, sine), 2.0 * math.atan2(z, w)
+    return (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), math.asin(sine),
+            yaw_of(q))
+
+
 def from_angles(roll: float, pitch: float, yaw: float) -> Quaternion:
     """Return the attitude of roll, pitch and yaw [rad], as in REP 103: yaw is turned first."""
     x, y, z = 0.5 * roll, 0.5 * pitch, 0.5 * yaw

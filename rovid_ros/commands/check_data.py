@@ -339,6 +339,8 @@ def _check_times(settings: Settings, subject: str, one: SampleStatistics,
     limit, key = settings.max_gap or max(LEAST_GAP, usual), 'max_gap'
     if one.input == 'thrusters':
         limit, key = settings.thrusters.timeout, 'thrusters.timeout'
+    elif own := settings.input(one.input).timeout:
+        limit, key = own, f'{section(one.input)}.timeout'
     if one.input not in ('reference', 'sign') and 0.0 < limit < one.longest_gap:
         follows = ', which follows the rate' if key == 'max_gap' and not settings.max_gap else ''
         findings.warning(

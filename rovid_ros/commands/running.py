@@ -193,7 +193,7 @@ def located_errors(path: Path | ParameterSource) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        key = getattr(error, 'key', '')  # of a SettingsError or FieldError
+        key = getattr(error, 'key', '')  # of a SettingsError
         if not key:
             raise
         raise CommandError(f'{source_of(path).place_of(key)}: {error}') from None

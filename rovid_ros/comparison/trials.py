@@ -85,7 +85,7 @@ class TrialPlayer(PipelinePlayer):
         of = {method: replace(settings, identifier=replace(settings.identifier, method=method))
               for method in ONLINE}
         paper = replace(of.pop(PAPER), all_methods=True)
-        super().__init__(paper, ScoreLog(paper))
+        super().__init__(paper)
         self._filtered = {method: ScoreLog(one) for method, one in of.items()
                           if one.estimates_current}
         self._others = {method: Stream(one, scorer=self._filtered.get(method))

@@ -36,8 +36,16 @@ def write_json(path: Path, document: Any, indent: int = 2, keep: bool = False) -
 
 
 def write_text(path: Path, text: str, keep: bool = False) -> None:
+    """Write a text as :func:`write_bytes` writes bytes, in UTF-8."""
+    if path == STDOUT:  # opened anew, it would go over what was printed to a file
+        sys.stdout.write(text)
+    else:
+        write_bytes(path, text.encode(), keep)
+
+
+def write_bytes(path: Path, data: bytes, keep: bool = False) -> None:
     """
-    Write a text; at every moment the file is the old or the new one, whole.
+    Write all of a file; at every moment the file is the old or the new one, whole.
 
     With ``keep`` the old one stays as :func:`before`.
 
@@ -51,12 +59,10 @@ def write_text(path: Path, text: str, keep: bool = False) -> None:
 
     """
     try:
-        if path == STDOUT:  # opened anew, it would go over what was printed to a file
-            sys.stdout.write(text)
-        elif path.exists() and not path.is_file():
-            path.write_text(text, encoding='utf-8')
+        if path.exists() and not path.is_file():
+            path.write_bytes(data)
         else:
-            _replace(Path(os.path.realpath(path)), text, keep)
+            _replace(Path(os.path.realpath(path)), data, keep)
     except OSError as error:
         raise OSError(error.errno, error.strerror, str(path)) from None
 
@@ -75,14 +81,14 @@ def sync_folder(folder: Path) -> None:
         os.close(directory)
 
 
-def _replace(path: Path, text: str, keep: bool) -> None:
+def _replace(path: Path, data: bytes, keep: bool) -> None:
     prefix = f'.{path.name}.'
     remove_stale_files(path.parent, prefix)
     temporary = path.with_name(f'{prefix}{os.getpid()}')
     spare = path.with_name(f'{temporary.name}-1')
     try:
-        with temporary.open('w', encoding='utf-8') as file:
-            file.write(text)
+        with temporary.open('wb') as file:
+            file.write(data)
             file.flush()
             os.fsync(file.fileno())
         if keep and path.exists():

@@ -48,8 +48,8 @@ class Player(Protocol):
 class PipelinePlayer:
     """Plays a log through the pipeline alone: conversion and stream, no ROS."""
 
-    def __init__(self, settings: Settings, scores: ScoreLog | None = None) -> None:
-        self.scores = scores or ScoreLog(settings)
+    def __init__(self, settings: Settings) -> None:
+        self.scores = ScoreLog(settings)
         self.stream = Stream(settings, scorer=self.scores)
         self.converter = Converter(settings, self.stream.reject)
 

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.velocity.attitude_history import (
+    angles_of,
     normalised,
     product,
     rotate,
     rotate_back,
-    yaw_of,
 )
 from rovid_ros.logs.container import LogError
 from rovid_ros.logs.log import Log, RECORD
@@ -88,7 +87,7 @@ class StaticFrames:
                     f'{base} (base_frame) to {frame}; {TOPIC} has '
                     f'{", ".join(names) or "nothing"}; publish it, or give {key}')
             offset, turn = found
-            values[key] = list(offset if key.endswith('.lever_arm') else _angles(turn))
+            values[key] = list(offset if key.endswith('.lever_arm') else angles_of(turn))
         return values
 
     def _between(self, base: str, frame: str) -> tuple[Vector, Quaternion] | None:
@@ -116,16 +115,6 @@ class StaticFrames:
 
 def _name(frame: str) -> str:
     return frame.lstrip('/')  # ROS 1 had one in front
-
-
-def _angles(q: Quaternion) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw [rad] of a turn, as rpy in a URDF; upright there is no roll."""
-    x, y, z, w = q
-    sine = 2.0 * (w * y - x * z)
-    if abs(sine) > 1.0 - 1e-12:
-        return 0.0, math.copysign(0.5 * math.pi, sine), 2.0 * math.atan2(z, w)
-    return (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)), math.asin(sine),
-            yaw_of(q))
 
 
 def values_in_logs(settings: Settings, logs: Sequence[Path]) -> dict[str, Any]:

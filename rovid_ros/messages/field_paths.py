@@ -17,6 +17,7 @@ import re
 from typing import Any
 
 import numpy as np
+from rovid_core.settings.inputs import SettingsError
 
 Step = str | int | slice
 
@@ -29,19 +30,8 @@ _LONGEST_NAME = 256
 _STEP = re.compile(r'\.?([A-Za-z]\w*)|\[(\d{1,9})(:(\d{1,9}))?\]')
 
 
-class FieldError(ValueError):
-    """
-    A field path that the message type does not have, or that leads to something of no use.
-
-    ``key`` is the key in the parameter file, such as ``position.field``.
-    """
-
-    def __init__(self, key: str, message: str) -> None:
-        super().__init__(key, message)  # both, so that it can come from another process
-        self.key = key
-
-    def __str__(self) -> str:
-        return ': '.join(self.args)
+class FieldError(SettingsError):
+    """A field path that the message type does not have, or that leads to something of no use."""
 
 
 class MissingIndexError(LookupError):

@@ -11,6 +11,7 @@ import numpy as np
 from rovid_core.model.dofs import Quaternion, Vector
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_core.velocity.attitude_history import (
+    angles_of,
     from_angles,
     from_yaw,
     product,
@@ -226,11 +227,8 @@ def _quaternion(settings: Settings, value: Values) -> Quaternion:
 
 def _angles(settings: Settings, value: Values) -> Values:
     """Return roll, pitch and yaw in the message's unit and sense."""
-    x, y, z, w = q = _quaternion(replace(settings, attitude=replace(
-        settings.attitude, frames=settings.heading_frames or settings.attitude.frames)), value)
-    angles = (math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
-              math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x)))),
-              yaw_of(q))
+    angles = angles_of(_quaternion(replace(settings, attitude=replace(
+        settings.attitude, frames=settings.heading_frames or settings.attitude.frames)), value))
     return tuple(map(math.degrees, angles)) if settings.heading_unit == 'deg' else angles
 
 

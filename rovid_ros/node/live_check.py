@@ -14,7 +14,6 @@ from rclpy.serialization import deserialize_message
 from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.commands.check_data import check_data, Findings, Observation
 from rovid_ros.config.parameters import inputs_of, section
-from rovid_ros.messages.field_paths import FieldError
 from rovid_ros.node.health.graph import graph_states, TopicState
 from rovid_ros.node.transport.inputs import look_up, message_class, qos
 
@@ -65,7 +64,7 @@ class LiveCheck:
     def _subscribe(self, topic: str) -> None:
         try:
             cls = message_class(self._settings, self._seen.converter, topic)
-        except (SettingsError, FieldError) as error:
+        except SettingsError as error:
             self._findings.error(error.key, str(error).partition(': ')[2])
             self._broken.add(topic)
             return

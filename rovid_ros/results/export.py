@@ -51,7 +51,7 @@ import sys
 import textwrap
 from xml.sax.saxutils import escape
 
-from rovid_core.model.dofs import DOFS, LINEAR_DOFS, PARAMETERS, PHYSICAL
+from rovid_core.model.dofs import DOFS, PARAMETERS, PHYSICAL
 from rovid_core.settings.run import Settings
 from rovid_ros.results.documents import Identified
 from rovid_ros.results.hydrodynamics import (
@@ -260,8 +260,6 @@ def _identified_notes(found: Mapping[str, Identified]) -> Iterator[str]:
 
 
 def _mass_notes(dry: Mapping[str, float], added: Mapping[str, float]) -> Iterator[str]:
-    if len({dry[dof] for dof in dry if dof in LINEAR_DOFS}) > 1:
-        yield f'warning: a link has one mass, the dry masses are {", ".join(_dry_texts(dry))}'
     unstable = [dof for dof in dry if added[dof] >= dry[dof]]
     if unstable:
         yield (f'warning: {", ".join(unstable)}: the added mass is not below the dry mass: the '

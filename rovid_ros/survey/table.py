@@ -19,7 +19,7 @@ from typing import Any, TypeAlias
 
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_ros import __version__
-from rovid_ros.files.whole_files import write_text
+from rovid_ros.files.whole_files import write_bytes, write_text
 from rovid_ros.results.documents import Result
 from rovid_ros.survey.dives import stamps
 
@@ -104,12 +104,9 @@ def write_parquet(path: Path, rows: Sequence[Row]) -> None:
         else:
             type = pyarrow.float64()
         arrays[name] = pyarrow.array(values, type)
-    temporary = path.with_name(f'.{path.name}.{os.getpid()}')
-    try:
-        parquet.write_table(pyarrow.table(arrays), temporary)
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    buffer = io.BytesIO()
+    parquet.write_table(pyarrow.table(arrays), buffer)
+    write_bytes(path, buffer.getvalue())
 
 
 def _typed(values: list[Any]) -> tuple[list[Any], Any]:

@@ -337,6 +337,16 @@ def test_what_the_data_give_away(
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(('timeout', 'says'), [(1.5, 'above position.timeout 1.5 s'), (10.0, '')])
+def test_a_gap_is_one_by_the_timeout_of_its_input(
+        timeout: float, says: str, tmp_path: Path, log: Path) -> None:
+    other = rewritten(log, tmp_path / 'other.mcap', with_a_hole)
+    outcome = checked(tmp_path, {'position.timeout': timeout}, logs=[other])
+    told = [str(one) for one in findings(outcome, WARNING) if 'longest gap' in one.text]
+    assert [says in line for line in told] == ([True] if says else []), outcome.text
+
+
+@pytest.mark.long
 @pytest.mark.parametrize('frames', ['enu', 'ned'])
 @pytest.mark.parametrize('gravity', [9.8, -9.8, 3.0])
 def test_the_accelerometer_beside_the_attitude_tells_the_frames(

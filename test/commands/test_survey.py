@@ -117,10 +117,12 @@ def test_parquet_holds_the_same_with_tags_as_numbers(season: Path, tmp_path: Pat
     parquet = pytest.importorskip('pyarrow.parquet')
     for k, temperature in ((1, '8.5'), (2, '11')):
         _tag(season / 'dives' / f'd{k}.mcap', tmp_path / f'd{k}.mcap', temperature)
+    (tmp_path / 'tagged.parquet').symlink_to('of the link.parquet')
     for name in ('tagged.parquet', 'tagged.csv'):
         assert main(['survey', str(tmp_path / '*.mcap'), '--params-file', str(CONFIG),
                      '--output', str(tmp_path / name)]) == 0
     table = parquet.read_table(tmp_path / 'tagged.parquet').to_pydict()
+    assert (tmp_path / 'tagged.parquet').is_symlink()
     assert table['tag_temperature'] == [8.5] * 3 + [11.0] * 3
     expected = rows(tmp_path / 'tagged.csv')
     assert table['mass'] == [float(row['mass']) for row in expected]

@@ -9,6 +9,7 @@ from rovid_core.model.samples import Motion
 from rovid_core.settings.inputs import InputSettings
 from rovid_core.settings.run import DofSettings, IdentifierSettings
 from rovid_core.velocity.attitude_history import (
+    angles_of,
     AttitudeHistory,
     from_angles,
     from_yaw,
@@ -31,6 +32,13 @@ def history(*seconds: float) -> AttitudeHistory:
     for second in seconds:
         attitudes.add_sample(round(second * SECOND), from_yaw(second))
     return attitudes
+
+
+@pytest.mark.parametrize('pitch', [0.5 * math.pi, -0.5 * math.pi, 0.3])
+def test_the_angles_of_an_attitude_make_it_again(pitch: float) -> None:
+    attitude = from_angles(0.3, pitch, 0.7)
+    left = rotation_between(from_angles(*angles_of(attitude)), attitude)
+    assert left == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
 
 
 def test_between_two_attitudes_the_heading_is_interpolated() -> None:

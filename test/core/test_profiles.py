@@ -180,6 +180,20 @@ def test_thrust_beyond_the_table_is_clipped_and_told(table: Settings) -> None:
     assert profile_warnings(surge_settings(), 8.0, {'surge': (Steps((1e6, -1e6), 1.0),)}) == []
 
 
+@pytest.mark.parametrize(('model', 'most'), [('linear', 3.0), ('quadratic', 9.0)])
+def test_thrusters_that_push_less_astern_are_asked_for_more(model: str, most: float) -> None:
+    s = surge_settings()
+    thrusters = replace(s.thrusters, model=model, gain=(1.0,), limit=3.0, reverse=0.5)
+    profile = {'surge': (Steps((2.0, -1.0, -2.0), 1.0),)}
+    commands = ThrusterCommands(thrusters, profile)
+    assert commands.limits == [-0.5 * most, most]
+    given = [wrench(thrusters, commands.at(t), ('surge',))[0] for t in (0.5, 1.5, 2.5)]
+    assert given == pytest.approx([2.0, -1.0, max(-2.0, -0.5 * most)])
+    short = shortfall(thrusters, {'surge': (Steps((1.0, -6.0), 1.0),)}, 20.0, 2.0)
+    assert short is not None
+    assert short.given == pytest.approx(-0.5 * most)
+
+
 def test_of_a_very_long_profile_some_commands_tell_as_much(
         table: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     count, thrusters = 0, ThrusterCommands.thruster_forces

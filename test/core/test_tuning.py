@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from rovid_core.model.samples import Event, Sample
 from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.inputs import InputSettings
 from rovid_core.settings.run import Settings
 from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.force_history import ForceHistory
@@ -39,6 +40,19 @@ def surge() -> Settings:
     return settings_from({**values, 'dofs': ['surge'], 'simulation.thruster_rate': 10.0,
                           'simulation.attitude_rate': 10.0, 'depth.topic': '',
                           'identifier.method': 'aid'})
+
+
+def test_commands_that_the_pipe_refuses_are_not_tuned_with(surge: Settings) -> None:
+    thrusters = surge.thrusters
+    settings = replace(surge, sign=InputSettings('/sign', timeout=1.05))
+    log = TuningLog(settings)
+    stream = Stream(settings, recorder=log, scorer=log)
+    stream.receive(Event(0, (Sample('sign', (-1.0,) * thrusters.count),)))
+    for k in range(1, 51):
+        stream.receive(Event(k * 10**8, (Sample('thrusters', (2.0,) * thrusters.count),)))
+    stream.finish()
+    assert stream.rejected['thrusters', 'stale_sign'] == 40
+    assert log.commands().tolist() == [[-2.0] * thrusters.count] * 10
 
 
 def log_of(truth: Settings, duration: float, noise: np.random.Generator | None = None,

@@ -12,8 +12,7 @@ from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import Array, linear_recurrence
 from rovid_core.model.samples import Event, NS
 from rovid_core.settings.run import Settings, ThrusterSettings
-from rovid_core.thrust.force_history import MAX_FORCE
-from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench
+from rovid_core.thrust.thruster_curve import thruster_model
 from rovid_core.trials.record import LogWater
 from rovid_core.trials.score import ScoreLog
 
@@ -24,9 +23,9 @@ class CommandedForce:
     """
     The force that was commanded on each DOF, before delay and lag.
 
-    ``impulse`` is that of ``Thrust``, for all times of a log at once. The times of the commands
-    [ns] increase; ``forces`` has shape (dofs, n) [N or N m]. ``linear`` lets the force go in a
-    straight line from one command to the next.
+    ``impulse`` is that of ``ForceHistory``, for all times of a log at once. The times of the
+    commands [ns] increase; ``forces`` has shape (dofs, n) [N or N m]. ``linear`` lets the force go
+    in a straight line from one command to the next.
     """
 
     def __init__(self, times: NDArray[np.int64], forces: Array, linear: bool) -> None:
@@ -109,8 +108,6 @@ class TuningLog(ScoreLog):
         super().__init__(settings)
         self.water = water or self.water
         self._settings = settings
-        self._raw: list[float | None] = [None] * settings.thrusters.count
-        self._sign: tuple[float, ...] | None = None
         self._times = array('q')
         self._commands = array('d')
         self._attitude_times = array('q')
@@ -120,11 +117,7 @@ class TuningLog(ScoreLog):
     def released(self, event: Event) -> None:
         """Take an event, in the order of release."""
         for sample in event.samples:
-            if sample.input == 'sign':
-                self._sign = sample.value
-            elif sample.input == 'thrusters' and all(map(math.isfinite, sample.value)):
-                self._command(event.time, sample.value, sample.part)
-            elif sample.input == 'attitude' and all(map(math.isfinite, sample.value)):
+            if sample.input == 'attitude' and all(map(math.isfinite, sample.value)):
                 x, y, z, w = sample.value
                 self._attitude_times.append(event.time)
                 self._headings.append(
@@ -134,26 +127,8 @@ class TuningLog(ScoreLog):
         """Take a control; only time counts."""
         self.jumped = self.jumped or name == 'time_jump'
 
-    def _command(self, time: int, value: tuple[float, ...], part: int) -> None:
-        if self._settings.sign.topic:
-            if self._sign is None:
-                return
-            signs = self._sign if len(self._sign) > 1 else self._sign * len(value)
-            if len(signs) > len(value):
-                signs = signs[part:part + 1]
-            value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
-        if not are_commands(self._settings.thrusters, value, part):
-            return
-        if len(self._settings.thrusters.topics) > 1:
-            self._raw[part] = value[0]
-        else:
-            self._raw = list(value)
-        raw = [u for u in self._raw if u is not None]
-        if len(raw) < len(self._raw):
-            return
-        forces = wrench(self._settings.thrusters, raw, self._settings.dofs)
-        if not all(abs(f) < MAX_FORCE for f in forces):
-            return
+    def add_commands(self, time: int, raw: tuple[float, ...]) -> None:
+        """Take the raw commands of all thrusters from ``time`` [ns] on."""
         if self._times and self._times[-1] == time:  # another topic of the same instant
             self._times.pop()
             del self._commands[-len(raw):]

@@ -260,11 +260,10 @@ def _with_latencies(settings: Settings, stage: Stage) -> Settings:
 class _Models:
     """The DOFs of a reading with the couplings that they want with some thrusters."""
 
-    def __init__(self, now: _Reading, thrusters: ThrusterSettings, pair: Pair, each: ParallelMap,
-                 left_out: Sequence[str] = ()) -> None:
+    def __init__(self, now: _Reading, thrusters: ThrusterSettings, pair: Pair,
+                 each: ParallelMap) -> None:
         self.commanded = now.log.commanded(thrusters)
-        self.dofs, self.couplings = _with_couplings(
-            now.dofs, self.commanded, pair, each, left_out)
+        self.dofs, self.couplings = _with_couplings(now.dofs, self.commanded, pair, each)
         # shape (FOLDS, parts), by DOF, on held-out folds [m/s or rad/s]
         self.errors = each(lambda k: self.dofs[k].fit_models(
             self.commanded, pair, [self.dofs[k].settings])[0], range(len(self.dofs)))

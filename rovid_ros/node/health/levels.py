@@ -36,7 +36,7 @@ from rovid_core.model.samples import Event
 from rovid_core.ordering.cadence import PERIODS
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import Settings
-from rovid_ros.config.parameters import topics_of
+from rovid_ros.config.parameters import section, topics_of
 from rovid_ros.node.health.graph import TopicState
 from rovid_ros.results.dof_encoder import dof_message
 from rovid_ros.results.outputs import ERROR, LEVELS, OK, STALE, WARN
@@ -207,7 +207,8 @@ def remedy(data: HealthData, name: str, reason: str) -> str:
         return f'; set max_wait to {wait:g}, or correct its clock'
     if reason == 'gap' and (rate := data.rate(name)) > 0.0:
         gap = math.ceil(10.0 * PERIODS / rate) / 10.0
-        return f'; set max_gap to {gap:g}, or leave it out'
+        key = f'{section(name)}.timeout' if data.settings.input(name).timeout else 'max_gap'
+        return f'; set {key} to {gap:g}, or leave it out'
     if reason == 'too_fast':
         return f'; is it in m? Otherwise raise velocity.max, which is {data.settings.max_speed:g}'
     return ''

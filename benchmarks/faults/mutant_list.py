@@ -425,13 +425,13 @@ MUTANTS = [
           'whole = self._with(left.pop(missing.name))', 'left.clear()')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'thrust_that_falls_as_a_battery_runs_down_is_said_and_the_interval_holds_it',
-         ('a battery that runs down is not seen', 'if seen is None or', 'if True or'),
+         ('a battery that runs down is not seen', 'if seen is None:', 'if True:'),
          ('what the thrust was before and after does not widen the interval',
           'np.outer(middle, middle) + np.outer(gained, gained) / 12.0', '0.0')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'no_battery_runs_down_that_does_not',
-         ('chance runs a battery down', 'if seen is None or not (seen.is_significant and -2.0 < '
-          'seen.kappa.item() <= -MATTERS):', 'if seen is None:')),
+         ('chance runs a battery down', 'if not (seen.is_significant and -2.0 < '
+          'seen.kappa.item() <= -MATTERS):', 'if False:')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'thrust_falls_by_no_more_than_all_of_it',
          ('a battery gives less than nothing', '-2.0 < seen.kappa', '-9.0 < seen.kappa'),
@@ -489,9 +489,9 @@ MUTANTS = [
          'a_velocity_of_the_other_handedness_is_named',
          ('a right velocity is of the other handedness', 'max(one, other) < 0.0', 'True'),
          ('no velocity is of the other handedness', 'max(one, other) < 0.0', 'False')),
-    *_of('rovid_ros/messages/field_paths.py', 'test/commands/test_survey.py '
+    *_of('rovid_core/settings/inputs.py', 'test/commands/test_survey.py '
          'a_log_without_the_field_costs_a_row',
-         ('an error of a field does not come from another process',
+         ('an error of a setting does not come from another process',
           'super().__init__(key, message)', "super().__init__(f'{key}: {message}')")),
     *_of('rovid_core/inputs/outlier_gate.py', 'test/core/test_couplings.py '
          'without_a_gate_the_turns_are_filtered_as_well',
@@ -625,6 +625,19 @@ MUTANTS = [
          ('a dead band is of no size', "'dead_band': (alpha,", "'dead_band': (0.0,"),
          ('a term that data exclude is as likely as before',
           '- math.log1p(power))', '+ 0.0 * power)')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_unseen_terms.py '
+         'thrust_may_fall_by_what_the_data_do_not_show',
+         ('thrust that the data do not show to fall stays', 'own + averaged(ways, own)', 'own'),
+         ('what thrust falls by is not what moves the mean',
+          'for leaning in (begin, begin + drift.thrust[self.active])',
+          'for leaning in (0.0 * begin, 0.0 * begin)')),
+    *_of('rovid_core/simulation/vehicle.py', 'test/core/test_profiles.py '
+         'thrusters_that_push_less_astern_are_asked_for_more',
+         ('what pushes less astern is asked for as much', 'f / reverse)', 'f)'),
+         ('there is as much thrust astern', '-reverse * most, most', '-most, most')),
+    *_of('rovid_core/pipeline/steps.py', 'test/core/test_tuning.py '
+         'commands_that_the_pipe_refuses_are_not_tuned_with',
+         ('a scorer hears of no command', 'if raw and self._scorer is not None', 'if False')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
          'what_loses_the_vehicle_before_there_is_a_verdict_counts_after_a_change_only',
          ('after a change losses do not count',

@@ -44,6 +44,18 @@ from which the data say anything of it; less is what rounding and the steps of t
 """
 
 
+BLOCK = 10.0
+"""[s] of a block."""
+
+FALL = 0.25 / 1500.0
+"""
+[1/s] by which thrust may fall: a battery that is empty in 25 minutes of hard work loses a fifth of
+its voltage, and with it a quarter of the thrust or more.
+"""
+
+DRIFT = 0.25
+"""Share of the thrust that may be lost from the beginning to the end: a battery runs down."""
+
 MATTERS = 0.05
 """Least change of the force that is one, in what the model says."""
 
@@ -249,9 +261,11 @@ class BlockFit:
         drift = drift_of(self, self.information, self.score, counts, rows)
         seen = whole.regressed(drift.to[:, whole.active, None], drift.own[:, None, None],
                                drift.score[:, None])
-        # relative to the mean: at -2 nothing is left in the end, and more is something else
-        if seen is None or not (seen.is_significant and -2.0 < seen.kappa.item() <= -MATTERS):
+        if seen is None:
             return own
+        # relative to the mean: at -2 nothing is left in the end, and more is something else
+        if not (seen.is_significant and -2.0 < seen.kappa.item() <= -MATTERS):
+            return replace(own, covariance=self._with_drift(own.covariance, seen, drift, counts))
         whole = self._with([len(drift.thrust)], *drift.beside(self.information, self.score))
         verdict = whole._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
         # what the parameters are is what they are at any time, from the first to the last
@@ -263,6 +277,24 @@ class BlockFit:
         first = rows[0][1]
         return replace(verdict, covariance=covariance.tolist(), theta=own.theta,
                        drift=float(gained[first] / begin[first]), begin=begin)
+
+    def _with_drift(self, covariance: list[list[float]], seen: Regression, drift: Drift,
+                    counts: Array) -> list[list[float]]:
+        """
+        Return a covariance that also holds what thrust may fall by that the data do not show.
+
+        At even odds it does, and the parameters are those of the beginning or of the end.
+        """
+        a, kappa = len(self.active), seen.kappa.item()
+        if not kappa:
+            return covariance
+        std = min(FALL * BLOCK * counts.sum() / counts[-1], DRIFT)
+        known = min(seen.power, seen.t_squared) / kappa**2
+        begin = -seen.moved[:a] / kappa
+        ways = [judged(leaning.tolist(), kappa, known, std, -1)
+                for leaning in (begin, begin + drift.thrust[self.active])]
+        own = np.array(covariance)[self._rows, self.active]
+        return self._full(own + averaged(ways, own))
 
     def _verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                  considered: Mapping[int, float], rows: Sequence[tuple[str, int]],

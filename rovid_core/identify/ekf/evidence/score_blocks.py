@@ -9,7 +9,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.ekf.evidence.block_fit import (
+    BLOCK,
     BlockFit,
+    DRIFT,
     drift_of,
     LEAST_COUNT,
     Regression,
@@ -22,18 +24,12 @@ from rovid_core.model.dofs import HEADING
 
 Array = NDArray[np.float64]
 
-BLOCK: Final = 10.0
-"""[s] of a block."""
-
 LARGEST_COUNT: Final = 48
 SINGLE: Final = 8
 """Blocks that are kept, and how many of the newest are never joined."""
 
 PENDING: Final = 64
 """Measurements that are added up at once."""
-
-DRIFT: Final = 0.25
-"""Share of the thrust that may be lost from the beginning to the end: a battery runs down."""
 
 
 class ScoreBlocks:

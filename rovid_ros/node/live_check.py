@@ -36,11 +36,12 @@ class LiveCheck:
         rclpy.init(args=[], context=self._context)
         self._node = Node(NAME, namespace=namespace, context=self._context,
                           enable_rosout=False, start_parameter_services=False)
-        self._settings = complete(partial(look_up, self._node))
-        self._seen = Observation(self._settings)
+        self._complete = complete
 
     def run(self, timeout: float) -> Observation:
         """Listen for ``timeout`` [s] and say what was found."""
+        self._settings = self._complete(partial(look_up, self._node))
+        self._seen = Observation(self._settings)
         for topic in self._seen.converter.topics:
             self._subscribe(topic)
         executor = SingleThreadedExecutor(context=self._context)

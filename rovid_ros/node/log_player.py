@@ -87,7 +87,7 @@ class NodePlayer:
             due = self._began + (now - self._first) * 1e-9 / self._rate
             while (left := due - time.monotonic()) > 0.0:
                 self._spin(min(left, SPIN_PERIOD))
-        if now - self._clock_time >= CLOCK_PERIOD:
+        if abs(now - self._clock_time) >= CLOCK_PERIOD:  # it may go back
             self._set_time(now)
         if time.monotonic() - self._last_spin > SPIN_PERIOD:
             self._spin(0.0)

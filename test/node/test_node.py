@@ -166,6 +166,8 @@ def test_a_replay_that_is_behind_tells_ages_in_its_own_time(log: Path) -> None:
             player.add_message(message)
             time.sleep(2.0 / len(messages))
         peer.settle(health, 1)
+        player.add_message(messages[0])  # as of a log that is played again
+        assert player.node.get_clock().now().nanoseconds == messages[0].time
     finally:
         peer.close()
         player.close()

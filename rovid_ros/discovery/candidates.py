@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 import re
 from typing import Any
@@ -19,7 +19,8 @@ _THRUSTER = {'thruster', 'thrusters', 'thrust', 'motor', 'motors', 'prop', 'prop
              'propellers'}
 _SIDES = {'left', 'right', 'port', 'starboard', 'front', 'rear', 'fore', 'aft', 'bow', 'stern',
           'center', 'middle', 'lateral', 'vertical', 'horizontal'}
-_MEASURED = {'temperature', 'temp', 'voltage', 'vel', 'velocity', 'pos', 'position', 'angle'}
+_MEASURED = {'temperature', 'temp', 'voltage', 'vel', 'velocity', 'pos', 'position', 'angle',
+             'timestamp'}
 FAST = 10.0
 """[m/s] Faster than underwater vehicles are."""
 
@@ -29,6 +30,8 @@ _GRAVITY = (8.8, 10.8)  # [m/s^2] length of what an accelerometer sees on averag
 _PLACES = ('position', 'point', 'translation')
 _CHANGES = ('linear', 'angular', 'velocity')
 _FASTEST = 20.0  # [m/s]
+_ARRAYS = {*[(name, 3) for name in (*_PLACES, 'velocity', 'angular_velocity')], ('q', 4),
+           ('quaternion', 4), ('orientation', 4)}
 _DEPTH = {'depth', 'pressure', 'altitude', 'baro', 'ctun'}
 # What is asked for, and not what is.
 _ASKED = {'goal', 'target', 'setpoint', 'desired', 'waypoint', 'ref', 'error', 'trajectory'}
@@ -45,7 +48,7 @@ class Candidate:
 
 def candidates(signals: Sequence[Signal]) -> dict[str, list[Candidate]]:
     """Return what could be each input, the likeliest first; inputs without any are left out."""
-    signals = [*[_depth_of_point(signal) or signal for signal in signals],
+    signals = [*[_depth_of_point(signal) or _named_array(signal) or signal for signal in signals],
                *_inertial_parts(signals), *_one_topic_each(signals)]
     found: dict[str, list[Candidate]] = {}
     for name, judge in _JUDGES.items():
@@ -132,6 +135,21 @@ def _attitude(signal: Signal) -> Iterable[Candidate]:
 
 def _angle_unit(signal: Signal) -> dict[str, str]:
     return {'unit': 'deg'} if np.max(np.abs(signal.values)) > 2.0 * math.pi + 0.1 else {}
+
+
+def _named_array(signal: Signal) -> Signal | None:
+    """Return what an array of numbers is by its name: three of a vector, four of a rotation."""
+    name, width = signal.path.rpartition('.')[2], signal.values.shape[1]
+    if signal.shape != 'array' or (name, width) not in _ARRAYS or 'joint' in signal.words:
+        return None
+    if width == 3:
+        return replace(signal, shape='vector')
+    # a vehicle is level most of the time: of roll and pitch there is little
+    first, last = [float(np.mean(signal.values[:, k:k + 2]**2)) for k in (1, 0)]
+    if first >= last:
+        return replace(signal, shape='quaternion')
+    return part(signal, (1, 2, 3, 0), ', '.join(
+        f'{signal.path}[{k}]' for k in (1, 2, 3, 0)), 'quaternion')
 
 
 def _depth_of_point(signal: Signal) -> Signal | None:

@@ -278,11 +278,19 @@ def _frames(signals: Sequence[Signal], inputs: Mapping[str, Candidate]) -> tuple
                     name = 'ned' if z < 0.0 else 'enu'
                     return name, (f'frames: {name}, for the accelerometer beside the gyro sees '
                                   f'{z:+.1f} m/s^2')
-    for one in inputs.values():
-        if 'ned' in one.signal.words or 'ned' in words_in(one.signal.frame):
-            return 'ned', f'frames: ned, by the name of {one.signal.frame or one.signal.topic}'
+    by = [why for one in inputs.values() if (why := _named_ned(one.signal))]
+    if by:
+        return 'ned', f'frames: ned, {by[0]}'
     return 'enu', ('frames: enu (ROS); had it been ned everywhere, only the signs of sway, heave '
                    'and yaw and of their biases would change')
+
+
+def _named_ned(signal: Signal) -> str:
+    """Return what in its names says that a signal is in north, east and down, '' for nothing."""
+    if signal.type.startswith('px4_msgs/'):
+        return 'as all of PX4'
+    named = 'ned' in signal.words or 'ned' in words_in(signal.frame)
+    return f'by the name of {signal.frame or signal.topic}' if named else ''
 
 
 def _moved(inputs: dict[str, Candidate], frames: str, guesses: list[str],

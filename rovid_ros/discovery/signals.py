@@ -156,12 +156,23 @@ class _Sampler:
         found = _paths(middle, '') if paths is None else ((path, 'array') for path in paths)
         for path, shape in found:
             values, names = _values(self._messages, path, shape)
+            if shape == 'array' and not names:  # what is never there comes last
+                path, values = _without_end(path, values)
             good = np.isfinite(values).all(axis=1)
             order = np.flatnonzero(good)
             order = order[np.argsort(seconds[order], kind='stable')]
             if len(order) >= 3:
                 yield Signal(topic, type, path, shape, seconds[order], values[order], names,
                              rate, 1e-9 * self._gap, frame=frame)
+
+
+def _without_end(path: str, values: Array) -> tuple[str, Array]:
+    """Return an array and its path without its last entries that are never numbers."""
+    used = np.flatnonzero(np.isfinite(values).any(axis=0))
+    count = int(used[-1]) + 1 if len(used) else 0
+    if not 0 < count < values.shape[1]:
+        return path, values
+    return f'{path}[0:{count}]', values[:, :count]
 
 
 def _has_fix(position: Any) -> bool:

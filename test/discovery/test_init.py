@@ -7,8 +7,10 @@ from pathlib import Path
 import re
 from typing import Any
 
+from mcap.writer import Writer
 import numpy as np
 import pytest
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import Settings
 from rovid_core.velocity.attitude_history import from_yaw, product
@@ -25,6 +27,7 @@ from rovid_ros.discovery.decisions import decide, Discovery
 from rovid_ros.discovery.signals import read_signals, Signal
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
+from rovid_ros.messages.simulated_messages import FRD_TO_FLU, NED_TO_ENU
 
 from test.support.dataflash_logs import dive, heavy, PARAMETERS
 from test.support.six_axes import Dive, dive as six_axes_dive
@@ -571,6 +574,79 @@ def with_signals(log: Path, change: Callable[[Signal], Signal | None]) -> Discov
         read = [change(signal) for signal in read_signals(opened, 0.0, None)]
     signals = [signal for signal in read if signal is not None]
     return decide(candidates(signals), signals, lambda name, found: found[0])
+
+
+PX4 = {'px4_msgs/msg/VehicleOdometry': """
+uint64 timestamp
+uint8 pose_frame
+float32[3] position
+float32[4] q
+float32[3] velocity
+float32[3] angular_velocity
+float32[3] position_variance
+""", 'px4_msgs/msg/ActuatorMotors': """
+uint64 timestamp
+uint16 reversible_flags
+float32[12] control
+"""}
+
+
+def as_px4(log: Path, path: Path) -> None:
+    """Write the poses and the motors of a log as PX4 does: in NED, w first, NaN for no motor."""
+    store = get_typestore(Stores.EMPTY)
+    for name, text in PX4.items():
+        store.register(get_types_from_msg(text, name))
+    odometry, motors = [store.types[name] for name in PX4]
+    three, turn = np.zeros(3, np.float32), (0.0, 0.0, 0.0, 1.0)
+    with Log([log]) as source, path.open('wb') as file:
+        writer = Writer(file)
+        writer.start(profile='ros2')
+        channels = {name: writer.register_channel(topic, 'cdr', writer.register_schema(
+            name, 'ros2msg', PX4[name].encode())) for name, topic in zip(PX4, (
+                '/fmu/out/vehicle_odometry', '/fmu/out/actuator_motors'))}
+        for message in source.messages([
+                '/mavros/local_position/pose', '/mavros/imu/data', '/mavros/rc/out']):
+            data, stamp = message.data, message.time // 1000
+            if message.topic.endswith('data'):
+                q = data.orientation
+                turn = product(product(NED_TO_ENU, (q.x, q.y, q.z, q.w)), FRD_TO_FLU)
+                continue
+            if message.topic.endswith('pose'):
+                p, (x, y, z, w) = data.pose.position, turn
+                made = odometry(stamp, 1, np.array([p.y, p.x, -p.z], np.float32), np.array(
+                    [w, x, y, z], np.float32), three, three, three)
+            else:
+                made = motors(stamp, 0, np.array(
+                    [*((np.array(data.channels[:8]) - 1500.0) / 400.0), *[math.nan] * 4],
+                    np.float32))
+            name = type(made).__msgtype__
+            writer.add_message(channels[name], message.time, bytes(
+                store.serialize_cdr(made, name)), message.time)
+        writer.finish()
+
+
+def test_what_px4_says_is_known(logs: dict[str, Path], tmp_path: Path,
+                                initialised: Callable[[Path], Settings]) -> None:
+    log = tmp_path / 'px4.mcap'
+    as_px4(logs['bluerov2_ardusub'], log)
+    found = initialised(log)
+    assert inputs(found) == {
+        'position': '/fmu/out/vehicle_odometry position',
+        'attitude': '/fmu/out/vehicle_odometry q[1], q[2], q[3], q[0]',
+        'thrusters': '/fmu/out/actuator_motors control[0:8]'}
+    assert found.frames == 'ned'
+    assert found.dofs == ('surge', 'sway', 'heave', 'yaw')
+
+
+def test_an_array_of_four_is_a_rotation_whichever_end_its_real_part_stands_at() -> None:
+    times = np.arange(0.0, 30.0, 0.1)
+    level = np.column_stack([0.02 * np.sin(times), 0.02 * np.cos(times),
+                             np.sin(0.1 * times), np.cos(0.1 * times)])
+    level /= np.linalg.norm(level, axis=1)[:, None]
+    for values, path in ((level, 'q'), (level[:, [3, 0, 1, 2]], 'q[1], q[2], q[3], q[0]')):
+        one, = candidates([Signal('/pose', 'a/msg/B', 'q', 'array', times, values)])['attitude']
+        assert one.signal.path == path
+        assert one.signal.values == pytest.approx(level)
 
 
 def test_a_frame_that_is_named_ned_is_ned(logs: dict[str, Path]) -> None:

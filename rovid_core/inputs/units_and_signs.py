@@ -303,6 +303,8 @@ class TypicalSizeCheck:
         Its name.
     settings : DofSettings
         Its typical or initial values.
+    fastest : float
+        [m/s or rad/s] Beyond that it does not move; what seems to is told elsewhere.
 
     Attributes
     ----------
@@ -311,8 +313,8 @@ class TypicalSizeCheck:
 
     """
 
-    def __init__(self, dof: str, settings: DofSettings) -> None:
-        self._dof = dof
+    def __init__(self, dof: str, settings: DofSettings, fastest: float) -> None:
+        self._dof, self._fastest = dof, fastest
         self._scales = Scales.of(settings)
         self.duration = 0.0
         self._squares = [0.0, 0.0]
@@ -343,7 +345,8 @@ class TypicalSizeCheck:
         typical = self._scales.force, self._scales.velocity
         if not is_long and all(map(lt, sizes, typical)):
             return []
-        if any(size < ROUNDING * used for size, used in zip(sizes, typical)):
+        if sizes[1] > self._fastest or any(
+                size < ROUNDING * used for size, used in zip(sizes, typical)):
             return []  # as of an allocation that was computed and asks nothing of the DOF
         return [f'{self._dof}.typical.{name} {size:.2g} instead of {used:.2g}'
                 for name, size, used in zip(('force', 'velocity'), sizes, typical)

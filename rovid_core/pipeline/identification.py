@@ -108,7 +108,7 @@ class Identification:
         self._status = DofStatus(scales, getattr(
             self.identifier, 'adaptation_time', method.adaptation_time), name, weaker,
             settings.thrusters.hides_reverse(DOFS.index(name)), settings.thrusters.is_wrench)
-        self.sizes = TypicalSizeCheck(name, dof)
+        self.sizes = TypicalSizeCheck(name, dof, settings.max_speed)
         self._reject = reject
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
         self._truth = None if true is None else lumped(

@@ -278,18 +278,27 @@ def _check_thrusters(settings: Settings, findings: Findings) -> None:
         elif not column.any():
             findings.warning('thrusters.allocation', f'has only zeros for {name}',
                              'give its direction and position')
-    rows = forces[[DOFS.index(dof) for dof in settings.dofs]]
-    idle = [dof for dof, row in zip(settings.dofs, rows) if not row.any()]
-    for dof in idle:
-        findings.error('thrusters.allocation', f'no thruster drives {dof}',
-                       f'give the row of {dof}, or take it out of dofs')
-    rank = int(np.linalg.matrix_rank(rows))
-    if not idle and rank < len(rows):
+    rows = {dof: forces[DOFS.index(dof)] for dof in settings.dofs}
+    driven = [dof for dof, row in rows.items() if row.any()]
+    lost = False
+    for dof in [dof for dof in rows if dof not in driven]:
+        other = {'surge': 'sway', 'sway': 'surge'}.get(dof)
+        if other in driven:
+            findings.warning('thrusters.allocation', f'no thruster drives {dof}', 'right if it '
+                             f'only drifts: {other} takes its velocity from there')
+        else:
+            lost = True
+            findings.error('thrusters.allocation', f'no thruster drives {dof}',
+                           f'give the row of {dof}, or take it out of dofs')
+    if lost:
+        return
+    rank = int(np.linalg.matrix_rank([rows[dof] for dof in driven]))
+    if rank < len(driven):
         findings.warning(
-            'thrusters.allocation', f'{", ".join(settings.dofs)} cannot be driven independently '
-            f'(rank {rank} of {len(rows)})', 'their data will be alike; check the signs')
-    elif not idle:
-        findings.ok('thrusters.allocation', f'{len(gains)} thrusters drive {len(rows)} degrees '
+            'thrusters.allocation', f'{", ".join(driven)} cannot be driven independently '
+            f'(rank {rank} of {len(driven)})', 'their data will be alike; check the signs')
+    else:
+        findings.ok('thrusters.allocation', f'{len(gains)} thrusters drive {len(driven)} degrees '
                     f'of freedom independently (rank {rank})')
 
 

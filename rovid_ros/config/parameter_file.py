@@ -394,11 +394,17 @@ def _section_nodes(node: yaml.Node | None) -> Iterator[yaml.MappingNode]:
 
 
 def _text_with(text: str, root: yaml.MappingNode, name: str, value: str) -> str:
-    there = _value_node(root, name)
+    there = _entry(root, name)
     if there is not None:
-        begin, end = there.start_mark.index, there.end_mark.index
-        end = begin + len(text[begin:end].rstrip())  # a list in lines of its own ends too late
-        return text[:begin] + value + text[end:]
+        key, old = there
+        begin, end = old.start_mark.index, old.end_mark.index
+        comment = ''
+        if isinstance(old, yaml.SequenceNode) and not old.flow_style:
+            # a list in lines of its own may be indented no further than its key
+            comment = text[key.end_mark.index:begin].strip().removeprefix(':').strip()
+            begin, end = key.end_mark.index, old.value[-1].end_mark.index
+            value = f': {value}'
+        return f'{text[:begin]}{value}{"  " if comment else ""}{comment}{text[end:]}'
     mapping, rest = _innermost(root, name)
     *groups, last = rest.split('.')
     entry = f'{last}: {value}'
@@ -409,13 +415,13 @@ def _text_with(text: str, root: yaml.MappingNode, name: str, value: str) -> str:
     return text[:first.index] + entry + gap + text[first.index:]
 
 
-def _value_node(mapping: yaml.MappingNode, name: str) -> yaml.Node | None:
-    """Return the value of a key, which may be nested or dotted."""
+def _entry(mapping: yaml.MappingNode, name: str) -> tuple[yaml.Node, yaml.Node] | None:
+    """Return key and value of a name, which may be nested or dotted."""
     for key, node in mapping.value:
         if key.value == name:
-            return node  # type: ignore[no-any-return]
+            return key, node
         if name.startswith(f'{key.value}.') and isinstance(node, yaml.MappingNode):
-            found = _value_node(node, name[len(key.value) + 1:])
+            found = _entry(node, name[len(key.value) + 1:])
             if found is not None:
                 return found
     return None

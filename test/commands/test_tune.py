@@ -213,13 +213,16 @@ def test_a_file_of_few_keys_takes_them_too(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize('terms', [
     'terms: [alpha, beta]', 'terms: [alpha,\n                    beta]  # both',
-    'terms:\n      - alpha\n      - beta'])
+    'terms:\n      - alpha\n      - beta', 'terms:\n    - alpha\n    - beta',  # as PyYAML dumps
+    'terms:  # both\n    - alpha\n    - beta  # the last\n    # what follows'])
 def test_a_list_is_replaced(terms: str, tmp_path: Path) -> None:
     path = tmp_path / 'mine.yaml'
     key = '    surge.initial.mass'
     path.write_text(SURGE.replace(key, f'    surge.{terms}\n{key}'))
     (tmp_path / 'tuned.yaml').write_text(edited(path, {'surge.terms': ('alpha', 'gamma')}))
     assert load(tmp_path / 'tuned.yaml') == {**load(path), 'surge.terms': ['alpha', 'gamma']}
+    before, after = [one.read_text() for one in (path, tmp_path / 'tuned.yaml')]
+    assert before.count('#') == after.count('#')
 
 
 def test_of_two_sections_the_one_that_counts(tmp_path: Path) -> None:

@@ -151,7 +151,18 @@ def test_thrusters_that_rest_where_they_should_are_no_slip():
     (1.0, []), (0.1, ['sway.typical.force 0.12 instead of 1']), (1e-15, [])])
 def test_a_force_of_rounding_is_no_typical_size(force, advice):
     """As of an allocation that was computed and asks nothing of a DOF."""
-    check = TypicalSizeCheck('sway', DofSettings(1.0, typical_force=1.0, typical_velocity=1.0))
+    check = TypicalSizeCheck(
+        'sway', DofSettings(1.0, typical_force=1.0, typical_velocity=1.0), 10.0)
     for sign in (1.0, -1.0):
         check.add_step(Step(0.1, (sign, sign, sign), (force * sign, force * sign, force * sign)))
+    assert check.advice(True) == advice
+
+
+@pytest.mark.parametrize(('fastest', 'advice'), [
+    (10.0, ['sway.typical.velocity 5.8 instead of 1']), (5.0, [])])
+def test_what_is_too_fast_to_be_is_no_typical_velocity(fastest, advice):
+    check = TypicalSizeCheck(
+        'sway', DofSettings(1.0, typical_force=1.0, typical_velocity=1.0), fastest)
+    for sign in (1.0, -1.0):
+        check.add_step(Step(0.1, (5.0 * sign,) * 3, (sign,) * 3))
     assert check.advice(True) == advice

@@ -13,6 +13,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     better_thrusters,
     clocks_in_doubt,
     described,
+    drifting,
 )
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
@@ -108,6 +109,14 @@ def test_thrust_that_falls_as_a_battery_runs_down_is_said_and_the_interval_holds
         low, high = intervals(drive.one.parameters, drive.one.covariance)['mass']
         assert low < MASS and MASS / 0.9 < high < 1.4 * MASS
         assert not any('changed' in note for note in drive.notes)
+
+
+@pytest.mark.parametrize('changed', [False, True])
+def test_since_the_vehicle_changed_nothing_is_known_of_the_beginning(changed):
+    verdict = Verdict([[1.0]], 1.0, None, 6, [1.0], (), drift=-0.1, begin=[0.1])
+    said = drifting(verdict, lambda theta: (*theta, 0.0, 0.0, 0.0), changed)
+    assert said.startswith('thrust falls by 10 % from the beginning')
+    assert ('the mass is 10' in said) is not changed
 
 
 @pytest.mark.parametrize('name', ['exact', 'closed loop', 'lag 0.15 s'])
@@ -513,6 +522,19 @@ def test_newer_blocks_that_contradict_are_a_change_of_what_scattered_little():
         blocks.add(3.0, 1.0, [1.0, 0.0, 0.0, 0.0, 0.1, *[0.0] * 5], 0.101)
     assert blocks.has_changed(2.0)
     assert not blocks.has_changed(0.5)
+
+
+@pytest.mark.parametrize(('load', 'changed'), [(1.0, True), (0.2, False)])
+def test_a_load_that_is_dropped_after_two_minutes_is_a_change(load, changed):
+    """Of seven parameters eleven blocks confirm the model by four; what is small may be chance."""
+    blocks, random = ScoreBlocks([0.0] * 7, [1.0] * 7, ()), np.random.default_rng(0)
+    for k in range(1400):
+        psi = random.normal(size=7)
+        psi[3] = 1.0
+        bias = -0.4 if k < 1100 else load - 0.4
+        told = psi[0] - psi[1] - 0.5 * psi[2] + bias + 0.2 * random.normal()
+        blocks.add(told, 0.12, psi.tolist(), 0.101)  # of more noise than there is
+    assert blocks.has_changed(2.0) is changed
 
 
 @pytest.mark.parametrize(('motion', 'changed'), [(0.09, False), (0.2, True)])

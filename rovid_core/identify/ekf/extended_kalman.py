@@ -278,7 +278,7 @@ class ExtendedKalman(Identifier):
             said.append(self._clocks)
         said += of_thrusters(self._thrusters, self._scales.force)
         verdict = self._bank.best.verdict
-        said.append(drifting(verdict, self._model.parameters))
+        said.append(drifting(verdict, self._model.parameters, self._bank.changed_at > 0.0))
         missing = verdict.missing if verdict is not None else None
         if missing is not None:
             said.append(described(missing, self._bank.best.filter.theta, self._scales))

@@ -472,7 +472,8 @@ class PlanarKalman:
         said += of_thrusters(self._thrusters[k], self._model.scales[k].force)
         verdict, missing = self._bank.best.verdict, self._missing(k)
         row = self._model.rows[k]
-        said.append(drifting(verdict, self._model.of[k].parameters, row.first, row.end))
+        said.append(drifting(verdict, self._model.of[k].parameters, self._bank.changed_at > 0.0,
+                             row.first, row.end))
         if missing is not None:
             said.append(described(missing, self._theta_of(k), self._model.scales[k]))
         elif verdict is not None and verdict.scatter > UNEXPLAINED and (

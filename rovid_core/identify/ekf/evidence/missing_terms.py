@@ -129,7 +129,8 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
     weaker = f'reverse thrust is about {astern:.2f} of the forward' if ahead > astern else (
         f'forward thrust is about {ahead:.2f} of the reverse')
     said = {
-        'lag': f'the thrusters lag by about {thrusters.lag:.2f} s more than the model says',
+        'lag': f'the thrusters lag by about {thrusters.lag:.2f} s more than the model says, or '
+               'what measures the motion does',
         'dead_band': 'the thrusters have a dead band of about '
                      f'{thrusters.dead_band * force:.2g} in units of force',
         'reverse_thrust': f'{weaker} one',
@@ -140,7 +141,7 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
 
 
 def drifting(verdict: Verdict | None, parameters: Callable[[Sequence[float]], Four],
-             begin: int = 0, end: int | None = None) -> str:
+             changed: bool, begin: int = 0, end: int | None = None) -> str:
     """
     Return what is said of thrust that falls while the data go on, '' if it does not.
 
@@ -150,6 +151,8 @@ def drifting(verdict: Verdict | None, parameters: Callable[[Sequence[float]], Fo
         What the blocks say.
     parameters : callable
         Makes those of the vehicle from those of the filter.
+    changed : bool
+        Whether the data begin where the vehicle changed, which is not with a full battery.
     begin, end : int
         Where the latter stand.
 
@@ -157,8 +160,8 @@ def drifting(verdict: Verdict | None, parameters: Callable[[Sequence[float]], Fo
     if verdict is None or not verdict.drift:
         return ''
     alpha = parameters(verdict.begin[begin:end])[0]
-    mass = (f' (with the thrust of the beginning the mass is {1.0 / alpha:.4g})' if alpha > 0.0
-            else '')
+    mass = '' if changed or not alpha > 0.0 else (
+        f' (with the thrust of the beginning the mass is {1.0 / alpha:.4g})')
     return (f'thrust falls by {-100.0 * verdict.drift:.0f} % from the beginning to the end of the '
             'data, as with a battery that runs down, which the interval of the mass takes into '
             f'account{mass}')

@@ -17,6 +17,12 @@ Array = NDArray[np.float64]
 WEIGHT = 6.0
 """Blocks that the model's own covariance counts as where newer ones are compared."""
 
+CONFIRMED = 3
+"""
+Blocks that it counts as in the freedom of the test, but no more than those that confirm it: a
+vehicle that was driven for two minutes before its load was dropped has few of them.
+"""
+
 FALSE_ALARM = 1e-6
 """Probability that one test takes an unchanged vehicle for changed."""
 
@@ -69,6 +75,8 @@ def contradicts(information: Array, score: Array, fit: BlockFit, largest_scatter
     s = spread + own @ known @ own
     # not that of one number, though it is one: blocks of a wrong model scatter unevenly
     freedom = n - m
+    if scatter <= SCATTERED:
+        freedom += min(freedom, CONFIRMED)
     inverse = np.linalg.pinv(s, hermitian=True)
     by_model = own[:, :m]
     told = by_model.T @ inverse @ u

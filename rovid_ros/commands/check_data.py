@@ -25,6 +25,7 @@ OK, WARNING, ERROR = 'OK', 'WARNING', 'ERROR'
 ACCEPTABLE = 0.02
 APART = 1.0  # [s] by more than this the clocks of two inputs must not differ
 SHARED = 0.5  # share of their time that inputs should have in common
+SLOW = 8.0  # [Hz] of commands: half of an interval is more than ekf's delay can be below 0
 
 LEAST_GRAVITY = 7.0  # [m/s^2] along z, or the body does not stand upright
 RISE_STEP = 2.0  # [s] over which means of how fast depth and velocity rise are compared
@@ -386,6 +387,12 @@ def _check_standstill(seen: Observation, findings: Findings) -> None:
 def _check_commands(seen: Observation, findings: Findings) -> None:
     thrusters = seen.settings.thrusters
     parts = [one for (name, _), one in seen.samples.items() if name == 'thrusters' and one.low]
+    slowest = min([one.rate for one in parts], default=SLOW)
+    if slowest < SLOW:
+        findings.warning(
+            'thrusters', f'commands come at {slowest:.2g} Hz', 'right if the thrusters get no '
+            'others in between; else log all: thrust that acts before its command is logged '
+            'makes masses wrong')
     low = [x for one in parts for x in one.low]
     high = [x for one in parts for x in one.high]
     if len(low) != thrusters.count:

@@ -259,6 +259,10 @@ def as_pulses(message: Message) -> Message:
     return message
 
 
+def seldom_commanded(message: Message) -> Message | None:
+    return None if message[0] == '/current' and message[3] // (5 * 10**7) % 8 else message
+
+
 def without_vertical(message: Message) -> Message:
     if message[0] == '/current':
         message[2]['effort'] = [*message[2]['effort'][:2], 0.0]
@@ -322,6 +326,7 @@ def test_each_thruster_topic_has_a_clock(tmp_path: Path, log: Path) -> None:
     (of_another_clock, ERROR, 'position, depth, attitude, thrusters', 'no time in common'),
     (as_magnitudes, WARNING, 'thrusters', 'thrusters.sign'),
     (as_pulses, WARNING, 'thrusters', 'such as 1500'),
+    (seldom_commanded, WARNING, 'thrusters', 'commands come at 2.5 Hz; right if the thrusters'),
     (without_vertical, WARNING, 'thrusters', 'thruster 3 (vertical) is always at 0'),
     (with_a_hole, WARNING, 'position', 'is above max_gap 1 s, which follows the rate; set max'),
     (with_nan, WARNING, 'depth', 'are no numbers'),

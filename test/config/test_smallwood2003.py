@@ -48,6 +48,9 @@ class PaperIdentifier:
     def add_current(self, time: int, x: float, y: float) -> None:
         raise AssertionError('a current in still water')
 
+    def add_commands(self, time: int, raw: tuple[float, ...]) -> None:
+        """Take nothing from them: a step has the force."""
+
     def add_reference(self, time: int, value: tuple[float, ...]) -> None:
         """Take nothing from it."""
 

@@ -633,7 +633,7 @@ MUTANTS = [
           'for leaning in (0.0 * begin, 0.0 * begin)')),
     *_of('rovid_core/identify/ekf/evidence/vehicle_change.py', 'test/core/test_ekf_honesty.py '
          'a_load_that_is_dropped_after_two_minutes_is_a_change',
-         ('that the model is right counts for nothing', 'min(freedom, CONFIRMED)', '0')),
+         ('that the model is right counts for nothing', 'min(2 * freedom, FEW)', '0')),
     *_of('rovid_core/simulation/vehicle.py', 'test/core/test_profiles.py '
          'thrusters_that_push_less_astern_are_asked_for_more',
          ('what pushes less astern is asked for as much', 'f / reverse)', 'f)'),

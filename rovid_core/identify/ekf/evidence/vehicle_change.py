@@ -17,10 +17,10 @@ Array = NDArray[np.float64]
 WEIGHT = 6.0
 """Blocks that the model's own covariance counts as where newer ones are compared."""
 
-CONFIRMED = 3
+FEW = 8
 """
-Blocks that it counts as in the freedom of the test, but no more than those that confirm it: a
-vehicle that was driven for two minutes before its load was dropped has few of them.
+Freedom of the test below which the model counts as much again as the blocks that confirm it: of a
+vehicle that was driven for two minutes before its load was dropped there are few.
 """
 
 FALSE_ALARM = 1e-6
@@ -76,7 +76,7 @@ def contradicts(information: Array, score: Array, fit: BlockFit, largest_scatter
     # not that of one number, though it is one: blocks of a wrong model scatter unevenly
     freedom = n - m
     if scatter <= SCATTERED:
-        freedom += min(freedom, CONFIRMED)
+        freedom = max(freedom, min(2 * freedom, FEW))
     inverse = np.linalg.pinv(s, hermitian=True)
     by_model = own[:, :m]
     told = by_model.T @ inverse @ u

@@ -250,6 +250,13 @@ def test_no_thruster_is_far_stronger_backwards_or_pushes_ahead_then(coefficient,
     assert said in described(Missing('reverse_of_each', coefficient, 0.1), theta, SCALES)
 
 
+@pytest.mark.parametrize('name', ['reverse_drag', 'reverse_thrust', 'reverse_of_each'])
+def test_what_is_as_strong_backwards_is_not_named(name):
+    theta = (1.0, 1.0, -0.1, 0.0, 0.0)
+    assert described(Missing(name, 0.004, 0.1), theta, SCALES) == ''
+    assert 'about 1.01 of' in described(Missing(name, 0.006, 0.1), theta, SCALES)
+
+
 @pytest.mark.parametrize(('coefficient', 'said'), [
     (-2.0, 'a lag of the thrusters of about 0.30 s'), (-200.0, 'more slowly than thrusters do')])
 def test_a_lag_is_said_in_seconds_up_to_what_a_configuration_takes(coefficient, said):

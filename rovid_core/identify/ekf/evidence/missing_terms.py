@@ -40,6 +40,8 @@ ODD = {
     'thrust_loss_of_each': 'fast motion under thrust, which is faster than the model says'}
 """What the error follows where a term has the sign that no thruster gives it."""
 
+ALIKE = 'about 1.00 of the forward one'
+
 MOST = 2.0
 """Of the forward thrust, from which on none of thrusters is as strong backwards."""
 
@@ -64,7 +66,7 @@ def is_coupling(missing: Missing | None) -> bool:
 
 def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
     """
-    Return a missing regressor in words.
+    Return a missing regressor in words, '' where it makes no difference that could be told.
 
     Parameters
     ----------
@@ -105,7 +107,8 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         return (f'{_percent(missing)} of the error follows {written} with a coefficient of about '
                 f'{kappa * scales.velocity:.2g}: add couplings: '
                 f'[{", ".join([*scales.couplings, name])}]')
-    return lacking(missing.share, missing.name, said, scales.couplings)
+    return '' if ALIKE in said else lacking(
+        missing.share, missing.name, said, scales.couplings)
 
 
 def _of_force(name: str, share: float, force: float) -> str:

@@ -41,6 +41,7 @@ ODD = {
 """What the error follows where a term has the sign that no thruster gives it."""
 
 ALIKE = 'about 1.00 of the forward one'
+"""Of what makes no difference, as it would be printed: it is not named."""
 
 MOST = 2.0
 """Of the forward thrust, from which on none of thrusters is as strong backwards."""

@@ -30,11 +30,10 @@ from rovid_core.identify.ekf.evidence.innovations import SOON
 from rovid_core.identify.ekf.evidence.missing_terms import (
     clocks_in_doubt,
     COUPLING_MISSING,
-    described,
     drifting,
     is_coupling,
     of_thrusters,
-    UNTOLD,
+    remarks,
 )
 from rovid_core.identify.ekf.filter_bank import (
     BLOCK,
@@ -71,9 +70,6 @@ FORGET: Final = 5.0
 
 IDLE: Final = 10.0
 """[s] without thrust after which the start does not keep what goes on."""
-
-UNEXPLAINED, MANY_BLOCKS = 3.0, 12
-"""Scatter of the blocks, and their number, from which it is worth a word."""
 
 CORRELATION = (0.6, 0.75)
 """Of innovations, up to which a model may be used: to begin with, and while it is."""
@@ -279,16 +275,8 @@ class ExtendedKalman(Identifier):
         said += of_thrusters(self._thrusters, self._scales.force)
         verdict = self._bank.best.verdict
         said.append(drifting(verdict, self._model.parameters, self._bank.changed_at > 0.0))
-        missing = verdict.missing if verdict is not None else None
-        if missing is not None:
-            said.append(described(missing, self._bank.best.filter.theta, self._scales))
-        elif verdict is not None and verdict.scatter > UNEXPLAINED and (
-                verdict.count >= MANY_BLOCKS):
-            said.append('the model does not explain all of the motion: the intervals are wider')
-        elif verdict is not None and verdict.untold and (
-                verdict.covariance[ALPHA][ALPHA] > (
-                    self.converged_share * self._bank.best.filter.theta[ALPHA])**2):
-            said += [UNTOLD[name] for name in verdict.untold]
+        said += remarks(verdict, None if verdict is None else verdict.missing,
+                        self._bank.best.filter.theta, self._scales, self.converged_share)
         return '; '.join(filter(None, said))
 
     @property

@@ -35,11 +35,10 @@ from rovid_core.identify.ekf.evidence.current_status import (
 from rovid_core.identify.ekf.evidence.innovations import SOON
 from rovid_core.identify.ekf.evidence.missing_terms import (
     clocks_in_doubt,
-    described,
     drifting,
     is_coupling,
     of_thrusters,
-    UNTOLD,
+    remarks,
 )
 from rovid_core.identify.ekf.extended_kalman import (
     CORRELATION,
@@ -47,9 +46,7 @@ from rovid_core.identify.ekf.extended_kalman import (
     FORGET,
     IDLE,
     LARGEST,
-    MANY_BLOCKS,
     objection,
-    UNEXPLAINED,
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty, Unmodelled
@@ -63,7 +60,7 @@ from rovid_core.identify.ekf.planar.member import (
 )
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
-from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
+from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.plant import Array
@@ -470,20 +467,11 @@ class PlanarKalman:
         if self._clocks(k):
             said.append(self._clocks(k))
         said += of_thrusters(self._thrusters[k], self._model.scales[k].force)
-        verdict, missing = self._bank.best.verdict, self._missing(k)
-        row = self._model.rows[k]
+        verdict, row = self._bank.best.verdict, self._model.rows[k]
         said.append(drifting(verdict, self._model.of[k].parameters, self._bank.changed_at > 0.0,
                              row.first, row.end))
-        if missing is not None:
-            said.append(described(missing, self._theta_of(k), self._model.scales[k]))
-        elif verdict is not None and verdict.scatter > UNEXPLAINED and (
-                verdict.count >= MANY_BLOCKS):
-            said.append('the model does not explain all of the motion: the intervals are wider')
-        if verdict is not None:
-            i = row.first + ALPHA
-            limit = (self.rows[DOFS[k]].converged_share * self._bank.best.filter.theta.item(i))**2
-            said += [UNTOLD[name] for dof, name in map(str.split, verdict.untold)
-                     if dof == DOFS[k] and verdict.covariance[i][i] > limit]
+        said += remarks(verdict, self._missing(k), self._theta_of(k), self._model.scales[k],
+                        self.rows[DOFS[k]].converged_share, f'{DOFS[k]} ', row.first)
         return '; '.join(filter(None, said))
 
     @property

@@ -46,6 +46,9 @@ ALIKE = 'about 1.00 of the forward one'
 MOST = 2.0
 """Of the forward thrust, from which on none of thrusters is as strong backwards."""
 
+UNEXPLAINED, MANY_BLOCKS = 3.0, 12
+"""Scatter of the blocks, and their number, from which it is worth a word."""
+
 AT_BOUND, BEYOND = 1.0, 2.0
 """
 Standard deviations that the data have to want the delay out of its range, for it to be said that
@@ -169,6 +172,43 @@ def drifting(verdict: Verdict | None, parameters: Callable[[Sequence[float]], Fo
     return (f'thrust falls by {-100.0 * verdict.drift:.0f} % from the beginning to the end of the '
             'data, as with a battery that runs down, which the interval of the mass takes into '
             f'account{mass}')
+
+
+def remarks(verdict: Verdict | None, missing: Missing | None, theta: Sequence[float],
+            scales: Scales, limit: float, prefix: str = '', first: int = 0) -> list[str]:
+    """
+    Return what is said of a model that lacks something, or may lack what the data do not tell.
+
+    Parameters
+    ----------
+    verdict : Verdict or None
+        What the blocks say.
+    missing : Missing or None
+        What the model lacks.
+    theta : sequence of p floats
+        Parameters of the filter.
+    scales : Scales
+        Of the degree of freedom.
+    limit : float
+        Standard deviation of alpha, relative to it, from which on it is worth a word what the
+        data do not tell.
+    prefix : str
+        Of the names of what they do not tell, which is about this DOF.
+    first : int
+        Where its parameters stand among those of the verdict.
+
+    """
+    if verdict is None:
+        return []
+    if missing is not None:
+        return [described(missing, theta, scales)]
+    if verdict.scatter > UNEXPLAINED and verdict.count >= MANY_BLOCKS:
+        return ['the model does not explain all of the motion: the intervals are wider']
+    i = first + ALPHA
+    if verdict.covariance[i][i] <= (limit * theta[ALPHA])**2:
+        return []
+    return [UNTOLD[name.removeprefix(prefix)] for name in verdict.untold
+            if name.startswith(prefix)]
 
 
 def better_thrusters(now: Thrusters, missing: Missing, alpha: float, delay: float) -> Thrusters:

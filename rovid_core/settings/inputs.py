@@ -64,7 +64,7 @@ class ThrusterSettings:
     limit: float = 0.0  # 0: none
     model: str = 'linear'  # linear | quadratic | polynomial | table
     gain: tuple[float, ...] = ()
-    newtons: bool = True  # whether the forces are; else masses are per unit of the command
+    newtons: bool = True  # whether the forces are; else masses are relative to a command of 1
     reverse: float = 1.0  # force of a negative command relative to the positive one
     polynomial: tuple[float, ...] = ()  # ascending powers, from the constant term
     table_command: tuple[float, ...] = ()

@@ -457,14 +457,15 @@ def _input_table(settings: Settings) -> str:
 
 def _dof_table(settings: Settings) -> str:
     coupled = any(map(settings.couplings, settings.dofs))
+    newtons = settings.thrusters.newtons
     rows = [['', 'velocity from', *(name.replace('_', ' ') for name in PHYSICAL),
              'typical force', 'typical velocity', *(['couplings'] if coupled else [])]]
     for dof in settings.dofs:
         known, scales = settings.dof[dof], Scales.of(settings.dof[dof])
         rows.append([
             dof, settings.source(dof),
-            *(f'{number(getattr(known, name))} {unit(dof, name)}' for name in PHYSICAL),
-            f'{number(scales.force)} {unit(dof, "bias")}',
+            *(f'{number(getattr(known, name))} {unit(dof, name, newtons)}' for name in PHYSICAL),
+            f'{number(scales.force)} {unit(dof, "bias", newtons)}',
             f'{number(scales.velocity)} {unit(dof, "mae")}',
             *([' '.join(settings.couplings(dof)) or NONE] if coupled else [])])
     return table(rows, left=2)

@@ -28,7 +28,7 @@ from rovid_ros.commands.running import (
 from rovid_ros.comparison.report_data import report_data, sentence
 from rovid_ros.comparison.trials import best_of, compare, Model, Trial, TrialPlayer
 from rovid_ros.files.whole_files import write_json
-from rovid_ros.results.text import NONE, number, percent, table, unit
+from rovid_ros.results.text import NO_NEWTONS, NONE, number, percent, table, unit
 
 DESCRIPTION = (
     'Each log is a trial by itself: every method is trained on it, and each model predicts every '
@@ -61,7 +61,7 @@ def run(args: argparse.Namespace) -> None:
     models = compare(trials, settings, in_parallel_with_progress)
     with printing(comparison_text(models, trials, settings)):
         if args.json:
-            write_json(args.json, document(models))
+            write_json(args.json, document(models, settings.thrusters.newtons))
         if args.report:
             from rovid_ros.report.report import write_report  # what draws is needed only here
             write_report(args.report, report_data(models, trials, settings))
@@ -88,12 +88,13 @@ def read_trials(train: Sequence[Path], validate: Sequence[Path], settings: Setti
     return trials
 
 
-def document(models: Sequence[Model]) -> dict[str, Any]:
+def document(models: Sequence[Model], newtons: bool) -> dict[str, Any]:
     """Return what ``--json`` writes: a model per method, log and choice of terms."""
     grouped: dict[tuple[str, str, bool], dict[str, Any]] = {}
     for model in models:
         key = (model.method, model.trained_on, model.selected)
-        grouped.setdefault(key, {})[model.dof] = model.document()
+        grouped.setdefault(key, {})[model.dof] = {
+            **model.document(), **({} if newtons else {'newtons': False})}
     return {'models': [
         {'method': method, 'trained_on': log, 'selected_terms': selected, 'dofs': dofs}
         for (method, log, selected), dofs in grouped.items()]}
@@ -101,7 +102,8 @@ def document(models: Sequence[Model]) -> dict[str, Any]:
 
 def comparison_text(models: Sequence[Model], trials: Sequence[Trial], settings: Settings) -> str:
     """Return per DOF the models with equal and with best terms, and the best in a sentence."""
-    parts = [_tables(dof, [model for model in models if model.dof == dof], trials)
+    newtons = settings.thrusters.newtons
+    parts = [_tables(dof, [model for model in models if model.dof == dof], trials, newtons)
              for dof in settings.dofs]
     parts.append('\n'.join(f'log {k}: {trial.name}' + ('' if trial.trains else ', not trained on')
                            for k, trial in enumerate(trials, 1)))
@@ -109,7 +111,10 @@ def comparison_text(models: Sequence[Model], trials: Sequence[Trial], settings: 
         'own: mean |v_sim - v| on the log that the model was trained on; others: the mean over '
         'the other logs that push the DOF, with the mean fit. a b g d: alpha, beta, gamma, '
         'delta; best terms: those of them that predict best.') + '\n')
-    parts += [_lines(sentence(best_of(models, dof, trials), trials)) for dof in settings.dofs]
+    parts += [_lines(sentence(best_of(models, dof, trials), trials, newtons))
+              for dof in settings.dofs]
+    if not newtons:
+        parts.append(_lines(NO_NEWTONS))
     notes = dict.fromkeys(f'{m.dof}, {m.method}, {m.trained_on}: {m.fit.note}'
                           for m in models if m.fit.note)
     return '\n'.join([*parts, *(['', *map(_lines, notes)] if notes else [])])
@@ -119,8 +124,8 @@ def _lines(text: str) -> str:
     return textwrap.fill(text, 99, subsequent_indent='  ')
 
 
-def _tables(dof: str, models: Sequence[Model], trials: Sequence[Trial]) -> str:
-    units = [unit(dof, name) for name in PHYSICAL]
+def _tables(dof: str, models: Sequence[Model], trials: Sequence[Trial], newtons: bool) -> str:
+    units = [unit(dof, name, newtons) for name in PHYSICAL]
     head = [dof, 'log', 'mass', 'quadratic', 'linear', 'bias', 'own', 'others', 'fit']
     rows = [head, ['', '', *units, unit(dof, 'mae'), unit(dof, 'mae'), '']]
     for model in models:

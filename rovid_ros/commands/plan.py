@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
 from pathlib import Path
@@ -142,6 +142,7 @@ class Proposal:
     sources: Mapping[str, str]
     profile: Profile
     warnings: tuple[str, ...]
+    newtons: bool = True  # whether forces are
     turn: float = 0.0  # [s] the bounds of surge and sway count on a turn so often; 0: on none
 
 
@@ -185,7 +186,7 @@ def propose(settings: Settings, models: Sequence[Identified], request: Request) 
     profile: dict[str, tuple[Waveform, ...]] = dict.fromkeys(still, ())
     profile.update({dof: own.planned.waveforms for dof, own in plans.items()})
     return Proposal(replace(request, dofs=dofs), plans, coupled, sources, profile,
-                    (*warnings, *_turning_warnings(plans)),
+                    (*warnings, *_turning_warnings(plans)), settings.thrusters.newtons,
                     request.duration / SIDES if settings.estimates_current
                     and {'surge', 'sway'} & plans.keys() else 0.0)
 
@@ -292,7 +293,7 @@ def plan_text(proposal: Proposal, params_file: ParameterSource) -> str:
 
 
 def _dof_text(dof: str, proposal: Proposal) -> str:
-    plan = proposal.plans[dof]
+    plan, newtons = proposal.plans[dof], proposal.newtons
     speed, length = ('rad/s', 'rad') if dof in ANGULAR_DOFS else ('m/s', 'm')
     planned, limits = plan.planned, plan.limits
 
@@ -304,14 +305,14 @@ def _dof_text(dof: str, proposal: Proposal) -> str:
     lines = [
         profile_text({dof: planned.waveforms}),
         f'  model   {proposal.sources[dof]}',
-        f'  thrust  up to {number(planned.force)} {unit(dof, "bias")} '
+        f'  thrust  up to {number(planned.force)} {unit(dof, "bias", newtons)} '
         f'(limit {number(limits.force)})',
         f'  speed   {within(planned.speed, limits.speed, speed)}',
         f'  room    {within(planned.room, limits.room, length)}',
-        table(list(_rows(dof, plan)))]
+        table(list(_rows(dof, plan, newtons)))]
     if dof in proposal.coupled:
         lines += _coupled_lines(proposal.coupled[dof])
-    return '\n'.join([*lines, *_remarks(dof, plan)])
+    return '\n'.join([*lines, *_remarks(dof, plan, newtons)])
 
 
 def _coupled_lines(coupled: CoupledProspect) -> Iterator[str]:
@@ -329,16 +330,21 @@ def _coupled_lines(coupled: CoupledProspect) -> Iterator[str]:
                'planned')
 
 
-def _rows(dof: str, plan: Plan) -> Iterator[list[str]]:
+def _rows(dof: str, plan: Plan, newtons: bool) -> Iterator[list[str]]:
     yield ['', *NAMES, *PARAMETERS]
+
+    def units(name: str) -> str:
+        return unit(dof, name, newtons)
+
     naive = profile_text({dof: plan.naive.waveforms[:1]}).partition('=')[2]
     for name, prospect in (('planned', plan.planned), (naive, plan.naive)):
-        yield [name, *(_cell(dof, plan, prospect, i, True) for i in range(8))]
+        yield [name, *(_cell(units, plan, prospect, i, True) for i in range(8))]
         if len(prospect.speed) > 1:
-            yield ['  worst', *(_cell(dof, plan, prospect, i, False) for i in range(8))]
+            yield ['  worst', *(_cell(units, plan, prospect, i, False) for i in range(8))]
 
 
-def _cell(dof: str, plan: Plan, prospect: Prospect, i: int, of_model: bool) -> str:
+def _cell(units: Callable[[str], str], plan: Plan, prospect: Prospect, i: int,
+          of_model: bool) -> str:
     """Return one uncertainty, in percent where the value is not 0."""
     if not plan.vehicles.active[i % 4]:
         return '-'
@@ -346,7 +352,7 @@ def _cell(dof: str, plan: Plan, prospect: Prospect, i: int, of_model: bool) -> s
     if not math.isfinite(relative[0]):
         half = prospect.uncertainty(i < 4)[:, i % 4]
         name = (*PHYSICAL, *PARAMETERS)[i]
-        return f'{half[0] if of_model else half.max():.2g} {unit(dof, name)}'
+        return f'{half[0] if of_model else half.max():.2g} {units(name)}'
     return _percent(float(relative[0] if of_model else relative.max()))
 
 
@@ -364,13 +370,14 @@ def _percent(share: float) -> str:
     return f'{100.0 * share:.2g} %' if share < 1.0 else f'{100.0 * share:,.0f} %'
 
 
-def _remarks(dof: str, plan: Plan) -> Iterator[str]:
+def _remarks(dof: str, plan: Plan, newtons: bool) -> Iterator[str]:
     """Yield what is poorly determined and why, and what an unknown bias does."""
     relative = [float(_relative(plan, plan.planned, i).max()) for i in range(4)]
     poor = [i for i in range(4) if plan.vehicles.active[i] and POOR < relative[i] < math.inf]
     if poor:
         what = ', '.join(f'{NAMES[i]} to {_percent(relative[i])}' for i in poor)
-        yield f'  {_limiting_factor(dof, plan)}: at worst {what}{_alike_drags(plan, poor)}'
+        yield (f'  {_limiting_factor(dof, plan, newtons)}: at worst {what}'
+               f'{_alike_drags(plan, poor)}')
     limits = plan.limits
     if math.isfinite(limits.room) and plan.vehicles.active[3]:
         extra = 0.01 * limits.force
@@ -378,19 +385,19 @@ def _remarks(dof: str, plan: Plan) -> Iterator[str]:
         force = samples(plan.planned.waveforms, t)[:, None] + np.array([-extra, extra])
         room = float(reach(plan.vehicles.parameters[:, :1], force, STEP)[1].max())
         if room > limits.room:
-            yield (f'  watch it: a bias of {number(extra)} {unit(dof, "bias")} that the model '
-                   f'does not know would take it {number(room)} '
+            yield (f'  watch it: a bias of {number(extra)} {unit(dof, "bias", newtons)} that the '
+                   f'model does not know would take it {number(room)} '
                    f'{"rad" if dof in ANGULAR_DOFS else "m"} away')
 
 
-def _limiting_factor(dof: str, plan: Plan) -> str:
+def _limiting_factor(dof: str, plan: Plan, newtons: bool) -> str:
     angular, limits = dof in ANGULAR_DOFS, plan.limits
     name = max(plan.used, key=lambda key: plan.used[key])
     if plan.used[name] < 0.9:
         return f'in {limits.duration:g} s'
     return {'room': f'room of {number(limits.room)} {"rad" if angular else "m"}',
             'max_speed': f'speed up to {number(limits.speed)} {"rad/s" if angular else "m/s"}',
-            'max_force': f'thrust up to {number(limits.force)} {unit(dof, "bias")}'}[name]
+            'max_force': f'thrust up to {number(limits.force)} {unit(dof, "bias", newtons)}'}[name]
 
 
 def _alike_drags(plan: Plan, poor: list[int]) -> str:
@@ -441,7 +448,8 @@ def _prospect_document(plan: Plan, prospect: Prospect) -> dict[str, Any]:
 
 def profile_csv(proposal: Proposal, settings: Settings) -> str:
     """Return time and force on each DOF, a row per command."""
-    names = [f'{dof}_{unit(dof, "bias").replace(" ", "_")}' for dof in proposal.plans]
+    names = [f'{dof}_{unit(dof, "bias", proposal.newtons)}'.replace(' ', '_')
+             for dof in proposal.plans]
     rate = settings.simulation.thruster_rate
     t = np.arange(math.floor(proposal.request.duration * rate + 1e-9) + 1) / rate
     columns = [samples(plan.planned.waveforms, t) for plan in proposal.plans.values()]
@@ -452,7 +460,9 @@ def profile_csv(proposal: Proposal, settings: Settings) -> str:
 
 def profile_yaml(proposal: Proposal) -> str:
     """Return the profile as rovid simulate --profile takes it, in a file to keep."""
-    lines = [f'# Of rovid plan. Forces in N, N m for {", ".join(ANGULAR_DOFS)}.',
+    units = (f'N, N m for {", ".join(ANGULAR_DOFS)}' if proposal.newtons
+             else 'what a command of 1 pushes')
+    lines = [f'# Of rovid plan. Forces in {units}.',
              f"profile: '{profile_text(proposal.profile)}'  # for rovid simulate --profile",
              f'duration: {float(proposal.request.duration)!r}  # [s]']
     return '\n'.join(lines) + '\n'

@@ -443,7 +443,7 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
             lines.append(f'{dof}: the thrust is delayed by {delay} ± {std} s')
     lines += [_filled(f'{", ".join(names)}, from all of the data: {verdict}')
               for verdict, names in alike.items()]
-    if not all(values.get('newtons', True) for values in dofs.values()):
+    if not all(map(_newtons, dofs.values())):
         lines.append(_filled(NO_NEWTONS))
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
@@ -462,6 +462,10 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
     return '\n'.join(lines)
 
 
+def _newtons(values: Mapping[str, Any]) -> bool:
+    return values.get('newtons') is not False
+
+
 def _filled(line: str) -> str:
     return textwrap.fill(line, 99, subsequent_indent='  ', break_long_words=False)
 
@@ -469,7 +473,7 @@ def _filled(line: str) -> str:
 def _physical_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
     rows = [['', 'effective mass', 'quadratic drag', 'linear drag', 'bias']]
     for dof, values in dofs.items():
-        rows.append([dof, *(quantity(dof, name, values) for name in PHYSICAL)])
+        rows.append([dof, *(quantity(dof, name, values, _newtons(values)) for name in PHYSICAL)])
         if values['intervals']:
             rows.append(['95 %', *(_interval(values['intervals'][name]) for name in PHYSICAL)])
     return rows
@@ -486,11 +490,12 @@ def _interval(interval: Sequence[float | None] | None) -> str:
 def _lumped_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
     rows = [['', *PARAMETERS]]
     for dof, values in dofs.items():
-        rows.append([dof, *(quantity(dof, name, values) for name in PARAMETERS)])
+        newtons = _newtons(values)
+        rows.append([dof, *(quantity(dof, name, values, newtons) for name in PARAMETERS)])
         if values['std']:
             rows.append(['', *(
                 NONE if values['std'][name] is None
-                else f'± {quantity(dof, name, values["std"])}' for name in PARAMETERS)])
+                else f'± {quantity(dof, name, values["std"], newtons)}' for name in PARAMETERS)])
     return rows
 
 

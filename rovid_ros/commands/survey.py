@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> None:
     with locked(kept):
         finished = _survey(args, dives, settings, Journal(kept, given))
     rows = [row for path in dives for row in finished[path]]
-    data = survey_data(rows)
+    data = survey_data(rows, settings.thrusters.newtons)
     with printing(survey_text(data)):
         if args.output:
             WRITERS[args.output.suffix](args.output, rows)

@@ -43,7 +43,7 @@ from rovid_ros import __version__
 from rovid_ros.comparison.trials import best_of, Model, Trial, unseen
 from rovid_ros.results.current import told
 from rovid_ros.results.documents import json_number, json_numbers
-from rovid_ros.results.text import number, percent, unit
+from rovid_ros.results.text import number, percent, quantity, unit
 
 BINS = 30  # of a histogram
 GAP = 5.0  # steps without a measurement at which a curve breaks
@@ -63,21 +63,20 @@ def report_data(models: Sequence[Model], trials: Sequence[Trial], settings: Sett
         'dofs': {dof: _dof(dof, models, trials, settings) for dof in settings.dofs}}
 
 
-def sentence(best: Model, trials: Sequence[Trial]) -> str:
+def sentence(best: Model, trials: Sequence[Trial], newtons: bool = True) -> str:
     """Return in one sentence what was identified of a DOF and how well it predicts."""
-    dof = best.dof
-    mass, quadratic, linear, bias = physical(best.fit.parameters)
+    dof, values = best.dof, dict(zip(PHYSICAL, physical(best.fit.parameters)))
+    mass, quadratic, linear, bias = [
+        quantity(dof, name, values, newtons) for name in PHYSICAL]
     logs = unseen(best, [trial.name for trial in trials]) or [best.trained_on]
     error, fit = best.error(logs), best.fit_on(logs)
     what = logs[0] if len(logs) == 1 else f'{len(logs)} logs that it was not trained on'
     own = ', on which it was trained,' if logs == [best.trained_on] else ''
     verdict = ': no better than a constant, so it says nothing of the vehicle' if fit < 0.0 else ''
     return (
-        f'{dof.capitalize()}: effective mass {number(mass)} {unit(dof, "mass")}, quadratic drag '
-        f'{number(quadratic)} {unit(dof, "quadratic_drag")}, linear drag {number(linear)} '
-        f'{unit(dof, "linear_drag")}, bias {number(bias)} {unit(dof, "bias")}; predicts the '
-        f'velocity of {what}{own} to {number(error)} {unit(dof, "mae")} (fit '
-        f'{percent(fit)}){verdict}.')
+        f'{dof.capitalize()}: effective mass {mass}, quadratic drag {quadratic}, linear drag '
+        f'{linear}, bias {bias}; predicts the velocity of '
+        f'{what}{own} to {number(error)} {unit(dof, "mae")} (fit {percent(fit)}){verdict}.')
 
 
 def _verdict(relative: Mapping[str, float | None]) -> str:
@@ -110,12 +109,14 @@ def _log(trial: Trial, settings: Settings) -> Data:
 def _dof(dof: str, models: Sequence[Model], trials: Sequence[Trial], settings: Settings) -> Data:
     own = [model for model in models if model.dof == dof]
     best = best_of(models, dof, trials)
+    units = {name: unit(dof, name, settings.thrusters.newtons)
+             for name in (*PARAMETERS, *PHYSICAL)}
     return {
-        'sentence': sentence(best, trials),
+        'sentence': sentence(best, trials, settings.thrusters.newtons),
         'best': {
             'method': best.method, 'trained_on': best.trained_on,
-            'physical': _values(best, PHYSICAL, physical(best.fit.parameters)),
-            'lumped': _values(best, PARAMETERS, best.fit.parameters),
+            'physical': _values(best, units, PHYSICAL, physical(best.fit.parameters)),
+            'lumped': _values(best, units, PARAMETERS, best.fit.parameters),
             'couplings': _couplings(best)},
         'models': [_model(model) for model in own],
         'series': {trial.name: _series(dof, trial, own) for trial in trials},
@@ -123,8 +124,7 @@ def _dof(dof: str, models: Sequence[Model], trials: Sequence[Trial], settings: S
                        for trial in trials if trial.trains},
         'excitation': {trial.name: _excitation(dof, trial, best, settings)
                        for trial in trials},
-        'units': {'velocity': unit(dof, 'mae'), 'force': unit(dof, 'bias'), **{
-            name: unit(dof, name) for name in (*PARAMETERS, *PHYSICAL)}}}
+        'units': {'velocity': unit(dof, 'mae'), 'force': units['bias'], **units}}
 
 
 def _current(trial: Trial, settings: Settings) -> Data:
@@ -137,14 +137,15 @@ def _current(trial: Trial, settings: Settings) -> Data:
             'status': found[-1].status}
 
 
-def _values(model: Model, names: tuple[str, ...], values: Four) -> Data:
+def _values(model: Model, units: Mapping[str, str], names: tuple[str, ...],
+            values: Four) -> Data:
     covariance = model.fit.covariance
     found = {} if covariance is None else intervals(
         model.fit.parameters, covariance.ravel().tolist())
     reports = {}
     for name, value in zip(names, values):
         low, high = found.get(name, (math.nan, math.nan))
-        reports[name] = {'unit': unit(model.dof, name), **json_numbers(
+        reports[name] = {'unit': units[name], **json_numbers(
             ('value', 'low', 'high'), (value, low, high))}
     return reports
 

@@ -229,7 +229,7 @@ def _thrusters() -> list[Key]:
             choices=('linear', 'quadratic', 'polynomial', 'table')),
         key('gain', 'k, one per thruster; their number is the number of thrusters', 'N/command'),
         key('newtons', 'false: nobody knows the newtons of a command, so that masses, drags and '
-            'biases are per unit of it; it is repeated beside them'),
+            'biases are relative to a command of 1, in cmd instead of kg and N'),
         key('polynomial', 'coefficients from the constant term upwards, times k'),
         key('table_command', 'commands of the table, increasing'),
         key('table_force', 'forces of the table, times k', 'N'),

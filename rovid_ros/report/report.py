@@ -9,7 +9,7 @@ request.
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 import hashlib
 from importlib import resources
 import json
@@ -30,6 +30,7 @@ from rovid_ros.report.tables import (
     parameters,
     quality,
 )
+from rovid_ros.results.text import COMMAND, NO_NEWTONS
 
 Data = Mapping[str, Any]
 
@@ -141,13 +142,19 @@ def _header(data: Data) -> Html:
         tag('p', f'{", ".join(map(capital, data["dofs"]))} from {", ".join(logs)}'
                  f'. Made by rovid {data["rovid_version"]}.'),
         tag('p', Html('m v̇ + d<sub>Q</sub> v|v| + d<sub>L</sub> v + b = τ, or v̇ = α τ + β v|v| '
-                      '+ γ v + δ'), class_='model'))
+                      '+ γ v + δ'), class_='model'),
+        command_unit(values['units']['force'] for values in data['dofs'].values()))
 
 
 def _contents(sections: Sequence[tuple[str, str, Html]]) -> Html:
     return tag('nav', tag('ol', *(
         tag('li', tag('a', heading, href=f'#{name}')) for name, heading, _ in sections)),
         aria_label='Contents')
+
+
+def command_unit(units: Iterable[str]) -> Html:
+    """Return what is said where one of the units of force is no newton."""
+    return tag('p', f'{NO_NEWTONS}.') if COMMAND in units else join()
 
 
 def hint() -> Html:

@@ -10,7 +10,7 @@ from typing import Any
 from rovid_ros.files.whole_files import write_text
 from rovid_ros.report.figures import Figures
 from rovid_ros.report.markup import capital, finite, Html, join, NONE, quantity, table, tag, title
-from rovid_ros.report.report import document, hint
+from rovid_ros.report.report import command_unit, document, hint
 from rovid_ros.results.text import number
 
 Data = Mapping[str, Any]
@@ -50,7 +50,8 @@ def survey_page(data: Data) -> str:
     header = tag(
         'header', tag('h1', 'Survey of dives'),
         tag('p', f'{data["dives"]} dives, {len(data["failed"])} without a result. Made by rovid '
-                 f'{data["rovid_version"]}.'))
+                 f'{data["rovid_version"]}.'),
+        command_unit(values['parameters']['bias']['unit'] for values in data['dofs'].values()))
     return document(f'Survey of {data["dives"]} dives', header, sections, figures)
 
 

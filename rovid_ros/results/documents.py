@@ -212,7 +212,7 @@ class Identified:
     thrusters : Thrusters
         How they are found to work.
     newtons : bool
-        False: masses, drags and bias are per unit of the command.
+        False: masses, drags and bias are relative to a command of 1.
 
     """
 
@@ -274,7 +274,7 @@ def _of_replay(document: Mapping[str, Any], path: Path) -> list[Identified]:
     return [
         Identified(dof, _parameters(values, f'{path}: dofs.{dof}'), source,
                    status=_one_line(values.get('status', '')), couplings=_couplings(dof, values),
-                   thrusters=_thrusters(values), newtons=values.get('newtons') is not False)
+                   thrusters=_thrusters(values), newtons=_newtons(values))
         for dof, values in _dofs(document['dofs'], f'{path}: dofs').items()]
 
 
@@ -327,11 +327,15 @@ def _best_model(dof: str, found: Sequence[tuple[str, str, dict[str, Any]]]) -> I
         usable.append((len(logs) - len(scores), mae if scores else math.inf,
                        Identified(dof, parameters, source, mae,
                                   couplings=_couplings(dof, values),
-                                  thrusters=_thrusters(values))))
+                                  thrusters=_thrusters(values), newtons=_newtons(values))))
     if not usable:
         assert refused is not None
         raise refused
     return min(usable, key=lambda entry: entry[:2])[2]
+
+
+def _newtons(values: Mapping[str, Any]) -> bool:
+    return values.get('newtons') is not False
 
 
 def _scores(values: Mapping[str, Any]) -> dict[str, float]:

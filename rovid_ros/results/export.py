@@ -152,7 +152,7 @@ def _csv(models: Sequence[Identified]) -> str:
                      *(f'kappa_{name}' for name in couplings)])
     for model in models:
         values = {**dict(zip(PARAMETERS, model.parameters)), **model.physical}
-        row = [(repr(values[name]), _ascii(unit(model.dof, name))) for name in names]
+        row = [(repr(values[name]), _unit(model, name)) for name in names]
         writer.writerow([model.dof, *(cell for pair in row for cell in pair),
                          *(repr(model.couplings[name]) if name in model.couplings else ''
                            for name in couplings)])
@@ -167,7 +167,7 @@ def _yaml(models: Sequence[Identified], origin: Path) -> tuple[str, list[str]]:
     for model in models:
         lines += [f'    {model.dof}:  # {model.source}', '      initial:']
         for name, value in model.physical.items():
-            comment = _ascii(unit(model.dof, name))
+            comment = _unit(model, name)
             if name != 'bias' and value < 0.0:
                 notes.append(f'warning: {model.dof}.initial.{name}: takes 0 or more, identified '
                              f'is {value!r}: written as 0')
@@ -190,8 +190,12 @@ def _yaml_number(value: float) -> str:
     return f'{mantissa}{"" if "." in mantissa else ".0"}{exponent}{power}'
 
 
-def _ascii(text: str) -> str:
-    return text.replace('²', '^2')
+def _unit(model: Identified, name: str) -> str:
+    return unit(model.dof, name, model.newtons).replace('²', '^2')
+
+
+def _quantity(model: Identified, name: str) -> str:
+    return quantity(model.dof, name, model.physical, model.newtons)
 
 
 def _sdf(models: Sequence[Identified], settings: Settings | None, link: str,
@@ -202,7 +206,7 @@ def _sdf(models: Sequence[Identified], settings: Settings | None, link: str,
     dry, added = [{dof: masses[DOFS.index(dof)] for dof in found}
                   for masses in (whole.dry, whole.added)]
     left_out = 'bias, which the plugin does not have: ' + ', '.join(
-        f'{dof} {quantity(dof, "bias", model.physical)}' for dof, model in found.items())
+        f'{dof} {_quantity(model, "bias")}' for dof, model in found.items())
     left_out += '; that of heave is weight less buoyancy' if 'heave' in found else ''
     coupled = [f'{dof} {" ".join(model.couplings)}' for dof, model in found.items()
                if model.couplings]
@@ -255,7 +259,7 @@ def _identified_notes(found: Mapping[str, Identified]) -> Iterator[str]:
         for name in ('linear_drag', 'quadratic_drag'):
             if model.physical[name] < 0.0:
                 yield (f'warning: {dof}: the {name.replace("_", " ")} is '
-                       f'{quantity(dof, name, model.physical)}: it drives the vehicle instead of '
+                       f'{_quantity(model, name)}: it drives the vehicle instead of '
                        'slowing it down')
 
 

@@ -10,9 +10,12 @@ from rovid_core.model.dofs import ANGULAR_DOFS
 
 NONE = '-'
 
+COMMAND = 'cmd'
+"""The unit of force where it is not in newtons."""
+
 NO_NEWTONS = (
-    'masses, drags and biases are per unit of the command, not in kg and N: thrusters.newtons is '
-    'false')
+    f'{COMMAND} is what a command of 1 pushes: masses, drags and biases are relative to it, not '
+    'in kg and N, for thrusters.newtons is false')
 
 
 def number(value: float | None) -> str:
@@ -27,10 +30,10 @@ def number(value: float | None) -> str:
     return f'{value:,.{max(digits, 0)}f}'
 
 
-def quantity(dof: str, name: str, values: Mapping[str, Any]) -> str:
+def quantity(dof: str, name: str, values: Mapping[str, Any], newtons: bool = True) -> str:
     """Return a named value of a DOF with its unit."""
     text = number(values[name])
-    return text if text == NONE else f'{text} {unit(dof, name)}'
+    return text if text == NONE else f'{text} {unit(dof, name, newtons)}'
 
 
 def percent(fit: float | None) -> str:
@@ -62,6 +65,15 @@ _ANGULAR = {
 }
 
 
-def unit(dof: str, quantity: str) -> str:
-    """Return the unit of a quantity of a DOF, as it is printed."""
-    return (_ANGULAR if dof in ANGULAR_DOFS else _LINEAR)[quantity]
+_PER_COMMAND = {
+    'alpha': '{0}/s²/cmd', 'mass': 'cmd s²/{0}', 'quadratic_drag': 'cmd s²/{0}²',
+    'linear_drag': 'cmd s/{0}', 'bias': COMMAND,
+}
+
+
+def unit(dof: str, quantity: str, newtons: bool = True) -> str:
+    """Return the unit of a quantity of a DOF, as it is printed; of commands for no newtons."""
+    angular = dof in ANGULAR_DOFS
+    if not newtons and quantity in _PER_COMMAND:
+        return _PER_COMMAND[quantity].format('rad' if angular else 'm')
+    return (_ANGULAR if angular else _LINEAR)[quantity]

@@ -39,13 +39,17 @@ JUDGED = ('converged', 'converging')  # of other dives the numbers are not from 
 Data = dict[str, Any]
 
 
-def survey_data(rows: Sequence[Row]) -> Data:
-    """Return the parameters of all dives over time, and whether they drift."""
+def survey_data(rows: Sequence[Row], newtons: bool = True) -> Data:
+    """
+    Return the parameters of all dives over time, and whether they drift.
+
+    ``newtons`` tells whether forces are in newtons.
+    """
     failures = [{'log': row['log'], 'error': row['error']} for row in rows
                 if row['status'] == FAILED]
     good = [row for row in rows if row['status'] != FAILED]
     axis, places = _axis(good)
-    found = {dof: _dof(dof, [row for row in good if row['dof'] == dof], places)
+    found = {dof: _dof(dof, [row for row in good if row['dof'] == dof], places, newtons)
              for dof in DOFS if any(row['dof'] == dof for row in good)}
     trends = [values['trend'] for dof in found.values() for values in dof['parameters'].values()
               if values['trend']]
@@ -74,19 +78,19 @@ def says_something(row: Row) -> bool:
     return row['status'] in JUDGED and (row.get('fit') or 0.0) > 0.0
 
 
-def _dof(dof: str, rows: Sequence[Row], places: Mapping[str, float]) -> Data:
+def _dof(dof: str, rows: Sequence[Row], places: Mapping[str, float], newtons: bool) -> Data:
     judged = sorted([row for row in rows if says_something(row)],
                     key=lambda row: places[row['log']])
     return {'left_out': len(rows) - len(judged), 'parameters': {
-        name: _parameter(dof, name, judged, places) for name in PHYSICAL}}
+        name: _parameter(unit(dof, name, newtons), name, judged, places) for name in PHYSICAL}}
 
 
-def _parameter(dof: str, name: str, rows: Sequence[Row], places: Mapping[str, float]) -> Data:
+def _parameter(unit: str, name: str, rows: Sequence[Row], places: Mapping[str, float]) -> Data:
     stds = [_std(row, name) for row in rows]
     kept = [(places[row['log']], row[name], std, row) for row, std in zip(rows, stds)
             if row[name] is not None and math.isfinite(std)]
     found = trend(*zip(*[(x, value, std) for x, value, std, _ in kept])) if kept else None
-    return {'unit': unit(dof, name), 'trend': None if found is None else _document(found, kept),
+    return {'unit': unit, 'trend': None if found is None else _document(found, kept),
             'points': {'x': [x for x, *_ in kept], 'value': [value for _, value, *_ in kept],
                        'low': [row.get(f'{name}_low') for *_, row in kept],
                        'high': [row.get(f'{name}_high') for *_, row in kept],

@@ -157,6 +157,17 @@ def test_a_model_worse_than_a_constant_is_no_finding(folder: Path, fit: float, e
     assert sentence(one, trials).endswith(ends)
 
 
+def test_masses_that_are_no_kilograms_are_told(
+        folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder / 'commands.json'
+    assert main(['compare', str(folder / 't1.mcap'), '--params-file', str(folder / 'rov.yaml'),
+                 '--duration', '40', '-p', 'thrusters.newtons:=false', '--json', str(out)]) == 0
+    text = ' '.join(capsys.readouterr().out.split())
+    assert 'cmd is what a command of 1 pushes' in text and ' cmd s²/m, quadratic drag ' in text
+    assert all(model['dofs']['surge']['newtons'] is False
+               for model in json.loads(out.read_text())['models'])
+
+
 def test_the_report_and_export_take_it(folder: Path) -> None:
     page = (folder / 'out.html').read_text()
     assert 'Surge' in page

@@ -174,13 +174,17 @@ def test_a_dof_without_an_estimate_is_told(exported: Exported, status: str) -> N
     assert f'warning: heave: is {status}' in err
 
 
-def test_masses_that_are_no_kilograms_are_told(exported: Exported) -> None:
-    document = replayed(TRUE)
-    assert not exported(document, '--format', 'csv')[1]
-    for dof in document['dofs'].values():
+@pytest.mark.parametrize('compared', [False, True])
+def test_masses_that_are_no_kilograms_are_told(exported: Exported, compared: bool) -> None:
+    document = {'models': [model('output_error', 'a.mcap', 200.0, a=0.1)]} if compared else (
+        replayed(TRUE))
+    out, err = exported(document, '--format', 'csv')
+    assert ',kg,' in out and 'warning' not in err
+    for dof in (document['models'][0] if compared else document)['dofs'].values():
         dof['newtons'] = False
-    _, err = exported(document, '--format', 'csv')
-    assert err.count('warning: masses, drags and biases are per unit of the command') == 1
+    out, err = exported(document, '--format', 'csv')
+    assert ',cmd s^2/m,' in out and ',cmd s^2/m^2,' in out and 'kg' not in out
+    assert err.count('warning: cmd is what a command of 1 pushes') == 1
 
 
 # --- the JSON of compare

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 import json
 import os
 from pathlib import Path
+import re
 import shutil
 import signal
 import subprocess
@@ -190,8 +191,10 @@ def test_masses_that_are_no_kilograms_are_told(
                      '--duration', '10', '-p', f'thrusters.newtons:={newtons}']) == 0
         dofs = json.loads(path.read_text())['dofs'].values()
         assert {dof.get('newtons') for dof in dofs} == {None if newtons == 'true' else False}
-        said.append('are per unit of the command' in capsys.readouterr().out)
-    assert said == [False, True]
+        said.append(capsys.readouterr().out)
+    assert ['cmd is what a command of 1 pushes' in out for out in said] == [False, True]
+    assert [bool(re.search(r'\d (kg|N)\b', out)) for out in said] == [True, False]
+    assert 'cmd s²/m²' in said[1] and 'm/s²/cmd' in said[1] and 'rad/s²/cmd' in said[1]
 
 
 def test_a_part_of_the_log(config: Path, log: Path, tmp_path: Path) -> None:

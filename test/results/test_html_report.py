@@ -91,6 +91,13 @@ def test_tables_say_everything_without_the_script() -> None:
         assert said in text, said
 
 
+def test_a_unit_that_is_no_newton_is_explained() -> None:
+    data = report_data()
+    assert 'cmd is what' not in Document(page(data)).text
+    data['dofs']['yaw']['units']['force'] = 'cmd'
+    assert 'cmd is what a command of 1 pushes' in Document(page(data)).text
+
+
 def test_best_of_each_method_is_the_one_with_the_lowest_error() -> None:
     data = report_data(('a.mcap',), ('surge',))
     models = data['dofs']['surge']['models']

@@ -295,9 +295,9 @@ class Events:
             found.append(Line(f'{name}: {dof.judgement.reasons[0]}', True))
         seen.changed = changed
         level, message = dof_level(data, name)
-        valid = dof.valid and level != STALE
+        valid, newtons = dof.valid and level != STALE, data.settings.thrusters.newtons
         if valid and not seen.good:
-            found += _back(seen, data.steady, f'{name}: valid, {model_text(dof)}')
+            found += _back(seen, data.steady, f'{name}: valid, {model_text(dof, newtons)}')
         elif not valid:
             found += _gone(seen, data.steady, f'{name}: no longer valid: {message}')
         return found
@@ -317,16 +317,16 @@ def _back(seen: _Seen, now: float, text: str) -> list[Line]:
     return [] if seen.silenced else [Line(text, False)]
 
 
-def model_text(dof: DofEstimate) -> str:
+def model_text(dof: DofEstimate, newtons: bool) -> str:
     """Return mass and fit in a few words."""
     mass, std = physical(dof.parameters)[0], dof.physical_std[0]
     known = f' ± {number(std)}' if math.isfinite(std) else ''
     fit = f', fit {percent(dof.fit)}' if math.isfinite(dof.fit) else ''
-    return f'mass {number(mass)}{known} {unit(dof.dof, "mass")}{fit}'
+    return f'mass {number(mass)}{known} {unit(dof.dof, "mass", newtons)}{fit}'
 
 
 def result_text(data: HealthData) -> str:
     """Return what was found of all DOFs in one line, '' if there was no step."""
     dofs = [dof for name in data.settings.dofs if (dof := last_estimate(data.stream, name))]
     return '; '.join(f'{dof.dof} {dof.judgement.status} after {dof.steps:,} steps, '
-                     f'{model_text(dof)}' for dof in dofs)
+                     f'{model_text(dof, data.settings.thrusters.newtons)}' for dof in dofs)

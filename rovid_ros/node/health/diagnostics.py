@@ -136,7 +136,7 @@ def _dof(data: HealthData, name: str) -> dict[str, Any]:
                    'steps': dof.steps})
     if name in data.steps:
         values['age of the last step [s]'] = _number(data.steady - data.steps[name])
-    values.update(_parameters(dof))
+    values.update(_parameters(dof, data.settings.thrusters.newtons))
     values['excitation'] = _number(dof.excitation)
     if math.isfinite(dof.delay):
         values['delay of the thrust [s]'] = _number(dof.delay)
@@ -164,11 +164,11 @@ def _refused(data: HealthData, name: str) -> dict[str, Any]:
     return values
 
 
-def _parameters(dof: DofEstimate) -> dict[str, str]:
+def _parameters(dof: DofEstimate, newtons: bool) -> dict[str, str]:
     """Return mass, drags and bias, each with its 95 % interval where there is one."""
     values: dict[str, str] = {}
     for name, value in zip(PHYSICAL, physical(dof.parameters)):
-        label, units = name.replace('_', ' '), unit(dof.dof, name)
+        label, units = name.replace('_', ' '), unit(dof.dof, name, newtons)
         values[f'{label} [{units}]'] = _number(value)
         if name in dof.intervals:
             low, high = dof.intervals[name]

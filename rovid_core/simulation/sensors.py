@@ -22,7 +22,7 @@ FIRST_SAMPLE = {'thrusters': 0, 'attitude': 3_000_000, 'angular_velocity': 5_000
 
 
 def simulate(settings: Settings, duration: float, seed: int,
-             profile: Profile | None = None) -> Iterator[Measurement]:
+             profile: Profile | None = None, whole: bool = False) -> Iterator[Measurement]:
     """
     Simulate the vehicle under ``settings.simulation`` and its configured sensors.
 
@@ -36,6 +36,8 @@ def simulate(settings: Settings, duration: float, seed: int,
         Seed of the sensor noise; the same seed gives the same values.
     profile : mapping, optional
         Thrust per DOF; the other DOFs have the thrust of the settings.
+    whole : bool
+        Whether commands are whole numbers, as in a message of integers.
 
     Yields
     ------
@@ -53,7 +55,7 @@ def simulate(settings: Settings, duration: float, seed: int,
 
     """
     # two generators, so that the same seed gives the same noise whatever the vehicle is
-    vehicle = Vehicle(settings, profile, np.random.default_rng((seed, 1)))
+    vehicle = Vehicle(settings, profile, np.random.default_rng((seed, 1)), whole)
     sensors = _Sensors(settings, vehicle, np.random.default_rng(seed))
     queue: list[tuple[int, int, tuple[str, ...], int]] = []
     for order, (names, rate) in enumerate(sensors.rates().items()):

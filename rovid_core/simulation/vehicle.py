@@ -25,7 +25,7 @@ class Vehicle:
     """Position, attitude and body velocity, over ground, under commanded thrust."""
 
     def __init__(self, settings: Settings, profile: Profile | None,
-                 random: np.random.Generator) -> None:
+                 random: np.random.Generator, whole: bool = False) -> None:
         truth = settings.simulation.dofs
         for dof in settings.dofs:
             if dof not in truth:
@@ -41,6 +41,7 @@ class Vehicle:
             settings.thrusters, timeout=0.0, topics=settings.thrusters.topics[:1]), self._dofs)
         self._commands = ThrusterCommands(
             settings.thrusters, profile_of(truth, profile))
+        self._whole = whole
         self.velocity = [0.0] * 6
         self.position: Vector = (0.0, 0.0, 0.0)
         self.attitude: Quaternion = (0.0, 0.0, 0.0, 1.0)
@@ -49,6 +50,8 @@ class Vehicle:
     def command(self, time: int) -> tuple[float, ...]:
         """Command the profile's thrust at ``time`` [ns] and return the raw commands."""
         raw = self._commands.at(time * NS)
+        if self._whole:  # the thrusters hear what is sent
+            raw = tuple([float(round(one)) for one in raw])
         self._forces.add_commands(time, raw)
         return raw
 

@@ -211,7 +211,8 @@ def simulate_log(settings: Settings, path: Path, duration: float, seed: int,
 
     """
     sensors = SensorMessages(settings)
-    messages = _in_order(sensors, simulate(settings, duration, seed, profile), start)
+    messages = _in_order(sensors, simulate(
+        settings, duration, seed, profile, sensors.whole_commands), start)
     first = next(messages)  # what cannot be simulated shows before there is a file
     count, elapsed = 0, 0
     part = unfinished(path)

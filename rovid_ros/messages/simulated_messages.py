@@ -91,6 +91,12 @@ class SensorMessages:
         """Return the shortest latency [ns]."""
         return min(topic.latency for topic in self._topics)
 
+    @property
+    def whole_commands(self) -> bool:
+        """Tell whether the thrusters' commands are sent as whole numbers."""
+        return any(place.whole for topic in self._topics for place in topic.places
+                   if place.input == 'thrusters')
+
     def messages(self, time: int, values: Mapping[str, Values]) -> list[SensorMessage]:
         """
         Return the messages of one instant [ns].

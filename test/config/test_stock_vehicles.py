@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from rovid_core.model.dofs import DOFS
 from rovid_core.settings.run import Settings
+from rovid_core.simulation.profiles import Sinusoid
+from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.thruster_curve import thruster_model, wrench
 from rovid_ros.commands.replay import replay
 from rovid_ros.commands.simulate import simulate_log
@@ -127,6 +129,27 @@ def test_a_dive_of_the_bluerov2_is_identified(bluerov2: Settings, dive: Path) ->
     assert summary is not None
     schemas = {schema.name: schema.data for schema in summary.schemas.values()}
     assert b'uint16[] channels' in schemas['mavros_msgs/msg/RCOut']
+
+
+def test_upright_thrusters_that_all_have_one_command_are_not_accused(
+        bluerov2: Settings, tmp_path: Path) -> None:
+    """If one were turned the force would be half as large, which no log can tell."""
+    log, told = tmp_path / 'dive.mcap', []
+    simulate_log(bluerov2, log, 135.0, seed=3)  # rounding all went one way
+    replay([log], bluerov2, PipelinePlayer(bluerov2), warn=told.append)
+    assert not told
+
+
+def test_simulated_thrusters_hear_the_whole_numbers_that_are_sent(bluerov2: Settings) -> None:
+    """Rounded, a small command is in the controller's dead-band, and the vehicle stays."""
+    still = replace(bluerov2, simulation=replace(bluerov2.simulation, position_noise=0.0))
+    small = {dof: (Sinusoid(1.2, 0.02),) if dof == 'surge' else () for dof in still.dofs}
+    moved = []
+    for whole in (False, True):
+        found = [value[0] for _, name, value in simulate(still, 20.0, 1, small, whole)
+                 if name == 'position']
+        moved.append(max(map(abs, found)) > 0.01)
+    assert moved == [True, False]
 
 
 def rewritten(dive: Path, path: Path, rows: Iterable[tuple[Any, str, bytes, int]]) -> Path:

@@ -11,7 +11,7 @@ import math
 from operator import lt, mul, sub
 from typing import Final
 
-from rovid_core.model.dofs import Vector
+from rovid_core.model.dofs import DOFS, Vector
 from rovid_core.model.samples import NS, Step
 from rovid_core.settings.run import DofSettings, Scales, Settings, ThrusterSettings
 
@@ -184,6 +184,8 @@ class UnsignedCommandCheck:
     """
     Warn when thruster commands have no sign although the vehicle moves both ways.
 
+    What thrusters push both ways without a sign, as a boat's two turn it, says nothing.
+
     Attributes
     ----------
     active : bool
@@ -196,7 +198,11 @@ class UnsignedCommandCheck:
         self._slow = [
             -0.2 * (settings.dof[d].typical_velocity or 0.5) for d in settings.dofs]
         self._warn = warn
-        self._backwards = self._forwards = 0
+        gain = settings.thrusters.gain
+        pushes = [[k * x for k, x in zip(gain, settings.thrusters.allocation[DOFS.index(d)])]
+                  for d in settings.dofs]
+        self._one_way = [min(row) >= 0.0 or max(row) <= 0.0 for row in pushes]
+        self._backwards, self._forwards = [[0] * len(settings.dofs) for _ in range(2)]
         # a curve may have its zero anywhere
         self.active = settings.thrusters.model in ('linear', 'quadratic')
 
@@ -207,9 +213,11 @@ class UnsignedCommandCheck:
 
     def add_velocity(self, i: int, velocity: float) -> None:
         """Add the velocity of DOF number ``i``."""
-        self._backwards += velocity < self._slow[i]
-        self._forwards += velocity > -self._slow[i]
-        if min(self._backwards, self._forwards) >= ENOUGH:
+        if not self._one_way[i]:
+            return
+        self._backwards[i] += velocity < self._slow[i]
+        self._forwards[i] += velocity > -self._slow[i]
+        if min(self._backwards[i], self._forwards[i]) >= ENOUGH:
             self.active = False
             self._warn('no thruster command was ever negative while the vehicle went '
                        'backwards: if they are magnitudes, give their direction with '

@@ -444,7 +444,7 @@ def _check_refused(seen: Observation, findings: Findings) -> None:
     for (name, reason), count in sorted(seen.stream.rejected.items()):
         health = seen.stream.inputs.get(name)
         share = count / max(count + (health.count if health else seen.steps), 1)
-        text = f'{count:,} ({100.0 * share:.2g} %) refused as {reason}'
+        text = f'{count:,} ({100.0 * share:.3g} %) refused as {reason}'
         detail = seen.converter.details.get((name, reason), '')
         meaning = detail or REASONS.get(reason, '')
         if share > ACCEPTABLE:

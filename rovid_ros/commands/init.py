@@ -100,6 +100,8 @@ def discover(logs: list[Path], start: float = 0.0, duration: float | None = None
             name: fields for name, info in log.topics.items()
             if info.count and (fields := dataflash_paths(name, log.blank(name)))}
         signals = read_signals(log, start, duration, paths, progress.tick)
+        unknown = [f'{name} ({info.type})' for name, info in log.topics.items()
+                   if info.count and not log.is_readable(name)]
         for line in log.warnings:
             warn(prog, line)
     found = candidates(signals) if parameters is None else dataflash_candidates(signals)
@@ -107,7 +109,8 @@ def discover(logs: list[Path], start: float = 0.0, duration: float | None = None
         made = decide(found, signals, _ask if ask else _take_the_first,
                       motors(parameters or {}), 'ned' if parameters is not None else '')
     except DiscoveryError as error:
-        raise CommandError(f'{", ".join(map(str, logs))}: {error}') from None
+        unread = f'; no definition is at hand of {", ".join(unknown)}' if unknown else ''
+        raise CommandError(f'{", ".join(map(str, logs))}: {error}{unread}') from None
     if parameters is not None:
         made.unknown += remarks(signals, found)
     for line in _others_vehicles(log, made):

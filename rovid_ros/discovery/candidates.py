@@ -35,6 +35,8 @@ _ARRAYS = {*[(name, 3) for name in (*_PLACES, 'velocity', 'angular_velocity')], 
 _DEPTH = {'depth', 'pressure', 'altitude', 'baro', 'ctun'}
 # What is asked for, and not what is.
 _ASKED = {'goal', 'target', 'setpoint', 'desired', 'waypoint', 'ref', 'error', 'trajectory'}
+# And what a controller makes of it.
+_MADE = {'cmd', 'command', 'commanded', 'controller', 'gain', 'gains', 'sigma'}
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,12 @@ class Candidate:
 def candidates(signals: Sequence[Signal]) -> dict[str, list[Candidate]]:
     """Return what could be each input, the likeliest first; inputs without any are left out."""
     signals = [*[_depth_of_point(signal) or _named_array(signal) or signal for signal in signals],
-               *_inertial_parts(signals), *_one_topic_each(signals)]
+               *_inertial_parts(signals), *_one_topic_each(signals), *_planar(signals)]
+    measured = [signal for signal in signals if not signal.words & (_ASKED | _MADE)]
     found: dict[str, list[Candidate]] = {}
     for name, judge in _JUDGES.items():
-        judged = [one for signal in signals for one in judge(signal)]
+        judged = [one for signal in (signals if name == 'thrusters' else measured)
+                  for one in judge(signal)]
         judged.sort(key=lambda one: -one.points)
         if judged:
             found[name] = judged
@@ -69,6 +73,12 @@ def too_fast(signals: Sequence[Signal]) -> list[tuple[Signal, float]]:
     places = [(signal, _speeds(signal)) for signal in signals if _is_place(signal)]
     return [(signal, float(np.median(speeds))) for signal, speeds in places
             if len(speeds) and np.median(speeds) > _FASTEST]
+
+
+def upside_down(signal: Signal) -> bool:
+    """Tell whether it is an attitude that is turned over, while vehicles are mostly level."""
+    return signal.shape == 'quaternion' and bool(
+        np.median(np.sum(signal.values[:, :2]**2, axis=1)) > 0.5)
 
 
 def _points(signal: Signal, likely: Iterable[str], unlikely: Iterable[str] = ()) -> float:
@@ -94,7 +104,7 @@ def _is_place(signal: Signal) -> bool:
     """Tell whether a signal that moves is named as a position."""
     last = signal.path.rpartition('.')[2]
     named = last in _PLACES or last not in _CHANGES and bool(
-        signal.words & {'position', 'pos', 'lbl', 'usbl', 'fix'})
+        signal.words & {'position', 'pos', 'lbl', 'usbl', 'fix'}) or _is_planar(signal)
     vector = signal.shape == 'vector' or (signal.shape == 'array' and ',' in signal.path)
     return (vector and named or signal.shape == 'geographic') and _moves(signal, 0.01)
 
@@ -105,7 +115,7 @@ def _position(signal: Signal) -> Iterable[Candidate]:
     speeds = _speeds(signal)
     if not len(speeds) or np.median(speeds) > _FASTEST:
         return
-    typed = signal.path.rpartition('.')[2] in _PLACES
+    typed = signal.path.rpartition('.')[2] in _PLACES or _is_planar(signal)
     # a GPS is under water the last one to be right
     yield Candidate(signal, 3.0 * typed - 3.0 * (signal.shape == 'geographic') + _points(
         signal, ('position', 'pose', 'odom', 'odometry', 'mocap', 'lbl', 'usbl', 'local', 'nav',
@@ -118,7 +128,7 @@ def _attitude(signal: Signal) -> Iterable[Candidate]:
     if signal.shape == 'quaternion':
         lengths = np.linalg.norm(signal.values, axis=1)
         if abs(np.median(lengths) - 1.0) < 0.02 and _moves(signal, 1e-4):
-            yield Candidate(signal, 3.0 + _points(signal, likely)
+            yield Candidate(signal, 3.0 + _points(signal, likely) - 2.0 * upside_down(signal)
                             - bool(signal.words & _LAGGING))
     elif signal.shape == 'vector' and signal.words & {'rpy', 'euler', 'angles'}:
         yield Candidate(part(signal, (0, 1, 2), ', '.join(
@@ -126,7 +136,9 @@ def _attitude(signal: Signal) -> Iterable[Candidate]:
             1.0 + _points(signal, likely), _angle_unit(signal))
     elif signal.shape == 'array' and ',' in signal.path and 'attitude' in signal.words:
         yield Candidate(signal, 2.0, _angle_unit(signal))
-    elif signal.shape == 'number' and signal.words & {'heading', 'yaw', 'compass', 'hdg'}:
+    elif signal.shape == 'number' and (
+            signal.words & {'heading', 'yaw', 'compass', 'hdg'} or (
+                _is_planar(signal) and signal.path.rpartition('.')[2] == 'theta')):
         if _moves(signal, 1e-3) and 'rate' not in signal.words:
             sense = {'heading': 'ned'} if signal.words & {'compass', 'heading', 'hdg'} else {}
             yield Candidate(signal, 0.5 + _points(signal, likely), {
@@ -135,6 +147,20 @@ def _attitude(signal: Signal) -> Iterable[Candidate]:
 
 def _angle_unit(signal: Signal) -> dict[str, str]:
     return {'unit': 'deg'} if np.max(np.abs(signal.values)) > 2.0 * math.pi + 0.1 else {}
+
+
+def _is_planar(signal: Signal) -> bool:
+    return signal.type == 'geometry_msgs/msg/Pose2D'
+
+
+def _planar(signals: Sequence[Signal]) -> list[Signal]:
+    """Return the positions in poses that have x, y and a heading."""
+    known = {(signal.topic, signal.path): signal for signal in signals if _is_planar(signal)}
+    pairs = [(x, known[topic, f'{path[:-1]}y'])
+             for (topic, path), x in known.items() if path.rpartition('.')[2] == 'x']
+    return [replace(x, path=f'{x.path}, {y.path}', shape='array', values=np.column_stack(
+        [x.values, y.values, np.zeros_like(x.values)]))
+        for x, y in pairs if len(x.values) == len(y.values)]
 
 
 def _named_array(signal: Signal) -> Signal | None:
@@ -163,7 +189,7 @@ def _depth_of_point(signal: Signal) -> Signal | None:
 def _depth(signal: Signal) -> Iterable[Candidate]:
     words = signal.words
     if signal.shape not in ('number', 'array') or signal.values.shape[1] != 1 or (
-            not words & _DEPTH
+            not (words & _DEPTH or words >= {'rel', 'alt'})
             or words & {'variance', 'cmd', 'temperature', 'air'}
             or words >= {'dvl', 'altitude'}):  # that above the ground
         return
@@ -249,7 +275,8 @@ def _one_topic_each(signals: Sequence[Signal]) -> list[Signal]:
 
 def _thrusters(signal: Signal) -> Iterable[Candidate]:
     if signal.shape == 'wrench' and np.max(signal.spread) > 1e-6:
-        yield Candidate(signal, 4.0 + _points(signal, ('wrench', 'force', 'thrust'), ('meas',)))
+        yield Candidate(signal, 4.0 + _points(
+            signal, ('wrench', 'force', 'thrust', 'actual'), ('meas',)))
     if signal.shape != 'array' or not _moves(signal, 1e-6):
         return
     words = signal.words

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from rovid_core.model.dofs import coupling_prior, DOFS, LINEAR_DOFS
 from rovid_ros.discovery.ardupilot import Motors
-from rovid_ros.discovery.candidates import Candidate, FAST, too_fast, words_in
+from rovid_ros.discovery.candidates import Candidate, FAST, too_fast, upside_down, words_in
 from rovid_ros.discovery.moments import Misfit
 from rovid_ros.discovery.motion import answer, Motion, motion, noise_of, Push, STEP
 from rovid_ros.discovery.signals import Array, Signal
@@ -27,6 +27,7 @@ from rovid_ros.discovery.thrusters import (
 
 _DRIVEN = ('surge', 'sway', 'heave', 'yaw')
 _ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
+_SAME = 0.9  # correlation of one thing that is measured twice
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
 _LATENCIES = tuple(0.25 * k for k in range(1, 13))  # [s] of fixes that are tried
 _DELAYS = tuple(0.05 * k for k in range(13))  # [s] of the thrust
@@ -123,14 +124,16 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
     guesses: list[str] = []
     guesses += _unused(found, inputs)
     if not frames:
-        frames, why = _frames(signals, inputs)
-        guesses.append(why)
+        frames, why = _told_frames(signals, inputs) or _likely_frames(inputs, motors)
+        guesses.append(f'frames: {frames}{why}')
     if frames == 'ned' and 'position' in inputs:
         inputs['position'] = _in_ned(inputs['position'])
     moved, heading = _moved(inputs, frames, guesses)
     if not len(moved.times):
         raise DiscoveryError(
-            'have no time in common: ' + ', '.join(one.signal.topic for one in inputs.values()))
+            'have no time in common: ' + ', '.join(
+                f'{one.signal.topic} goes from {one.signal.times[0]:.0f} to '
+                f'{one.signal.times[-1]:.0f} s of the log' for one in inputs.values()))
     spans = max(_SPANS if moved.coarse else [1], key=lambda n: _told(inputs, frames, motors, n))
     moved, heading = _moved(inputs, frames, [], spans)
     thrusters = find_thrusters(inputs['thrusters'], frames, moved, motors, guesses)
@@ -261,28 +264,44 @@ def _in_ned(position: Candidate) -> Candidate:
         signal, values=signal.values[:, (1, 0, 2)] * np.array([1.0, 1.0, -1.0])))
 
 
-def _frames(signals: Sequence[Signal], inputs: Mapping[str, Candidate]) -> tuple[str, str]:
-    """Return the frames of the messages, and why."""
+def _told_frames(signals: Sequence[Signal],
+                 inputs: Mapping[str, Candidate]) -> tuple[str, str] | None:
+    """Return the frames of the messages and what says so, None if nothing does."""
     for signal in signals:
         if signal.path.rpartition('.')[2] == 'linear_acceleration' and signal.shape == 'vector':
-            z = float(np.mean(signal.values[:, 2]))
+            over = any(one.topic == signal.topic and upside_down(one) for one in signals)
+            z = float(np.mean(signal.values[:, 2])) * (-1.0 if over else 1.0)
             if abs(z) > 7.0:
                 name = 'ned' if z < 0.0 else 'enu'
-                return name, f'frames: {name}, for the accelerometer sees {z:+.1f} m/s^2 in z'
+                return name, (f', for the accelerometer sees {z:+.1f} m/s^2 in z'
+                              + (' once it is turned over, as its attitude says' if over else ''))
     gyro = inputs.get('angular_velocity')
     for signal in signals if gyro else ():
         if gyro and signal.topic == gyro.signal.topic and signal.shape == 'array':
-            for k in range(signal.values.shape[1]):
-                z = float(np.median(signal.values[:, k]))
+            for z in np.median(signal.values, axis=0).tolist():
                 if 8.8 < abs(z) < 10.8:
                     name = 'ned' if z < 0.0 else 'enu'
-                    return name, (f'frames: {name}, for the accelerometer beside the gyro sees '
-                                  f'{z:+.1f} m/s^2')
+                    return name, f', for the accelerometer beside the gyro sees {z:+.1f} m/s^2'
     by = [why for one in inputs.values() if (why := _named_ned(one.signal))]
-    if by:
-        return 'ned', f'frames: ned, {by[0]}'
-    return 'enu', ('frames: enu (ROS); had it been ned everywhere, only the signs of sway, heave '
-                   'and yaw and of their biases would change')
+    return ('ned', f', {by[0]}') if by else None
+
+
+def _likely_frames(inputs: Mapping[str, Candidate], motors: Motors | None) -> tuple[str, str]:
+    """Return the frames that the motion suggests, and why; ROS's where it cannot tell."""
+    if 'attitude' not in inputs or 'position' not in inputs or (
+            inputs['position'].signal.shape != 'geographic'):
+        return 'enu', (' (ROS); had it been ned everywhere, only the signs of sway, heave and yaw '
+                       'and of their biases would change')
+    # which way latitude and longitude point is known, so the attitude has to agree with them
+    told = {}
+    for frames in ('enu', 'ned'):
+        used = {**inputs, **({'position': _in_ned(inputs['position'])} if frames == 'ned' else {})}
+        moved, _ = _moved(used, frames, [])
+        told[frames] = explained_by(
+            find_thrusters(used['thrusters'], frames, moved, motors, []), moved)
+    if told['ned'] > told['enu'] + EXPLAINED:
+        return 'ned', ', for then the attitude agrees with how the fixes move under thrust'
+    return 'enu', ' (ROS); with ned the fixes would move no more as the thrust says'
 
 
 def _named_ned(signal: Signal) -> str:
@@ -308,6 +327,10 @@ def _moved(inputs: dict[str, Candidate], frames: str, guesses: list[str],
     scale = float(depth.keys.get('scale', 1.0)) if depth else 1.0
     moved = motion(used, angles, scale, spans)
     velocities = dict(moved.velocities)
+    if 'velocity' in used and not depth and _is_turning(velocities):
+        del velocities['heave']
+        guesses.append(f'heave: left out, for the third number of {used["velocity"].place} is how '
+                       'fast the vehicle turns')
     if frames == 'ned':
         for dof in ('sway', 'yaw', *(() if depth else ('heave',))):
             if dof in velocities:
@@ -319,6 +342,16 @@ def _moved(inputs: dict[str, Candidate], frames: str, guesses: list[str],
         dof: v for dof, v in velocities.items()
         if np.isfinite(v).sum() > 20 and np.nanstd(v) > 1e-3}), 'position' in used and bool(
             attitude)
+
+
+def _is_turning(velocities: Mapping[str, Array]) -> bool:
+    """Tell whether heave is the rate of yaw, as where a boat's u, v and r are in one vector."""
+    if not {'heave', 'yaw'} <= velocities.keys():
+        return False
+    both = np.column_stack([velocities[dof] for dof in ('heave', 'yaw')])
+    both = both[np.isfinite(both).all(axis=1)]
+    return len(both) > _ENOUGH and bool(np.ptp(both, axis=0).all()) and (
+        abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) > _SAME)
 
 
 def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, times: Array,

@@ -19,6 +19,7 @@ _LARGEST_LIST = 1 << 22  # [bytes] of metadata.yaml that are read
 _STEP = 1 << 20  # [bytes]
 _SURE = 1 << 30  # [bytes] that a file may have when it is unpacked; beyond, this many times its
 _RATIO = 100  # size
+_POINTER = b'version https://git-lfs'  # what Git LFS keeps in place of a large file
 _FORMATS: dict[bytes, type[Container]] = {
     mcap.MAGIC: mcap.McapFile,
     sqlite.MAGIC: sqlite.SqliteFile,
@@ -113,9 +114,11 @@ def _open_file(path: Path, scratch: Path) -> Container:
     if path.suffix in _PACKED:
         path = _unpacked(path, scratch)
     with path.open('rb') as file:
-        head = file.read(18)
+        head = file.read(len(_POINTER))
     if not head:
         raise LogError(f'{name}: is empty')
+    if head == _POINTER:
+        raise LogError(f'{name}: only points to the log, which git lfs pull brings')
     for magic, format in _FORMATS.items():
         if head.startswith(magic):
             if format is sqlite.SqliteFile:

@@ -348,6 +348,16 @@ def _of_array(source: Source, length: int, settings: Settings) -> Callable[[Any]
     if source.input == 'attitude':
         return _attitude_of_numbers(settings)
     turn = _turn(source.input, settings)
+    if length == 2 and source.input in ('position', 'velocity'):
+        if settings.source('heave') == source.input and 'heave' in settings.dofs:
+            raise FieldError(f'{source.section}.field', f'{source.field!r} has no z, which heave '
+                                                        'needs')
+
+        def of_plane(value: Any) -> Floats:  # of what stays at the surface
+            x, y = _numbers(value, 2)
+            return turn(x, y, 0.0)
+
+        return of_plane
     return lambda value: turn(*_numbers(value, 3))
 
 

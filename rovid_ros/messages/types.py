@@ -24,7 +24,9 @@ import zstandard
 
 Decoder = Callable[[bytes], Any]
 # Types of common vehicles that do not come with ROS 2.
-WELL_KNOWN = {'mavros_msgs/msg/RCOut': 'std_msgs/Header header\nuint16[] channels\n'}
+WELL_KNOWN = {
+    'mavros_msgs/msg/RCOut': 'std_msgs/Header header\nuint16[] channels\n',
+    'mavros_msgs/msg/OverrideRCIn': 'uint16[18] channels\n'}
 # [bytes] What is larger is refused before it is decoded; what is of use has 1 kB
 MAX_MESSAGE_SIZE = 1 << 20
 MAX_DEFINITION = 1 << 17  # [characters] of a type with all that is in it; large ones have 20,000
@@ -73,7 +75,8 @@ def typestore(name: str, definition: str, idl: bool = False) -> Typestore:
     The definition has those of the types in it; '' takes what ROS 2 has. ``idl`` tells whether it
     is IDL. Raises TypeUnknownError if there is no definition or it makes no sense.
     """
-    problem = 'no definition of it is at hand'
+    problem = ('no definition of it is at hand; where it is installed, ros2 bag convert to MCAP '
+               'writes it into the log')
     if definition:
         try:
             return _defined(name, definition, idl)

@@ -75,6 +75,14 @@ def test_a_vehicle_that_turns_finds_the_current_and_itself(turning):
         assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.03)
 
 
+def test_the_first_intervals_hold_what_nothing_tells_yet():
+    """Thrusters that lag look like more mass, and so may a current before the turn."""
+    late = Run(lag=0.3, stiff=True, duration=50.0)
+    last = followed(Stream(settings(late)), late)[-1]
+    assert last.current.status == 'unobservable'
+    assert all(masses_held(last))
+
+
 def test_the_velocity_of_the_filter_is_that_of_its_stamp(turning):
     """It is behind no low-pass, and a controller need not look ahead of it."""
     assert {dof.v_hat_delay for dof in turning[-1].dofs} == {0.0}

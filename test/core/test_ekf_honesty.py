@@ -119,6 +119,20 @@ def test_since_the_vehicle_changed_nothing_is_known_of_the_beginning(changed):
     assert ('the mass is 10' in said) is not changed
 
 
+@pytest.mark.parametrize(('drift', 'said'), [(-0.3, 'as with a battery'), (
+    -0.7, 'more than a battery makes')])
+def test_no_battery_loses_most_of_its_thrust(drift, said):
+    verdict = Verdict([[1.0]], 1.0, None, 6, [1.0], (), drift=drift, begin=[0.1])
+    assert said in drifting(verdict, lambda theta: (*theta, 0.0, 0.0, 0.0), False)
+
+
+@pytest.mark.parametrize(('kappa', 'told'), [(0.1, True), (5.0, False)])
+def test_a_current_faster_than_the_vehicle_is_none(kappa, told):
+    said = described(Missing('current', kappa, 0.1), (1.0, -0.5, -0.1, 0.0, 0.0), SCALES)
+    assert 'follows the heading' in said
+    assert ('as with a current of' in said) is told
+
+
 @pytest.mark.parametrize('name', ['exact', 'closed loop', 'lag 0.15 s'])
 def test_no_battery_runs_down_that_does_not(name):
     assert not any('battery' in note for seed in range(2)

@@ -10,12 +10,14 @@ from rovid_core.inputs.units_and_signs import (
     NeutralCheck,
     TwoSendersCheck,
     TypicalSizeCheck,
+    UnsignedCommandCheck,
 )
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import DofSettings, InputSettings
 from rovid_core.velocity.attitude_history import from_yaw
 
 from test.support.injected_faults import clean, run, spoilt, vehicle
+from test.support.surge import surge_settings
 
 DIVE = 150.0
 """[s]"""
@@ -41,6 +43,18 @@ SLIPS = {
     'thrust the other way': ('thrusters', lambda t, v, random: (-v[1], -v[0], v[2]),
                              'turn the sign of its row surge'),
 }
+
+
+@pytest.mark.parametrize(('row', 'told'), [((1.0, 1.0), True), ((1.0, -1.0), False)])
+def test_thrusters_that_push_both_ways_need_no_sign(row, told):
+    """A boat turns to both sides by two thrusters that both push forward."""
+    known, said = surge_settings(), []
+    check = UnsignedCommandCheck(replace(known, thrusters=replace(
+        known.thrusters, gain=(1.0, 1.0), allocation=(row, *[(0.0, 0.0)] * 5))), said.append)
+    for k in range(1400):
+        check.add_commands((1.0, 0.5))
+        check.add_velocity(0, math.copysign(5.0, (k % 2) - 0.5))
+    assert bool(said) is told
 
 
 @pytest.mark.long

@@ -218,10 +218,9 @@ def test_a_gps_will_do(frames: str, repository: Path, tmp_path: Path,
                        initialised: Callable[[Path], Settings]) -> None:
     settings = settings_from(load(repository / 'config' / 'odometry_wrench.yaml'))
     kind, log = 'sensor_msgs/msg/NavSatFix', tmp_path / 'dive.mcap'
-    simulate_log(replace(settings, frames=frames, attitude=replace(
-        settings.attitude, topic='/ned/odometry' if frames == 'ned' else '/odometry'),
-        position=replace(settings.position, topic='/fix', type=kind, field='')), log, 45.0, 1)
-    found = initialised(log)
+    simulate_log(replace(settings, frames=frames, position=replace(
+        settings.position, topic='/fix', type=kind, field='')), log, 45.0, 1)
+    found = initialised(log)  # the attitude has to agree with how the fixes move
     assert found.frames == frames
     assert inputs(found)['position'] == '/fix '
     for dof, mass in (('surge', 90.0), ('sway', 110.0), ('heave', 120.0)):
@@ -653,6 +652,86 @@ def test_a_frame_that_is_named_ned_is_ned(logs: dict[str, Path]) -> None:
     made = with_signals(logs['odometry_wrench'], lambda one: replace(one, frame='world_ned'))
     assert made.frames == 'ned'
     assert 'frames: ned, by the name of world_ned' in made.guesses
+
+
+def test_a_boat_has_a_planar_pose(repository: Path, tmp_path: Path,
+                                  initialised: Callable[[Path], Settings]) -> None:
+    known = settings_from(load(repository / 'config' / 'odometry_wrench.yaml'))
+    log, pose = tmp_path / 'boat.mcap', {
+        'topic': '/NED_pose', 'type': 'geometry_msgs/msg/Pose2D'}
+    simulate_log(replace(
+        known, frames='ned', dofs=('surge', 'sway', 'yaw'),
+        position=replace(known.position, **pose, field='x, y'),
+        attitude=replace(known.attitude, **pose, field='theta')), log, 45.0, 1)
+    found = initialised(log)
+    assert inputs(found) == {'position': '/NED_pose x, y', 'attitude': '/NED_pose theta',
+                             'thrusters': '/wrench wrench'}
+    assert found.frames == 'ned' and found.dofs == ('surge', 'sway', 'yaw')
+    for dof, mass in (('surge', 90.0), ('sway', 110.0)):
+        assert found.dof[dof].mass == pytest.approx(mass, rel=0.2), dof
+
+
+@pytest.mark.parametrize('topic', [
+    '/desired_heading', '/controller/heading_error', '/asmc/heading_sigma', '/heading_gain'])
+def test_what_a_controller_wants_is_no_attitude(topic: str) -> None:
+    times = np.arange(0.0, 60.0, 0.1)
+    for name, is_one in (('/heading', True), (topic, False)):
+        found = candidates([Signal(name, 'std_msgs/msg/Float64', 'data', 'number', times,
+                                   np.sin(0.1 * times)[:, np.newaxis])])
+        assert ('attitude' in found) is is_one
+
+
+@pytest.mark.parametrize('is_turned_over', [False, True])
+def test_an_accelerometer_is_turned_over_as_its_attitude_says(
+        is_turned_over: bool, logs: dict[str, Path]) -> None:
+    with Log([logs['odometry_wrench']]) as opened:
+        signals = read_signals(opened, 0.0, None)
+    attitude = next(one for one in signals if one.shape == 'quaternion')
+    values = np.array([product(tuple(q), FRD_TO_FLU) for q in attitude.values]) if (
+        is_turned_over) else attitude.values
+    kind, up = 'sensor_msgs/msg/Imu', np.zeros((len(attitude.times), 3)) + [0.0, 0.0, 9.8]
+    signals += [replace(attitude, topic='/imu', type=kind, path='orientation', values=values),
+                replace(attitude, topic='/imu', type=kind, path='linear_acceleration',
+                        shape='vector', values=up)]
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    assert made.frames == ('ned' if is_turned_over else 'enu')
+    # a vehicle is level most of the time
+    assert made.inputs['attitude'].signal.topic == '/odometry' or not is_turned_over
+
+
+def test_how_fast_a_boat_turns_is_no_heave(repository: Path, tmp_path: Path) -> None:
+    known, log = settings_from(load(repository / 'config/odometry_wrench.yaml')), tmp_path / 'log'
+    simulate_log(replace(
+        known, velocity=replace(known.velocity, topic='/ins'),
+        angular_velocity=replace(known.angular_velocity, topic='/ins')), log, 45.0, 1)
+    with Log([log]) as opened:
+        read = {(one.topic, one.path): one for one in read_signals(opened, 0.0, None)}
+    signals = [read['/odometry', 'pose.pose.orientation'], read['/wrench', 'wrench']]
+    linear, angular = [read['/ins', f'twist.twist.{name}'] for name in ('linear', 'angular')]
+    velocity = replace(linear, topic='/local_vel', path='', shape='vector',
+                       values=np.column_stack([linear.values[:, :2], angular.values[:, 2]]))
+    made = decide(candidates([*signals, velocity]), signals, lambda name, found: found[0])
+    assert 'heave' not in made.dofs and {'surge', 'sway', 'yaw'} <= made.dofs.keys()
+    assert any('is how fast the vehicle turns' in one for one in made.guesses)
+
+
+def test_the_depth_and_the_stick_of_mavros_will_do(tmp_path: Path) -> None:
+    log, kind = tmp_path / 'mavros.mcap', 'mavros_msgs/msg/OverrideRCIn'
+    force = velocity = depth = 0.0
+    with LogWriter(log) as writer:
+        for k in range(1200):
+            pulse = 1500 + round(200.0 * math.sin(0.03 * k) * math.cos(0.0071 * k))
+            force = 0.2 * (pulse - 1500)
+            velocity += 0.05 * (force - 60.0 * velocity * abs(velocity)) / 30.0
+            depth += 0.05 * velocity
+            writer.write('/mavros/rc/override', kind, {
+                'channels': [1500, 1500, pulse, *[1500] * 5, *[0] * 10]}, 50_000_000 * (k + 1))
+            writer.write('/mavros/global_position/rel_alt', 'std_msgs/msg/Float64',
+                         {'data': depth}, 50_000_000 * (k + 1) + 1000)
+    made = discover([log])
+    assert {name: one.signal.topic for name, one in made.inputs.items()} == {
+        'depth': '/mavros/global_position/rel_alt', 'thrusters': '/mavros/rc/override'}
+    assert made.dofs['heave'].explained > 0.7
 
 
 def test_what_moves_too_fast_for_metres_is_named(logs: dict[str, Path]) -> None:

@@ -252,7 +252,7 @@ def test_only_the_topics_asked_for_are_decoded(tmp_path: Path) -> None:
                 ('/text', 'type a/msg/B: its definition is of no use'),
                 ('/json', "is encoded as 'json'"),
                 ('/short', '(a/msg/D) cannot be decoded: '),
-                ('/unknown', 'type a/msg/E: no definition of it is at hand')]:
+                ('/unknown', 'type a/msg/E: no definition of it is at hand; where it is')]:
             with pytest.raises(LogError) as refused:
                 read(log, [topic])
             assert f'log.mcap: {topic}' in str(refused.value)
@@ -361,6 +361,8 @@ def test_what_is_no_log_is_refused_in_one_line(tmp_path: Path) -> None:
     (tmp_path / 'nothing').mkdir()
     (tmp_path / 'empty.mcap').write_bytes(b'')
     (tmp_path / 'text.mcap').write_bytes(b'no log at all, but long enough to be one')
+    (tmp_path / 'large.mcap').write_text(
+        'version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 4\n')
     (tmp_path / 'magic.mcap').write_bytes(start[:5])
     (tmp_path / 'head.mcap').write_bytes(start[:40])
     (tmp_path / 'old.bag').write_bytes(b'#ROSBAG V1.2\n' + bytes(4000))
@@ -373,6 +375,7 @@ def test_what_is_no_log_is_refused_in_one_line(tmp_path: Path) -> None:
             'empty.mcap': 'is empty',
             'text.mcap': 'is not a log (MCAP, sqlite3 of rosbag2, ROS 1 bag 2.0, or '
                          'ArduPilot .BIN)',
+            'large.mcap': 'only points to the log, which git lfs pull brings',
             'magic.mcap': 'cut off before its first message',
             'head.mcap': 'cut off before its first message',
             'old.bag': 'is not a log',

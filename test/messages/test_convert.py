@@ -112,6 +112,17 @@ def test_position_of_many_types(name: str, fields: dict, paths: list[str], make:
         assert case.refused == {}
 
 
+@pytest.mark.parametrize('frames, value', [('enu', (1.0, 2.0, 0.0)), ('ned', (2.0, 1.0, 0.0))])
+def test_x_and_y_are_enough_at_the_surface(frames: str, value: tuple[float, ...],
+                                           make: Any) -> None:
+    pose = make('geometry_msgs/msg/Pose2D', {'x': 1.0, 'y': 2.0, 'theta': 0.3})
+    known = settings(frames=frames, position=InputSettings('/p', field='x, y'))
+    assert Case(known).values('/p', pose)['position'] == value
+    with pytest.raises(FieldError, match="position.field: 'x, y' has no z, which heave needs"):
+        Case(replace(known, depth=InputSettings(),
+                     attitude=InputSettings('/a'))).converter.check_type('/p', pose)
+
+
 def test_all_that_an_odometry_holds_is_one_event(make: Any) -> None:
     odometry = make('nav_msgs/msg/Odometry', {
         'header': STAMP, 'pose': {'pose': POSE}, 'twist': {'twist': TWIST}})

@@ -418,7 +418,8 @@ class ExtendedKalman(Identifier):
         verdict = best.verdict
         if verdict is None:
             self.uncertainty: Uncertainty = FilterUncertainty(
-                best.filter.theta_covariance, best.innovations.inflation, model, best.unseen)
+                best.filter.theta_covariance, best.innovations.inflation, model,
+                best.blocks.unseen())
         elif verdict is not self._published:  # it stays for the whole of a block
             self.uncertainty = FilterUncertainty(verdict.covariance, 1.0, model)
         self._published = verdict

@@ -104,8 +104,6 @@ class Member:
         self._is_judged = True
         self.bounds = bounds
         self._slip = unmodelled.slip
-        self._unseen: list[list[float]] = []
-        self._unseen_of = 0  # blocks that it was made of
 
     def restart(self, velocity: float) -> None:
         """Take up from a measured velocity, in typical ones."""
@@ -201,13 +199,6 @@ class Member:
         return None if better == self.thrusters else better
 
     @property
-    def unseen(self) -> list[list[float]]:
-        """Return what terms that nothing tells yet add to the covariance; empty for nothing."""
-        if self.blocks.count != self._unseen_of:
-            self._unseen, self._unseen_of = self.blocks.unseen(), self.blocks.count
-        return self._unseen
-
-    @property
     def verdict(self) -> Verdict | None:
         """Return what the blocks say, None while there are too few."""
         # of most members nobody asks, and it takes as long as dozens of measurements
@@ -233,7 +224,6 @@ class Member:
         self.blocks.restore(state['blocks'])
         self.prediction.restore(state['prediction'])
         self._verdict, self._is_judged = None, True
-        self._unseen, self._unseen_of = [], 0
         if state['judged']:
             self.judge()
 

@@ -422,7 +422,9 @@ class PlanarKalman:
         best = self._bank.best
         verdict = best.verdict
         if verdict is None:
-            return best.filter.theta_covariance * best.innovations.inflation
+            found, unseen = best.filter.theta_covariance * best.innovations.inflation, (
+                best.blocks.unseen())
+            return found + np.array(unseen) if unseen else found
         if verdict is not self._arranged[0]:  # it stays for the whole of a block
             self._arranged = verdict, np.array(verdict.covariance)
         return self._arranged[1]

@@ -338,13 +338,17 @@ class BlockFit:
                 more = more + added
         for k, std in doubted.items():
             more = more + averaged([whole._judged(alone[k], 1.0, std, 0)], covariance)
-        covariance = covariance + more
-        for k, variance in considered.items():
-            # after S. F. Schmidt: what it moves the parameters by
-            leaning = self.c @ self.total[a, k]
-            covariance = covariance + variance * np.outer(leaning, leaning)
+        covariance = covariance + more + self._from(considered)
         return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
                        tuple(untold), () if missing else self._off(there, rows), unexplained)
+
+    def _from(self, considered: Mapping[int, float]) -> Array:
+        """Return what parameters that are not known add (S. F. Schmidt): they move the others."""
+        added = np.zeros_like(self.c)
+        for k, variance in considered.items():
+            leaning = self.c @ self.total[self.active, k]
+            added += variance * np.outer(leaning, leaning)
+        return added
 
     def _off(self, there: Mapping[str, UnseenTerm],
              rows: Sequence[tuple[str, int]]) -> tuple[Missing, ...]:
@@ -403,7 +407,7 @@ class BlockFit:
                         information, score)
 
     def unseen(self, candidates: Mapping[str, list[int]],
-               rows: Sequence[tuple[str, int]],
+               considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
                doubted: Mapping[int, float]) -> list[list[float]]:
         """
         Return what terms that nothing tells yet add to the covariance.
@@ -417,7 +421,7 @@ class BlockFit:
         terms = [term for begin, first in rows
                  for term in self._unseen(candidates, alone, scatter, begin, first).values()]
         terms += [self._judged(alone[k], scatter, std, 0) for k, std in doubted.items()]
-        return self._full(summed(terms, len(self.active)))
+        return self._full(summed(terms, len(self.active)) + self._from(considered))
 
     def _unseen(self, candidates: Mapping[str, list[int]], alone: Mapping[int, Remainder],
                 scatter: float, begin: str, first: int) -> dict[str, UnseenTerm]:

@@ -46,6 +46,9 @@ ALIKE = 'about 1.00 of the forward one'
 MOST = 2.0
 """Of the forward thrust, from which on none of thrusters is as strong backwards."""
 
+EMPTY = 0.5
+"""Share of its thrust that a vehicle with a battery does not lose."""
+
 UNEXPLAINED, MANY_BLOCKS = 3.0, 12
 """Scatter of the blocks, and their number, from which it is worth a word."""
 
@@ -103,8 +106,9 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
     elif missing.name == 'current':
         # it is dragged along at the slope of the drag at half of the typical velocity
         slope = abs(theta[BETA]) + abs(theta[GAMMA])
-        size = f' of about {kappa / slope * scales.velocity:.2g} m/s' if slope > 0.0 else ''
-        said = f'the heading, as with a current{size}'
+        size = kappa / slope if slope > 0.0 else math.inf  # in typical velocities
+        said = 'the heading' + ('' if size > 1.0 else (
+            f', as with a current of about {size * scales.velocity:.2g} m/s'))
     else:
         name = missing.name
         written = name.replace('_', ' ') if '_' in name else ' '.join(name)
@@ -169,9 +173,10 @@ def drifting(verdict: Verdict | None, parameters: Callable[[Sequence[float]], Fo
     alpha = parameters(verdict.begin[begin:end])[0]
     mass = '' if changed or not alpha > 0.0 else (
         f' (with the thrust of the beginning the mass is {1.0 / alpha:.4g})')
+    what = 'as with a battery that runs down' if -verdict.drift < EMPTY else (
+        'which is more than a battery makes of it')
     return (f'thrust falls by {-100.0 * verdict.drift:.0f} % from the beginning to the end of the '
-            'data, as with a battery that runs down, which the interval of the mass takes into '
-            f'account{mass}')
+            f'data, {what}; the interval of the mass takes it into account{mass}')
 
 
 def remarks(verdict: Verdict | None, missing: Missing | None, theta: Sequence[float],

@@ -88,6 +88,8 @@ class ScoreBlocks:
         self._score = np.zeros((0, q))
         self._counts = np.zeros(0)
         self._time = 0.0
+        self._unseen: list[list[float]] = []
+        self._unseen_of = 0  # blocks that it was made of
         self._begin()
 
     def _begin(self) -> None:
@@ -187,8 +189,10 @@ class ScoreBlocks:
 
     def unseen(self) -> list[list[float]]:
         """Return what terms that nothing tells yet add to the covariance; empty for nothing."""
-        return self._fit(self.count).unseen(
-            self._candidates, self._rows, self._doubted) if self.count else []
+        if self.count != self._unseen_of:
+            self._unseen, self._unseen_of = self._fit(self.count).unseen(
+                self._candidates, self._considered, self._rows, self._doubted), self.count
+        return self._unseen
 
     def _fit(self, count: int) -> BlockFit:
         """Return what the oldest blocks give."""

@@ -448,6 +448,10 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
         'model\npredicts from the logged thrust alone.')
+    poor = [dof for dof, values in dofs.items() if (values['fit'] or 0.0) < 0.0]
+    if poor:
+        lines.append(f'{", ".join(poor)}: a fit below 0 is worse than a constant: the model says '
+                     'nothing of the vehicle.')
     low = [dof for dof, values in dofs.items() if values['status'] == 'converged'
            and values['intervals'] and (values['fit'] or 0.0) < HELD_FIT[1]]
     if low:

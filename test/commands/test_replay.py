@@ -183,6 +183,19 @@ def test_what_the_data_say_of_several_dofs_is_said_once(
     assert 'heave is converging: it takes a minute of thrust' in said
 
 
+def test_a_model_worse_than_a_constant_says_so(
+        config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path, said = tmp_path / 'out.json', []
+    for gain in ('[40.0, 40.0, 55.0]', '[-40.0, -40.0, -55.0]'):
+        assert main(['replay', str(log), '--params-file', str(config), '--json', str(path),
+                     '-p', f'thrusters.gain:={gain}']) == 0
+        dofs = json.loads(path.read_text())['dofs']
+        poor = ', '.join(dof for dof, values in dofs.items() if values['fit'] < 0.0)
+        said.append(f'{poor}: a fit below 0 is worse than' in capsys.readouterr().out)
+        assert bool(poor) is said[-1]
+    assert said == [False, True]
+
+
 def test_masses_that_are_no_kilograms_are_told(
         config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, said = tmp_path / 'out.json', []

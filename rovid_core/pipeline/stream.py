@@ -320,7 +320,7 @@ class Stream:
     def _jump(self) -> None:
         self._note('time_jump', '')
         self._warnings.append('time jumped back: histories are started anew'
-                              + (' and the parameters reset' if
+                              + (' and the parameters reset, see reset_on_time_jump' if
                                  self.settings.reset_on_time_jump else ''))
         self._restart()
         if self.settings.reset_on_time_jump:

@@ -20,7 +20,7 @@ from rovid_core.settings.run import SettingsError
 STDOUT = Path('/dev/stdout')
 
 
-def write_json(path: Path, document: Any, indent: int = 2, keep: bool = False) -> None:
+def write_json(path: Path, document: Any) -> None:
     """
     Write a document as :func:`write_text` writes a text.
 
@@ -32,7 +32,7 @@ def write_json(path: Path, document: Any, indent: int = 2, keep: bool = False) -
         If there is a number that is not finite.
 
     """
-    write_text(path, json.dumps(document, indent=indent, allow_nan=False) + '\n', keep)
+    write_text(path, json.dumps(document, indent=2, allow_nan=False) + '\n')
 
 
 def write_text(path: Path, text: str, keep: bool = False) -> None:

@@ -196,8 +196,9 @@ class IdentifierNode(ParameterNode):
         """Make everything that can be refused; nothing is visible outside yet."""
         self._recorder = Recorder(
             Path(settings.record_path), definition, self.get_logger().error,
-            lambda: self.stream.state(), max_size=settings.record_max_size,
-            max_duration=settings.record_max_duration, found=self.found,
+            lambda: self.stream.state(), opened=self.get_logger().info,
+            max_size=settings.record_max_size, max_duration=settings.record_max_duration,
+            found=self.found,
         ) if settings.record_path else None
         self.stream = Stream(settings, recorder=self._recorder, scorer=self._scorer)
         self.converter = Converter(settings, self.stream.reject)
@@ -215,7 +216,6 @@ class IdentifierNode(ParameterNode):
         if self._recorder:
             self._recorder.open(restored)
             self.resources.callback(self._recorder.close)
-            self.get_logger().info(f'recording to {self._recorder.path}')
 
     def _join_graph(self) -> None:
         """Make publishers, timers and services."""
@@ -266,7 +266,8 @@ class IdentifierNode(ParameterNode):
     def _publish_end(self) -> None:
         """Say that no DOF has a present velocity any more."""
         last = self.stream.estimate
-        end = self.stream.silent_estimate(last.now, ended=True) if last else None
+        end = self.stream.silent_estimate(
+            max(last.now, self._silence.newest), ended=True) if last else None
         if end:
             self._output_topics.publish_estimates([end])
 
@@ -286,7 +287,7 @@ class IdentifierNode(ParameterNode):
         self._health.report_events()
 
     def _on_save_timer(self) -> None:
-        self._checkpoint.save()
+        self._checkpoint.begin_saving()
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.stream.reset()
@@ -328,6 +329,12 @@ class StaleEstimates:
     Event time goes on from the last step as time does here: with /clock, in which case a paused
     simulation makes nothing stale, or with a clock that is never set. What comes of it depends
     on when this program ran, so it is never in a replay.
+
+    Attributes
+    ----------
+    newest : int
+        Event time [ns] of what was told last.
+
     """
 
     def __init__(self, node: Node, stream: Stream) -> None:
@@ -335,6 +342,7 @@ class StaleEstimates:
         self._stream = stream
         self._since = self._repeated = self._now()
         self._told: list[str] = []
+        self.newest = 0
 
     def note_estimate(self) -> None:
         """Count from now on: an estimate was published."""
@@ -352,6 +360,7 @@ class StaleEstimates:
         if not stale or (stale == self._told and now - self._repeated < STALE_REPEAT):
             return None
         self._told, self._repeated = stale, now
+        self.newest = last.now + round(elapsed * 1e9)
         return estimate
 
     def _now(self) -> float:

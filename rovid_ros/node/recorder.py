@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 import json
 import math
@@ -53,8 +54,11 @@ class Recorder:
         Gets a line about what could not be written.
     state : callable
         Returns the state of the stream, for the beginning of a part.
+    opened : callable
+        Gets a line about each part that is begun.
     max_size, max_duration : float
-        Of a part [bytes and s]; 0: any.
+        Of a part [bytes and s]; 0: any. A part has at least as much of messages as of the state
+        that it begins with.
     found : mapping
         What was looked up in /tf_static, by key, which a replay needs as well.
 
@@ -63,6 +67,7 @@ class Recorder:
     def __init__(self, path: Path, definition: Callable[[str], str],
                  failed: Callable[[str], object],
                  state: Callable[[], Mapping[str, Any]] = dict, *,
+                 opened: Callable[[str], object] = lambda line: None,
                  max_size: float = 0.0, max_duration: float = 0.0,
                  found: Mapping[str, Any] | None = None) -> None:
         prepare_file('record.path', path)
@@ -70,6 +75,7 @@ class Recorder:
         self._definition = definition
         self._failed = failed
         self._state = state
+        self._opened = opened
         self._found = found
         self._max_size = max_size or math.inf
         self._max_duration = max_duration * 1e9 or math.inf
@@ -79,19 +85,34 @@ class Recorder:
         self._early: list[tuple[str, str]] = []  # controls before the first one
         self._run = str(time.time_ns())  # tells the parts of this record from others
         self._part = 0
+        self._begins_at = 0  # [bytes] where the messages of a part begin
         self._since: int | None = None  # [ns] receive time of the first message of a part
 
     def open(self, restored: Mapping[str, Any] | None) -> None:
         """Make the file, with the state that the stream goes on from, which a replay needs."""
+        try:
+            self._open(restored)
+        except (OSError, LogError) as error:
+            self._writer = None
+            self._failed(f'recording to {self._first_path} ended: {error}')
+            with suppress(OSError):
+                if not self.path.stat().st_size:  # as on a disk that is full
+                    self.path.unlink()
+        else:
+            self._opened(f'recording to {self.path}')
+
+    def _open(self, restored: Mapping[str, Any] | None) -> None:
         self.path = create_unused(self._first_path)
-        self._writer = LogWriter(self.path)
+        self._writer = writer = LogWriter(self.path)
         sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power
         values = {'version': __version__, 'run': self._run, 'part': str(self._part)}
         if self._found:
             values[FOUND] = json.dumps(self._found)
         if restored is not None:
             values['state'] = json.dumps(restored)
-        self._writer.metadata('rovid_record', values)
+        writer.metadata('rovid_record', values)
+        writer.flush()  # what is wrong with the disk shows now
+        self._begins_at = writer.size
 
     @property
     def is_open(self) -> bool:
@@ -147,8 +168,9 @@ class Recorder:
         if self._since is None:
             self._since = now
         writer = self._writer
+        largest = max(self._max_size, 2 * self._begins_at)
         if writer is None or (
-                writer.size < self._max_size and now - self._since < self._max_duration):
+                writer.size < largest and now - self._since < self._max_duration):
             return
         before = self._syncing
 
@@ -160,11 +182,7 @@ class Recorder:
         self._part += 1
         self._since = now
         self._begin(end)
-        try:
-            self.open(self._state())
-        except (OSError, LogError) as error:
-            self._writer = None
-            self._failed(f'recording to {self._first_path} ended: {error}')
+        self.open(self._state())
 
     def _begin(self, work: Callable[[], None]) -> None:
         self._syncing = Thread(target=work, daemon=True)

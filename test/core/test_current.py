@@ -75,6 +75,10 @@ def test_a_vehicle_that_turns_finds_the_current_and_itself(turning):
         assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.03)
 
 
+def test_how_much_each_model_predicts_is_told(turning):
+    assert all(dof.fit > 0.9 for dof in turning[-1].dofs)
+
+
 def test_the_first_intervals_hold_what_nothing_tells_yet():
     """Thrusters that lag look like more mass, and so may a current before the turn."""
     late = Run(lag=0.3, stiff=True, duration=50.0)

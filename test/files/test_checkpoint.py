@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 import subprocess
 import sys
+from threading import Event
 
 import pytest
 from rovid_core.pipeline.stream import Stream
@@ -57,6 +58,27 @@ def test_a_damaged_checkpoint_is_kept(tmp_path: Path) -> None:
     assert (tmp_path / 'checkpoint-2.json').read_text() == '{"rovid'
     assert not (tmp_path / 'checkpoint-3.json').exists()
     assert 'checkpoint-2.json' in lines.text
+
+
+def test_the_node_goes_on_while_a_slow_card_is_written(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, done, written = tmp_path / 'checkpoint.json', Event(), []
+    kept, _ = checkpoint(path)
+
+    def slow(path: Path, text: str, keep: bool) -> None:
+        assert done.wait(20.0)
+        written.append(json.loads(text)['settings']['dofs'])
+
+    monkeypatch.setattr('rovid_ros.files.state_file.write_text', slow)
+    kept.begin_saving()
+    kept.begin_saving()  # the one before is not done yet
+    assert not written
+    done.set()
+    assert kept.save() == ''  # after it
+    assert written == [['surge'], ['surge']]
+    kept.begin_saving()
+    kept.close()
+    assert len(written) == 3
 
 
 def test_a_checkpoint_of_other_settings_is_kept(tmp_path: Path) -> None:

@@ -29,12 +29,12 @@ from rovid_ros.node.health.console import (
     WarningLimiter,
 )
 from rovid_ros.node.health.diagnostics import diagnostics, NodeState
-from rovid_ros.node.health.graph import graph_states, TopicState
+from rovid_ros.node.health.graph import graph_states, rivals, TopicState
 from rovid_ros.node.health.levels import Arrivals, HealthData, input_level, RecentCounts
 from rovid_ros.node.node import IdentifierNode
 from rovid_ros.node.transport.message_types import import_type
 from rovid_ros.node.transport.publishers import best_effort, reliable
-from rovid_ros.results.outputs import DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
+from rovid_ros.results.outputs import ARRAY_TYPE, DIAGNOSTIC_TYPE, ERROR, OK, STALE, WARN
 
 from test.support.live_node import (
     changed,
@@ -314,6 +314,21 @@ def test_stamps_of_another_clock(messages: list[Raw]) -> None:
     assert message.endswith('s behind this clock')
 
 
+def test_refused_messages_say_nothing_of_the_clock(messages: list[Raw]) -> None:
+    """The last one that was used is older then."""
+    run = Watched()
+    run.feed(messages)
+    for topic in TYPES:
+        run.arrivals.add(topic, run.now + round(20e9))
+    run.now += round(20e9)
+    for _ in range(40):
+        run.stream.reject('position', 'wrong_length')
+    run.later(0.5)
+    _, level, message, _ = run.statuses()['position']
+    assert level == WARN
+    assert 'refused of late: position wrong_length 40' in message
+
+
 def test_a_node_that_is_not_active_says_so(messages: list[Raw]) -> None:
     run = Watched()
     run.feed(messages)
@@ -474,6 +489,21 @@ def test_what_the_graph_knows(other: OtherVehicle) -> None:
     two = until(node, '/position', lambda state: state.text.endswith('/other, /there/other'))
     assert (two.problem, two.publishers, two.text) == (
         '', 2, '2 publishers on /position are taken for one: /there/other, /there/other')
+    node.destroy_node()
+
+
+def test_who_else_publishes_the_model_is_told(other: OtherVehicle) -> None:
+    """A controller would hear two vehicles in turn."""
+    node = Node('reporting')
+    node.create_publisher(import_type(ARRAY_TYPE), 'rov/model', reliable(1))
+    assert rivals(node) == ''
+    other.advertise('/rov/model', ARRAY_TYPE)
+    end = time.monotonic() + 20.0
+    while not rivals(node).endswith('/there/other'):
+        assert time.monotonic() < end, rivals(node)
+        time.sleep(0.05)
+    assert rivals(node) == ('2 publishers on /rov/model, whose listeners take them for one: '
+                            '/reporting, /there/other')
     node.destroy_node()
 
 

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 import random
+import resource
+import signal
 
 import pytest
 from rovid_core.model.samples import Event
@@ -75,6 +77,38 @@ def test_a_record_that_is_large_goes_on_in_another_file(tmp_path: Path) -> None:
     assert len(sizes) > 2
     assert all(20_000 <= size < 26_000 for size in sizes[:-1])
     assert numbers(tmp_path) == [*range(30)]
+
+
+def test_a_part_has_as_much_of_messages_as_of_its_state(tmp_path: Path) -> None:
+    """Else each message would make a file where the state is larger than a part may be."""
+    opened: list[str] = []
+    recorder = Recorder(tmp_path / 'r.mcap', lambda type: 'string data\n', pytest.fail,
+                        lambda: {'text': 'x' * 50_000}, opened=opened.append, max_size=20_000.0)
+    recorder.open({'text': 'x' * 50_000})
+    feed(recorder, [0.1 * k for k in range(60)], size=4000)
+    recorder.close()
+    sizes = [path.stat().st_size for path in parts(tmp_path)]
+    assert len(sizes) > 2 and min(sizes[:-1]) > 100_000
+    assert numbers(tmp_path) == [*range(60)]
+    assert opened == [f'recording to {path}' for path in parts(tmp_path)]
+
+
+def test_a_record_that_cannot_be_begun_is_no_reason_not_to_start(tmp_path: Path) -> None:
+    failures: list[str] = []
+    recorder = Recorder(tmp_path / 'r.mcap', lambda type: '', failures.append)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    ignored = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, hard))  # as on a disk that is full
+    try:
+        recorder.open(None)
+        recorder.flush()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert not recorder.is_open
+    (line,) = failures
+    assert line.startswith(f'recording to {tmp_path}/r.mcap ended: ')
+    assert parts(tmp_path) == []
 
 
 def test_parts_stay_in_order_when_the_clock_goes_back(tmp_path: Path) -> None:

@@ -459,6 +459,11 @@ class PlanarKalman:
         theta: list[float] = self._bank.best.filter.theta[row.first:row.end].tolist()
         return theta
 
+    def fit(self, k: int) -> float:
+        """Return how much of the motion the model of surge (0) or sway (1) predicts by itself."""
+        fit = self._prediction.fits[k]
+        return fit if math.isfinite(fit) else math.nan
+
     def note(self, k: int) -> str:
         """Return what the filter has to say of surge (0) or sway (1), '' if nothing."""
         said = [self._bank.said_of_change(self._time)]

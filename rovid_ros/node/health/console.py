@@ -15,7 +15,7 @@ from rovid_core.pipeline.stream import Stream
 from rovid_ros.config.parameters import topics_of
 from rovid_ros.files.state_file import Checkpoint
 from rovid_ros.node.health.diagnostics import ACTIVE, diagnostics, NodeState
-from rovid_ros.node.health.graph import graph_states, TopicState
+from rovid_ros.node.health.graph import graph_states, rivals, TopicState
 from rovid_ros.node.health.levels import (
     Arrivals,
     Counts,
@@ -63,6 +63,7 @@ class HealthMonitor:
         self._topics: Mapping[str, TopicState] = {}
         self._steps: dict[str, float] = {}
         self._logged: set[tuple[str, str, int]] = set()  # topic, problem, publishers
+        self._rivals = ''  # who else publishes the outputs, a second ago
 
     def expect_inputs(self) -> None:
         """Count the time until the inputs come from now on."""
@@ -119,6 +120,12 @@ class HealthMonitor:
             if state.text and state.publishers + state.is_wrong and case not in self._logged:
                 self._logged.add(case)
                 self._log.warning(f'{" and ".join(state.inputs)}: {state.text}')
+        others, before = rivals(self._node), self._rivals
+        self._rivals = others
+        # not at once: names are known later than publishers
+        if others and others == before and ('', others, 0) not in self._logged:
+            self._logged.add(('', others, 0))
+            self._log.warning(others)
         summary = self._summary.due(data, elapsed)
         if summary:
             self._tell(summary)

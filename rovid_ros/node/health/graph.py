@@ -53,6 +53,14 @@ def graph_states(settings: Settings, node: Node) -> dict[str, TopicState]:
             for topic, type_name in converter.topics.items()}
 
 
+def rivals(node: Node) -> str:
+    """Return who else publishes the model that a node does, in a line; '' for nobody."""
+    name = node.resolve_topic_name('rov/model')
+    found = sorted(map(_node_of, node.get_publishers_info_by_topic(name)))
+    return (f'{len(found)} publishers on {name}, whose listeners take them for one: '
+            f'{_listed(found)}') if len(found) > 1 else ''
+
+
 def _state(topic: str, type_name: str, inputs: tuple[str, ...], node: Node) -> TopicState:
     name = node.resolve_topic_name(topic)
     profile, type_hash = _own(node, name)

@@ -7,9 +7,9 @@ status      level    when
 an input    ERROR    its publishers have another type, another definition of the
                      type or a QoS that does not fit; or all that comes is refused,
                      or begins anew after a gap: somebody has to change it
-            WARN     nothing has come yet; or what comes waits for others; or its
-                     stamps are further from this clock than it may be silent; or
-                     more than 2 % of it was refused recently
+            WARN     nothing has come yet; or what comes waits for others; or more
+                     than 2 % of it was refused recently; or its stamps are further
+                     from this clock than it may be silent
             STALE    it came, and has been silent for longer than it may be
 a DOF       WARN     no step yet; or the vehicle is not pushed
             STALE    no step for longer than the slowest of its inputs may be silent
@@ -188,15 +188,15 @@ def _arriving_level(data: HealthData, name: str, limit: float) -> LevelAndMessag
     if refused.get((name, 'gap'), 0) > 0.5 * taken:
         return ERROR, ('every measurement comes after a gap and begins anew'
                        + remedy(data, name, 'gap'))
+    count = sum(refused.values())
+    share = count / max(count + taken, 1)
+    if share > ACCEPTABLE:  # what is refused is no measurement of the clock
+        return WARN, f'{100.0 * share:.0f} % refused of late: {counts_text(refused, 3)}'
     if health.last_time is not None:
         age = (data.now - health.last_time) / 1e9
         if abs(age) > limit + data.settings.wait:
             where = 'behind' if age > 0.0 else 'ahead of'
             return WARN, f'stamps are {abs(age):.1f} s {where} this clock'
-    count = sum(refused.values())
-    share = count / max(count + taken, 1)
-    if share > ACCEPTABLE:
-        return WARN, f'{100.0 * share:.0f} % refused of late: {counts_text(refused, 3)}'
     return OK, rate_text(data.rate(name))
 
 
@@ -244,7 +244,8 @@ def _obstacle(data: HealthData, dof: str) -> str:
         return f'{" and ".join(silent)} {"is" if len(silent) == 1 else "are"} silent'
     wrong = [name for name, (level, _) in verdicts.items() if level == ERROR]
     absent = [name for name in names if not data.stream.inputs[name].count]
-    for name in (*wrong, *absent, *names):  # a cause comes before its consequences
+    # a cause comes before its consequences; measurements without a command are refused
+    for name in (*wrong, *absent, 'thrusters', *names):
         if verdicts[name][0] != OK:
             return f'{name}: {verdicts[name][1]}'
     refused = [counts_text(found, 3) for name in (*names, dof)

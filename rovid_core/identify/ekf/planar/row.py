@@ -47,6 +47,11 @@ class PlanarRow(Identifier):
         self.excitation = 0.0
 
     @property
+    def fit(self) -> float:
+        """Return how much of the motion the model predicts without corrections."""
+        return self._filter.fit(self.k)
+
+    @property
     def note(self) -> str:
         """Return what the filter has to say."""
         return self._filter.note(self.k)

@@ -48,7 +48,7 @@ MUTANTS = [
           'os.unlink(self._path)', 'str()')),
     *_of('rovid_ros/files/state_file.py', 'test/files/test_state_file.py',
          ('the digest is not compared',
-          "content['sha256'] != _digest(made_with, state)", 'False'),
+          "content.get('sha256', digest) != digest", 'False'),
          ('a digit that does not count may change',
           'parse_float=_exact', 'parse_float=float'),
          ('a digest that is renamed is none',
@@ -67,7 +67,11 @@ MUTANTS = [
          ('what began anew overwrites what was learned',
           'if self._stream.reset_by_clock', 'if False'),
          ('a file that does not fit is overwritten',
-          '                self._set_aside()', '                pass'),
+          '            self._set_aside()', '            pass'),
+         ('a state is written twice at once',
+          'self._writing is None or not self._writing.is_alive()', 'True'),
+         ('a state goes over one that is written',
+          '        self._join()\n        return self._attempt', '        return self._attempt'),
          ('of a damaged file the one before is not taken',
           'isinstance(error, DamagedStateError)', 'False')),
     *_of('rovid_ros/commands/replay.py', 'test/commands/test_replay_state.py '
@@ -93,7 +97,9 @@ MUTANTS = [
           'sync_folder(self.path.parent)', 'pass')),
     *_of('rovid_ros/node/recorder.py', 'test/node/test_recorder.py',
          ('size is no reason to split',
-          'writer.size < self._max_size', 'True'),
+          'writer.size < largest', 'True'),
+         ('a part may be little but its state',
+          'max(self._max_size, 2 * self._begins_at)', 'self._max_size'),
          ('time is no reason to split',
           'now - self._since < self._max_duration', 'True'),
          ('a part has no state of its time',
@@ -1007,4 +1013,45 @@ MUTANTS = [
          ('what was forgotten still counts for the others',
           'self._weaker.discard(self._name)\n        self._was_excited',
           'self._was_excited')),
+    *_of('rovid_core/inputs/configuration_check.py', 'test/config/test_stock_vehicles.py '
+         'upright_thrusters_that_all_have_one_command_are_not_accused',
+         ('rounding accuses a thruster', 'if np.allclose(evidence, right):', 'if False:')),
+    *_of('rovid_core/simulation/vehicle.py', 'test/config/test_stock_vehicles.py '
+         'simulated_thrusters_hear_the_whole_numbers_that_are_sent',
+         ('simulated thrusters hear what is not sent', 'if self._whole:', 'if False:')),
+    *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
+         'thrusters_that_push_both_ways_need_no_sign',
+         ('what thrusters push both ways asks for a sign', 'if not self._one_way[i]:',
+          'if False:')),
+    *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
+         'the_first_intervals_hold_what_nothing_tells_yet',
+         ('the first intervals hold what is told alone',
+          'return found + np.array(unseen) if unseen else found', 'return found')),
+    *_of('rovid_core/identify/ekf/planar/row.py', 'test/core/test_current.py '
+         'how_much_each_model_predicts_is_told',
+         ('the fit of surge and sway is not told', 'return self._filter.fit(self.k)',
+          'return math.nan')),
+    *_of('rovid_ros/messages/converter.py', 'test/messages/test_convert.py '
+         'x_and_y_are_enough_at_the_surface',
+         ('heave is measured without z', "'heave' in settings.dofs:", 'False:')),
+    *_of('rovid_ros/discovery/candidates.py', 'test/discovery/test_init.py '
+         'what_a_controller_wants_is_no_attitude a_boat_has_a_planar_pose '
+         'an_accelerometer_is_turned_over_as_its_attitude_says',
+         ('what is wanted is measured', 'if not signal.words & (_ASKED | _MADE)]', ']'),
+         ('a planar pose has no heading', "rpartition('.')[2] == 'theta'", "path == ''"),
+         ('an attitude that is turned over is as good', ' - 2.0 * upside_down(signal)', '')),
+    *_of('rovid_ros/discovery/decisions.py', 'test/discovery/test_init.py '
+         'a_gps_will_do how_fast_a_boat_turns_is_no_heave '
+         'an_accelerometer_is_turned_over_as_its_attitude_says',
+         ('the motion says nothing of the frames',
+          "if told['ned'] > told['enu'] + EXPLAINED:", 'if False:'),
+         ('how fast a boat turns is its heave', 'not depth and _is_turning(velocities)', 'False'),
+         ('an accelerometer is always upright', '(-1.0 if over else 1.0)', '1.0')),
+    *_of('rovid_ros/results/text.py', 'test/commands/test_replay.py '
+         'masses_that_are_no_kilograms_are_told',
+         ('a command is a newton', 'if not newtons and quantity in _PER_COMMAND:', 'if False:')),
+    *_of('rovid_ros/node/health/levels.py', 'test/node/test_diagnostics.py '
+         'refused_messages_say_nothing_of_the_clock',
+         ('what is refused is not looked at first',
+          'if share > ACCEPTABLE:  # what', 'if share > 2.0:  # what')),
 ]

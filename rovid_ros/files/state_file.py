@@ -102,8 +102,8 @@ def load(path: Path, settings: Settings) -> dict[str, Any]:
     if unknown := content.keys() - {'rovid_checkpoint', 'settings', 'state', 'sha256'}:
         raise DamagedStateError(f'{path}: is damaged: it has {_text(unknown.pop())}')
     # files of earlier releases have no digest
-    if 'sha256' in content and content['sha256'] != _digest(
-            json.dumps(made_with), json.dumps(state)):
+    digest = _digest(json.dumps(made_with), json.dumps(state))
+    if content.get('sha256', digest) != digest:
         raise DamagedStateError(f'{path}: is damaged: its content does not fit its digest')
     differs = _difference(made_with, _fingerprint(settings))
     if differs:

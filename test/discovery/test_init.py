@@ -690,7 +690,8 @@ def test_an_accelerometer_is_turned_over_as_its_attitude_says(
     values = np.array([product(tuple(q), FRD_TO_FLU) for q in attitude.values]) if (
         is_turned_over) else attitude.values
     kind, up = 'sensor_msgs/msg/Imu', np.zeros((len(attitude.times), 3)) + [0.0, 0.0, 9.8]
-    signals += [replace(attitude, topic='/imu', type=kind, path='orientation', values=values),
+    signals += [replace(attitude, topic='/imu', type=kind, path='orientation', values=values,
+                        rate=100.0),
                 replace(attitude, topic='/imu', type=kind, path='linear_acceleration',
                         shape='vector', values=up)]
     made = decide(candidates(signals), signals, lambda name, found: found[0])

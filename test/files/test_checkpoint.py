@@ -4,7 +4,8 @@ import json
 from pathlib import Path
 import subprocess
 import sys
-from threading import Event
+from threading import Event, Lock
+import time
 
 import pytest
 from rovid_core.pipeline.stream import Stream
@@ -64,10 +65,14 @@ def test_the_node_goes_on_while_a_slow_card_is_written(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, done, written = tmp_path / 'checkpoint.json', Event(), []
     kept, _ = checkpoint(path)
+    card = Lock()
 
     def slow(path: Path, text: str, keep: bool) -> None:
+        assert card.acquire(blocking=False)
         assert done.wait(20.0)
+        time.sleep(0.1)
         written.append(json.loads(text)['settings']['dofs'])
+        card.release()
 
     monkeypatch.setattr('rovid_ros.files.state_file.write_text', slow)
     kept.begin_saving()

@@ -1026,7 +1026,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'the_first_intervals_hold_what_nothing_tells_yet',
          ('the first intervals hold what is told alone',
-          'return found + np.array(unseen) if unseen else found', 'return found')),
+          'covariance = covariance + np.array(unseen)', 'pass')),
     *_of('rovid_core/identify/ekf/planar/row.py', 'test/core/test_current.py '
          'how_much_each_model_predicts_is_told',
          ('the fit of surge and sway is not told', 'return self._filter.fit(self.k)',

@@ -422,9 +422,7 @@ class PlanarKalman:
         best = self._bank.best
         verdict = best.verdict
         if verdict is None:
-            found, unseen = best.filter.theta_covariance * best.innovations.inflation, (
-                best.blocks.unseen())
-            return found + np.array(unseen) if unseen else found
+            return best.filter.theta_covariance * best.innovations.inflation
         if verdict is not self._arranged[0]:  # it stays for the whole of a block
             self._arranged = verdict, np.array(verdict.covariance)
         return self._arranged[1]
@@ -435,6 +433,9 @@ class PlanarKalman:
         verdict = best.verdict
         told = verdict is not None and verdict is self._published
         self._published = verdict
+        unseen = best.blocks.unseen() if verdict is None else []
+        if unseen:
+            covariance = covariance + np.array(unseen)
         for published in self.rows.values():
             row, model = self._model.rows[published.k], self._model.of[published.k]
             theta = self._theta_of(published.k)

@@ -1051,7 +1051,9 @@ MUTANTS = [
          'masses_that_are_no_kilograms_are_told',
          ('a command is a newton', 'if not newtons and quantity in _PER_COMMAND:', 'if False:')),
     *_of('rovid_ros/node/health/levels.py', 'test/node/test_diagnostics.py '
-         'refused_messages_say_nothing_of_the_clock',
+         'refused_messages_say_nothing_of_the_clock '
+         'commands_that_are_missing_are_the_cause_of_what_is_refused',
          ('what is refused is not looked at first',
-          'if share > ACCEPTABLE:  # what', 'if share > 2.0:  # what')),
+          'if share > ACCEPTABLE:  # what', 'if share > 2.0:  # what'),
+         ('what commands cause is told for the cause', 'causes = names[::-1]', 'causes = names')),
 ]

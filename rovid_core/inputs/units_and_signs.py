@@ -198,10 +198,8 @@ class UnsignedCommandCheck:
         self._slow = [
             -0.2 * (settings.dof[d].typical_velocity or 0.5) for d in settings.dofs]
         self._warn = warn
-        gain = settings.thrusters.gain
-        pushes = [[k * x for k, x in zip(gain, settings.thrusters.allocation[DOFS.index(d)])]
-                  for d in settings.dofs]
-        self._one_way = [min(row) >= 0.0 or max(row) <= 0.0 for row in pushes]
+        self._one_way = [not settings.thrusters.pushes_both_ways(DOFS.index(d))
+                         for d in settings.dofs]
         self._backwards, self._forwards = [[0] * len(settings.dofs) for _ in range(2)]
         # a curve may have its zero anywhere
         self.active = settings.thrusters.model in ('linear', 'quadratic')

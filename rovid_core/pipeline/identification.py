@@ -107,7 +107,7 @@ class Identification:
         scales = replace(Scales.of(dof), couplings=settings.couplings(name))
         self._status = DofStatus(scales, getattr(
             self.identifier, 'adaptation_time', method.adaptation_time), name, weaker,
-            settings.thrusters.hides_reverse(DOFS.index(name)), settings.thrusters.is_wrench)
+            settings.thrusters.pushes_both_ways(DOFS.index(name)), settings.thrusters.is_wrench)
         self.sizes = TypicalSizeCheck(name, dof, settings.max_speed)
         self._reject = reject
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None

@@ -85,9 +85,9 @@ class ThrusterSettings:
         """Tell whether commands are forces and moments of thrusters that are not known."""
         return 'Wrench' in self.type
 
-    def hides_reverse(self, dof: int) -> bool:
+    def pushes_both_ways(self, dof: int) -> bool:
         """
-        Tell whether a DOF, by its number, is driven both ways by some negative commands.
+        Tell whether commands of one sign alone drive a DOF, by its number, both ways.
 
         Weaker thrust backwards is then a weaker force both ways: no motion of the DOF shows it.
         """

@@ -57,7 +57,7 @@ from rovid_ros.logs.static_frames import TOPIC as TF_STATIC, values_in_logs
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.field_paths import FieldError, nearest
 from rovid_ros.messages.types import build, normalised, standard_types
-from rovid_ros.results.text import NONE, number, table, unit
+from rovid_ros.results.text import NO_NEWTONS, NONE, number, table, unit
 
 DESCRIPTION = (
     'By itself; with logs, against what they hold and what the pipe would make of it; with '
@@ -439,6 +439,8 @@ def _text(files: str, settings: Settings | None, findings: Findings) -> str:
     parts = [] if settings is None else [
         f'{files}: {settings.identifier.method}, frames {settings.frames}', _input_table(settings),
         _dof_table(settings), _thruster_table(settings)]
+    if settings is not None and not settings.thrusters.newtons:
+        parts.append(f'{NO_NEWTONS}.')
     return '\n\n'.join([*parts, '\n'.join(map(str, findings.all))])
 
 

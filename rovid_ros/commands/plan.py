@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 import math
 from pathlib import Path
 import shlex
@@ -58,7 +59,7 @@ from rovid_ros.commands.running import (
 from rovid_ros.config.parameter_file import ParameterSource
 from rovid_ros.files.whole_files import write_json, write_text
 from rovid_ros.results.documents import Identified, json_number, read_estimates
-from rovid_ros.results.text import number, table, unit
+from rovid_ros.results.text import NO_NEWTONS, number, table, unit
 
 DESCRIPTION = (
     'Of the profiles that keep the limits it takes the one after which the least certain of '
@@ -272,6 +273,7 @@ def _turning_warnings(plans: Mapping[str, Plan]) -> list[str]:
 POOR = 0.1  # relative uncertainty above which a parameter is poorly determined
 ALIKE_CORRELATION = 0.9  # correlation above which two drags cannot be told apart
 NAMES = ('mass', 'quadratic drag', 'linear drag', 'bias')
+Units = Callable[[str], str]  # that of a quantity, by its name
 
 
 def plan_text(proposal: Proposal, params_file: ParameterSource) -> str:
@@ -281,6 +283,8 @@ def plan_text(proposal: Proposal, params_file: ParameterSource) -> str:
                  'value. Worst: of\nthe model and of vehicles whose mass and drags are up to '
                  f'{proposal.request.factor:g} times off, all of which keep the limits.\n'
                  'AMPLITUDE@FREQUENCY: the same for one sinusoid, for comparison.')
+    if not proposal.newtons:
+        parts.append(f'{NO_NEWTONS}.')
     if proposal.turn:
         parts.append(
             f'Turn by 90 degrees, 45 at least, every {proposal.turn:g} s: at one heading a '
@@ -293,7 +297,7 @@ def plan_text(proposal: Proposal, params_file: ParameterSource) -> str:
 
 
 def _dof_text(dof: str, proposal: Proposal) -> str:
-    plan, newtons = proposal.plans[dof], proposal.newtons
+    plan, units = proposal.plans[dof], partial(unit, dof, newtons=proposal.newtons)
     speed, length = ('rad/s', 'rad') if dof in ANGULAR_DOFS else ('m/s', 'm')
     planned, limits = plan.planned, plan.limits
 
@@ -305,14 +309,14 @@ def _dof_text(dof: str, proposal: Proposal) -> str:
     lines = [
         profile_text({dof: planned.waveforms}),
         f'  model   {proposal.sources[dof]}',
-        f'  thrust  up to {number(planned.force)} {unit(dof, "bias", newtons)} '
+        f'  thrust  up to {number(planned.force)} {units("bias")} '
         f'(limit {number(limits.force)})',
         f'  speed   {within(planned.speed, limits.speed, speed)}',
         f'  room    {within(planned.room, limits.room, length)}',
-        table(list(_rows(dof, plan, newtons)))]
+        table(list(_rows(dof, plan, units)))]
     if dof in proposal.coupled:
         lines += _coupled_lines(proposal.coupled[dof])
-    return '\n'.join([*lines, *_remarks(dof, plan, newtons)])
+    return '\n'.join([*lines, *_remarks(dof, plan, units)])
 
 
 def _coupled_lines(coupled: CoupledProspect) -> Iterator[str]:
@@ -330,12 +334,8 @@ def _coupled_lines(coupled: CoupledProspect) -> Iterator[str]:
                'planned')
 
 
-def _rows(dof: str, plan: Plan, newtons: bool) -> Iterator[list[str]]:
+def _rows(dof: str, plan: Plan, units: Units) -> Iterator[list[str]]:
     yield ['', *NAMES, *PARAMETERS]
-
-    def units(name: str) -> str:
-        return unit(dof, name, newtons)
-
     naive = profile_text({dof: plan.naive.waveforms[:1]}).partition('=')[2]
     for name, prospect in (('planned', plan.planned), (naive, plan.naive)):
         yield [name, *(_cell(units, plan, prospect, i, True) for i in range(8))]
@@ -343,8 +343,7 @@ def _rows(dof: str, plan: Plan, newtons: bool) -> Iterator[list[str]]:
             yield ['  worst', *(_cell(units, plan, prospect, i, False) for i in range(8))]
 
 
-def _cell(units: Callable[[str], str], plan: Plan, prospect: Prospect, i: int,
-          of_model: bool) -> str:
+def _cell(units: Units, plan: Plan, prospect: Prospect, i: int, of_model: bool) -> str:
     """Return one uncertainty, in percent where the value is not 0."""
     if not plan.vehicles.active[i % 4]:
         return '-'
@@ -370,13 +369,13 @@ def _percent(share: float) -> str:
     return f'{100.0 * share:.2g} %' if share < 1.0 else f'{100.0 * share:,.0f} %'
 
 
-def _remarks(dof: str, plan: Plan, newtons: bool) -> Iterator[str]:
+def _remarks(dof: str, plan: Plan, units: Units) -> Iterator[str]:
     """Yield what is poorly determined and why, and what an unknown bias does."""
     relative = [float(_relative(plan, plan.planned, i).max()) for i in range(4)]
     poor = [i for i in range(4) if plan.vehicles.active[i] and POOR < relative[i] < math.inf]
     if poor:
         what = ', '.join(f'{NAMES[i]} to {_percent(relative[i])}' for i in poor)
-        yield (f'  {_limiting_factor(dof, plan, newtons)}: at worst {what}'
+        yield (f'  {_limiting_factor(dof, plan, units)}: at worst {what}'
                f'{_alike_drags(plan, poor)}')
     limits = plan.limits
     if math.isfinite(limits.room) and plan.vehicles.active[3]:
@@ -385,19 +384,19 @@ def _remarks(dof: str, plan: Plan, newtons: bool) -> Iterator[str]:
         force = samples(plan.planned.waveforms, t)[:, None] + np.array([-extra, extra])
         room = float(reach(plan.vehicles.parameters[:, :1], force, STEP)[1].max())
         if room > limits.room:
-            yield (f'  watch it: a bias of {number(extra)} {unit(dof, "bias", newtons)} that the '
+            yield (f'  watch it: a bias of {number(extra)} {units("bias")} that the '
                    f'model does not know would take it {number(room)} '
                    f'{"rad" if dof in ANGULAR_DOFS else "m"} away')
 
 
-def _limiting_factor(dof: str, plan: Plan, newtons: bool) -> str:
+def _limiting_factor(dof: str, plan: Plan, units: Units) -> str:
     angular, limits = dof in ANGULAR_DOFS, plan.limits
     name = max(plan.used, key=lambda key: plan.used[key])
     if plan.used[name] < 0.9:
         return f'in {limits.duration:g} s'
     return {'room': f'room of {number(limits.room)} {"rad" if angular else "m"}',
             'max_speed': f'speed up to {number(limits.speed)} {"rad/s" if angular else "m/s"}',
-            'max_force': f'thrust up to {number(limits.force)} {unit(dof, "bias", newtons)}'}[name]
+            'max_force': f'thrust up to {number(limits.force)} {units("bias")}'}[name]
 
 
 def _alike_drags(plan: Plan, poor: list[int]) -> str:

@@ -49,7 +49,7 @@ from rovid_ros.logs.writer import OutputLog, unfinished
 from rovid_ros.messages.converter import Converter
 from rovid_ros.messages.types import Decoder, WireType
 from rovid_ros.results.current import current_text, still_water
-from rovid_ros.results.documents import current_document, dofs_document, Result
+from rovid_ros.results.documents import current_document, dofs_document, has_newtons, Result
 from rovid_ros.results.outputs import LATCHED, Outputs
 from rovid_ros.results.text import NO_NEWTONS, NONE, number, percent, quantity, table
 
@@ -443,7 +443,7 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
             lines.append(f'{dof}: the thrust is delayed by {delay} ± {std} s')
     lines += [_filled(f'{", ".join(names)}, from all of the data: {verdict}')
               for verdict, names in alike.items()]
-    if not all(map(_newtons, dofs.values())):
+    if not all(map(has_newtons, dofs.values())):
         lines.append(_filled(NO_NEWTONS))
     lines.append(
         'mae = mean |v_sim - v|, fit = 1 - rms(v_sim - v) / std(v), where v_sim is what the '
@@ -466,10 +466,6 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
     return '\n'.join(lines)
 
 
-def _newtons(values: Mapping[str, Any]) -> bool:
-    return values.get('newtons') is not False
-
-
 def _filled(line: str) -> str:
     return textwrap.fill(line, 99, subsequent_indent='  ', break_long_words=False)
 
@@ -477,7 +473,8 @@ def _filled(line: str) -> str:
 def _physical_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
     rows = [['', 'effective mass', 'quadratic drag', 'linear drag', 'bias']]
     for dof, values in dofs.items():
-        rows.append([dof, *(quantity(dof, name, values, _newtons(values)) for name in PHYSICAL)])
+        newtons = has_newtons(values)
+        rows.append([dof, *(quantity(dof, name, values, newtons) for name in PHYSICAL)])
         if values['intervals']:
             rows.append(['95 %', *(_interval(values['intervals'][name]) for name in PHYSICAL)])
     return rows
@@ -494,7 +491,7 @@ def _interval(interval: Sequence[float | None] | None) -> str:
 def _lumped_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
     rows = [['', *PARAMETERS]]
     for dof, values in dofs.items():
-        newtons = _newtons(values)
+        newtons = has_newtons(values)
         rows.append([dof, *(quantity(dof, name, values, newtons) for name in PARAMETERS)])
         if values['std']:
             rows.append(['', *(

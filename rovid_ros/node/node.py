@@ -355,12 +355,12 @@ class StaleEstimates:
         last, elapsed = self._stream.estimate, now - self._since
         if last is None or elapsed < STALE_PERIOD:
             return None
-        estimate = self._stream.silent_estimate(last.now + round(elapsed * 1e9))
+        newest = last.now + round(elapsed * 1e9)
+        estimate = self._stream.silent_estimate(newest)
         stale = [dof.dof for dof in estimate.dofs if dof.stale_for] if estimate else []
         if not stale or (stale == self._told and now - self._repeated < STALE_REPEAT):
             return None
-        self._told, self._repeated = stale, now
-        self.newest = last.now + round(elapsed * 1e9)
+        self._told, self._repeated, self.newest = stale, now, newest
         return estimate
 
     def _now(self) -> float:

@@ -90,26 +90,21 @@ class Recorder:
 
     def open(self, restored: Mapping[str, Any] | None) -> None:
         """Make the file, with the state that the stream goes on from, which a replay needs."""
+        made: Path | None = None
         try:
-            self._open(restored)
+            made = self.path = create_unused(self._first_path)
+            self._begin_part(restored)
         except (OSError, LogError) as error:
             self._writer = None
             self._failed(f'recording to {self._first_path} ended: {error}')
+            with suppress(OSError):
+                if made and not made.stat().st_size:  # as on a disk that is full
+                    made.unlink()
         else:
             self._opened(f'recording to {self.path}')
 
-    def _open(self, restored: Mapping[str, Any] | None) -> None:
-        self.path = create_unused(self._first_path)
-        try:
-            self._begin_part(LogWriter(self.path), restored)
-        except OSError:
-            with suppress(OSError):
-                if not self.path.stat().st_size:  # as on a disk that is full
-                    self.path.unlink()
-            raise
-
-    def _begin_part(self, writer: LogWriter, restored: Mapping[str, Any] | None) -> None:
-        self._writer = writer
+    def _begin_part(self, restored: Mapping[str, Any] | None) -> None:
+        self._writer = writer = LogWriter(self.path)
         sync_folder(self.path.parent)  # the new name, too, has to outlast a loss of power
         values = {'version': __version__, 'run': self._run, 'part': str(self._part)}
         if self._found:

@@ -274,7 +274,7 @@ def _of_replay(document: Mapping[str, Any], path: Path) -> list[Identified]:
     return [
         Identified(dof, _parameters(values, f'{path}: dofs.{dof}'), source,
                    status=_one_line(values.get('status', '')), couplings=_couplings(dof, values),
-                   thrusters=_thrusters(values), newtons=_newtons(values))
+                   thrusters=_thrusters(values), newtons=has_newtons(values))
         for dof, values in _dofs(document['dofs'], f'{path}: dofs').items()]
 
 
@@ -327,14 +327,15 @@ def _best_model(dof: str, found: Sequence[tuple[str, str, dict[str, Any]]]) -> I
         usable.append((len(logs) - len(scores), mae if scores else math.inf,
                        Identified(dof, parameters, source, mae,
                                   couplings=_couplings(dof, values),
-                                  thrusters=_thrusters(values), newtons=_newtons(values))))
+                                  thrusters=_thrusters(values), newtons=has_newtons(values))))
     if not usable:
         assert refused is not None
         raise refused
     return min(usable, key=lambda entry: entry[:2])[2]
 
 
-def _newtons(values: Mapping[str, Any]) -> bool:
+def has_newtons(values: Mapping[str, Any]) -> bool:
+    """Tell whether the forces of a DOF in a document are in newtons."""
     return values.get('newtons') is not False
 
 

@@ -66,8 +66,8 @@ _ANGULAR = {
 
 
 _PER_COMMAND = {
-    'alpha': '{0}/s²/cmd', 'mass': 'cmd s²/{0}', 'quadratic_drag': 'cmd s²/{0}²',
-    'linear_drag': 'cmd s/{0}', 'bias': COMMAND,
+    'alpha': f'{{}}/s²/{COMMAND}', 'mass': f'{COMMAND} s²/{{}}',
+    'quadratic_drag': f'{COMMAND} s²/{{}}²', 'linear_drag': f'{COMMAND} s/{{}}', 'bias': COMMAND,
 }
 
 

@@ -317,5 +317,6 @@ def test_of_a_wrench_the_thrusters_are_not_known() -> None:
 
 def test_which_dofs_hide_weaker_thrust_backwards() -> None:
     # the second motor turns the other way: surge takes a negative command whichever way it goes
-    assert [TWO.hides_reverse(dof) for dof in range(6)] == [True, *[False] * 5]
-    assert [replace(TWO, gain=(40.0, 20.0)).hides_reverse(dof) for dof in (0, 5)] == [False, True]
+    assert [TWO.pushes_both_ways(dof) for dof in range(6)] == [True, *[False] * 5]
+    alike = replace(TWO, gain=(40.0, 20.0))
+    assert [alike.pushes_both_ways(dof) for dof in (0, 5)] == [False, True]

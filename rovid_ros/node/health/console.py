@@ -122,9 +122,7 @@ class HealthMonitor:
                 self._log.warning(f'{" and ".join(state.inputs)}: {state.text}')
         others, before = rivals(self._node), self._rivals
         self._rivals = others
-        # not at once: names are known later than publishers
-        if others and others == before and ('', others, 0) not in self._logged:
-            self._logged.add(('', others, 0))
+        if others and others != before:
             self._log.warning(others)
         summary = self._summary.due(data, elapsed)
         if summary:

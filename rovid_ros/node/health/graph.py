@@ -18,6 +18,7 @@ from rovid_ros.results.outputs import COUPLING_TOPICS, CURRENT_TOPICS, TOPICS
 LISTED = 3  # largest number of type names in a line; there could be any number in the graph
 # What rmw calls a node of which only an endpoint has been discovered yet.
 UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+NAMELESS = 'a publisher'  # how it is called here
 SIMILARITY = 0.5  # how similar the names of two topics have to be for a hint
 
 
@@ -54,11 +55,15 @@ def graph_states(settings: Settings, node: Node) -> dict[str, TopicState]:
 
 
 def rivals(node: Node) -> str:
-    """Return who else publishes the model that a node does, in a line; '' for nobody."""
+    """
+    Return who else publishes the model that a node does, in a line; '' for nobody.
+
+    Names are known later than publishers, and until then there is nothing to say.
+    """
     name = node.resolve_topic_name('rov/model')
     found = sorted(map(_node_of, node.get_publishers_info_by_topic(name)))
     return (f'{len(found)} publishers on {name}, whose listeners take them for one: '
-            f'{_listed(found)}') if len(found) > 1 else ''
+            f'{_listed(found)}') if len(found) > 1 and NAMELESS not in found else ''
 
 
 def _state(topic: str, type_name: str, inputs: tuple[str, ...], node: Node) -> TopicState:
@@ -119,7 +124,7 @@ def _problem(publisher: Any, type_name: str, profile: QoSProfile, type_hash: Any
 
 def _node_of(publisher: Any) -> str:
     node = f'{publisher.node_namespace.rstrip("/")}/{publisher.node_name}'
-    return 'a publisher' if UNKNOWN_NODE in node else node
+    return NAMELESS if UNKNOWN_NODE in node else node
 
 
 def _differs(one: Any, other: Any) -> bool:

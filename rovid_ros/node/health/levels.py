@@ -242,10 +242,10 @@ def _obstacle(data: HealthData, dof: str) -> str:
     silent = [name for name, (level, _) in verdicts.items() if level == STALE]
     if silent:
         return f'{" and ".join(silent)} {"is" if len(silent) == 1 else "are"} silent'
-    wrong = [name for name, (level, _) in verdicts.items() if level == ERROR]
+    causes = names[::-1]  # the source comes first, and is refused where another one is missing
+    wrong = [name for name in causes if verdicts[name][0] == ERROR]
     absent = [name for name in names if not data.stream.inputs[name].count]
-    # a cause comes before its consequences; measurements without a command are refused
-    for name in (*wrong, *absent, 'thrusters', *names):
+    for name in (*wrong, *absent, *causes):
         if verdicts[name][0] != OK:
             return f'{name}: {verdicts[name][1]}'
     refused = [counts_text(found, 3) for name in (*names, dof)

@@ -338,11 +338,11 @@ class BlockFit:
                 more = more + added
         for k, std in doubted.items():
             more = more + averaged([whole._judged(alone[k], 1.0, std, 0)], covariance)
-        covariance = covariance + more + self._from(considered)
+        covariance = covariance + more + self._leaning_on(considered)
         return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
                        tuple(untold), () if missing else self._off(there, rows), unexplained)
 
-    def _from(self, considered: Mapping[int, float]) -> Array:
+    def _leaning_on(self, considered: Mapping[int, float]) -> Array:
         """Return what parameters that are not known add (S. F. Schmidt): they move the others."""
         added = np.zeros_like(self.c)
         for k, variance in considered.items():
@@ -421,7 +421,7 @@ class BlockFit:
         terms = [term for begin, first in rows
                  for term in self._unseen(candidates, alone, scatter, begin, first).values()]
         terms += [self._judged(alone[k], scatter, std, 0) for k, std in doubted.items()]
-        return self._full(summed(terms, len(self.active)) + self._from(considered))
+        return self._full(summed(terms, len(self.active)) + self._leaning_on(considered))
 
     def _unseen(self, candidates: Mapping[str, list[int]], alone: Mapping[int, Remainder],
                 scatter: float, begin: str, first: int) -> dict[str, UnseenTerm]:

@@ -33,7 +33,7 @@ def with_couplings(settings: Settings, dof: str, couplings: tuple[str, ...]) -> 
 
 def replayed(logs: Path, name: str, settings: Settings, start: float = 0.0,
              duration: float | None = None) -> tuple[ScoreLog, Estimate]:
-    """Return a part of a tank recording after the pipe, and the last estimate."""
+    """Return a part of a recording after the pipe, and the last estimate, judged on all of it."""
     scores = ScoreLog(settings)
     stream = Stream(settings, scorer=scores)
     converter = Converter(settings, stream.reject)
@@ -43,7 +43,8 @@ def replayed(logs: Path, name: str, settings: Settings, start: float = 0.0,
                 stream.receive(event)
     stream.end()
     assert stream.estimate is not None
-    return scores, stream.estimate
+    return scores, stream.estimate.replaced(dofs=tuple(
+        dof.replaced(judgement=stream.judgement(dof.dof)) for dof in stream.estimate.dofs))
 
 
 def measured(logs: Path, name: str, settings: Settings, start: float = 0.0,

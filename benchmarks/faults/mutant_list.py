@@ -268,6 +268,10 @@ MUTANTS = [
          'what_is_far_beyond_the_limit_is_no_command impulse_is_the_exact_integral',
          ('the dead-band ends before its end',
           'abs(command) <= deadband', 'abs(command) < deadband'),
+         ('a dead zone takes all of a command',
+          'max(abs(command) - dead_zone, 0.0), command', '0.0, command'),
+         ('a dead zone pushes the other way', 'abs(command) - dead_zone, 0.0)',
+          'abs(command) - dead_zone, -9.0)'),
          ('forwards is backwards',
           'reverse if command < 0.0', 'reverse if command > 0.0'),
          ('a polynomial is read from the other end',
@@ -600,6 +604,9 @@ MUTANTS = [
     *_of('rovid_core/trials/tuning/searches.py', 'test/core/test_tuning.py '
          'a_term_that_is_missing_is_added',
          ('no term is added', 'candidates[choice.index] if choice.is_better', 'before if True')),
+    *_of('rovid_core/trials/tuning/searches.py', 'test/core/test_tuning.py '
+         'finds_a_dead_zone',
+         ('no dead zone is looked for', "'dead_zone': small, ", '')),
     *_of('rovid_ros/commands/tune.py', 'test/commands/test_tune.py '
          'warns_of_the_settings_in_use_alone',
          ('what is only tried is warned of', 'tried is not settings or', 'False or')),
@@ -644,6 +651,12 @@ MUTANTS = [
          'thrusters_that_push_less_astern_are_asked_for_more',
          ('what pushes less astern is asked for as much', 'f / reverse)', 'f)'),
          ('there is as much thrust astern', '-reverse * most, most', '-most, most')),
+    *_of('rovid_core/simulation/vehicle.py', 'test/core/test_profiles.py '
+         'what_a_dead_zone_takes_is_commanded_besides',
+         ('nothing is commanded for a dead zone', '(lost if f else 0.0)', '0.0'),
+         ('no thrust is commanded to move', '(lost if f else 0.0)', 'lost'),
+         ('a dead zone takes nothing of the most', 'limit - lost', 'limit'),
+         ('the end of a table is not reached', 'ends = lost + max', 'ends = max')),
     *_of('rovid_core/pipeline/steps.py', 'test/core/test_tuning.py '
          'commands_that_the_pipe_refuses_are_not_tuned_with',
          ('a scorer hears of no command', 'if raw and self._scorer is not None', 'if False')),

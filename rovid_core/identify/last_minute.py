@@ -33,8 +33,8 @@ CANDIDATES = {
     'reverse_drag': 'reverse drag', 'lag': 'a lag of the thrusters',
     'thrust_loss': 'thrust that falls with speed'}
 # Where it can be told to the model, if it can, as the end of a sentence.
-KEYS = {'dead_band': ': see thrusters.deadband', 'reverse_thrust': ': see thrusters.reverse',
-        'dead_band_of_each': ': see thrusters.deadband',
+KEYS = {'dead_band': ': see thrusters.dead_zone', 'reverse_thrust': ': see thrusters.reverse',
+        'dead_band_of_each': ': see thrusters.dead_zone',
         'reverse_of_each': ': see thrusters.reverse',
         'thrust_loss_of_each': ': drive one axis at a time',
         'lag': ': see thrusters.time_constant', 'thrust_loss': '',

@@ -61,6 +61,7 @@ class ThrusterSettings:
     offset: float = 0.0
     scale: float = 1.0
     deadband: float = 0.0  # of the command after offset and scale, as is the limit
+    dead_zone: float = 0.0  # which a command loses of its size
     limit: float = 0.0  # 0: none
     model: str = 'linear'  # linear | quadratic | polynomial | table
     gain: tuple[float, ...] = ()

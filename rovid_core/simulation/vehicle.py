@@ -202,19 +202,20 @@ def _inverse_model(
         settings: ThrusterSettings) -> tuple[Callable[[float], float], float, float]:
     """Return the raw command for a thruster force before its gain, and that force's limits."""
     limit, reverse = settings.limit or math.inf, settings.reverse
-    offset, scale = settings.offset, settings.scale
+    offset, scale, lost = settings.offset, settings.scale, settings.dead_zone
     if settings.model in ('linear', 'quadratic'):
         root = 1.0 if settings.model == 'linear' else 0.5
 
         def command(f: float) -> float:
-            u = math.copysign(abs(f if f > 0.0 else f / reverse)**root, f)
-            return max(-limit, min(limit, u)) / scale + offset
+            size = abs(f if f > 0.0 else f / reverse)**root + (lost if f else 0.0)
+            return math.copysign(min(limit, size), f) / scale + offset
 
-        most = limit**(1.0 / root)
+        most = max(limit - lost, 0.0)**(1.0 / root)
         return command, -reverse * most, most
-    ends = settings.limit or 1.0
-    commands = (np.linspace(-ends, ends, 2001) if settings.model == 'polynomial'
-                else np.array(settings.table_command))
+    is_table = settings.model == 'table'
+    ends = lost + max(map(abs, settings.table_command)) if is_table else settings.limit or 1.0
+    commands = (np.array(settings.table_command) if is_table and not lost
+                else np.linspace(-ends, ends, 2001))
     raw = commands / scale + offset
     model = thruster_model(settings)
     forces = np.array([model(float(u)) for u in raw])

@@ -18,9 +18,10 @@ def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
     """
     Return the force of one thruster before its gain, as a function of the raw command.
 
-    Offset, scale, deadband, limit, curve and reverse: linear ``u``, quadratic ``u|u|``, polynomial
-    ``c0 + c1 u + ...`` or a table interpolated linearly and held beyond its ends. Inside
-    the deadband the command is 0, beyond the limit it is the limit.
+    Offset, scale, limit, deadband, dead zone, curve and reverse: linear ``u``, quadratic ``u|u|``,
+    polynomial ``c0 + c1 u + ...`` or a table interpolated linearly and held beyond its ends.
+    Beyond the limit the command is the limit. Inside the deadband it is 0, outside it stays as it
+    is; of the dead zone the command loses the size, so that it begins at 0 there.
     """
     curves: dict[str, Callable[[float], float]] = {
         'linear': lambda u: u,
@@ -30,6 +31,7 @@ def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
     }
     curve = curves[settings.model]
     offset, scale, deadband = settings.offset, settings.scale, settings.deadband
+    dead_zone = settings.dead_zone
     limit, reverse = settings.limit or math.inf, settings.reverse
 
     def force(raw: float) -> float:
@@ -38,6 +40,8 @@ def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
             command = math.copysign(limit, command)
         if abs(command) <= deadband:
             command = 0.0
+        if dead_zone:
+            command = math.copysign(max(abs(command) - dead_zone, 0.0), command)
         return curve(command) * (reverse if command < 0.0 else 1.0)
 
     return force

@@ -223,6 +223,8 @@ def _thrusters() -> list[Key]:
         key('reverse', 'force of a negative command relative to that of the same positive one',
             low=0.0),
         key('deadband', 'commands up to this size, after offset and scale, count as 0', low=0.0),
+        key('dead_zone', 'every command, after offset and scale, counts as so much smaller',
+            low=0.0),
         key('limit', 'commands beyond this size, after offset and scale, count as it; beyond '
             'twice this size they are refused; 0: none', low=0.0),
         key('model', 'force of a command i: k i, k i|i|, polynomial or table',

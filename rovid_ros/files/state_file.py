@@ -21,7 +21,7 @@ from rovid_ros.files.whole_files import before, create_unused, FileLock, prepare
 
 VERSION = 2
 
-_FORCE = ('names', 'offset', 'scale', 'deadband', 'limit', 'model', 'gain', 'reverse',
+_FORCE = ('names', 'offset', 'scale', 'deadband', 'dead_zone', 'limit', 'model', 'gain', 'reverse',
           'polynomial', 'table_command', 'table_force', 'delay', 'time_constant', 'hold',
           'allocation', 'sign.topic')
 _UNITS = ('dofs', 'identifier.method', 'frames', 'depth.scale', 'attitude.unit',

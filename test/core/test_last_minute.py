@@ -35,7 +35,7 @@ def test_the_truth_is_not_doubted_after_a_minute():
 
 
 @pytest.mark.parametrize(('kind', 'name', 'advice'), [
-    ('dead-band 3 N', 'a dead band of the thrusters', ': see thrusters.deadband'),
+    ('dead-band 3 N', 'a dead band of the thrusters', ': see thrusters.dead_zone'),
     ('reverse thrust x 0.8', 'reverse thrust', ': see thrusters.reverse'),
     ('reverse drag x 1.3', 'reverse drag', ': add couplings: [reverse_drag]'),
     ('lag 0.15 s', 'a lag of the thrusters', ': see thrusters.time_constant'),

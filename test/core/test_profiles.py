@@ -194,6 +194,19 @@ def test_thrusters_that_push_less_astern_are_asked_for_more(model: str, most: fl
     assert short.given == pytest.approx(-0.5 * most)
 
 
+@pytest.mark.parametrize(('model', 'most'), [
+    ('linear', 2.5), ('quadratic', 6.25), ('polynomial', 2.5 + 2.5**3), ('table', 40.0)])
+def test_what_a_dead_zone_takes_is_commanded_besides(
+        table: Settings, model: str, most: float) -> None:
+    thrusters = replace(table.thrusters, model=model, gain=(1.0,), limit=3.0, dead_zone=0.5,
+                        polynomial=(0.0, 1.0, 0.0, 1.0), table_force=(-40.0, 0.0, 40.0))
+    commands = ThrusterCommands(thrusters, {'surge': (Steps((2.0, -1.0, 0.0, 99.0), 1.0),)})
+    assert commands.limits == pytest.approx([-most, most])
+    given = [wrench(thrusters, commands.at(t), ('surge',))[0] for t in (0.5, 1.5, 2.5, 3.5)]
+    assert given == pytest.approx([2.0, -1.0, 0.0, most], rel=1e-4)
+    assert commands.at(2.5) == (0.0,)
+
+
 def test_of_a_very_long_profile_some_commands_tell_as_much(
         table: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     count, thrusters = 0, ThrusterCommands.thruster_forces

@@ -159,6 +159,12 @@ def test_finds_the_dead_band(surge: Settings) -> None:
     assert tuned.changes()['thrusters.deadband'] == pytest.approx(0.5, abs=0.15)
 
 
+def test_finds_a_dead_zone(surge: Settings) -> None:
+    changes = tune(log_of(surge, 90.0, dead_zone=0.5), surge).changes()
+    assert changes['thrusters.dead_zone'] == pytest.approx(0.5, abs=0.1)
+    assert 'thrusters.deadband' not in changes
+
+
 def test_finds_the_reverse_thrust(surge: Settings) -> None:
     tuned = tune(log_of(surge, 90.0, reverse=0.8), surge)
     assert tuned.changes()['thrusters.reverse'] == pytest.approx(0.8, abs=0.05)

@@ -1,5 +1,5 @@
 """
-The searches for dead-band, reverse thrust, couplings and terms.
+The searches for dead-band, dead zone, reverse thrust, couplings and terms.
 
 Each search proposes candidates, has a model fitted for each, and takes the one that predicts
 held-out blocks best if it gains more than chance.
@@ -26,7 +26,7 @@ from rovid_core.trials.tuning.cross_validation import (
 from rovid_core.trials.tuning.dof_fit import Dof
 from rovid_core.trials.tuning.log import CommandedForce, TuningLog
 
-# Of a large command: the dead-bands that are tried first.
+# Of a large command: the dead-bands and dead zones that are tried first.
 SHARES = (0.0, 0.02, 0.04, 0.07, 0.1, 0.15, 0.2, 0.3)
 LARGE = 0.95  # quantile of the sizes of the commands that counts as a large one
 REVERSE_KEY = 'thrusters.reverse'
@@ -39,14 +39,15 @@ CURVE_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
 def tune_curve(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
                pair: tuple[float, float]) -> tuple[list[Stage], ThrusterSettings]:
     """
-    Find dead-band and reverse thrust, which all thrusters share; return the thrusters with them.
+    Find what all thrusters share: dead-band, dead zone and reverse thrust; return the thrusters.
 
     What gains more is taken first, for one can look like the other. ``pair`` is delay and lag of
     the thrust [s].
     """
     sizes = np.abs((log.commands() - thrusters.offset) * thrusters.scale)
     large = float(np.quantile(sizes[sizes > 0.0], LARGE)) if (sizes > 0.0).any() else 1.0
-    keys = {'deadband': [share * large for share in SHARES], 'reverse': REVERSE}
+    small = [share * large for share in SHARES]
+    keys = {'deadband': small, 'dead_zone': small, 'reverse': REVERSE}
     found: dict[str, Stage] = {}
     while len(found) < len(keys):
         stages = {key: _tune_key(_Candidates(key, log, dofs, thrusters, pair), first)

@@ -1,7 +1,8 @@
 """
 Finding what a parameter file has to say of a vehicle, from a log by cross-validation.
 
-That is heading offset, clocks, delay, lag, dead-band and reverse thrust, couplings and terms.
+That is heading offset, clocks, delay, lag, dead-band, dead zone, reverse thrust, couplings and
+terms.
 
 The log is divided into blocks of time. What is found is that with which a model that output
 error fitted to the other blocks predicts a block best. Nothing is changed that does not gain

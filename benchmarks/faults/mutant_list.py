@@ -606,7 +606,8 @@ MUTANTS = [
          ('no term is added', 'candidates[choice.index] if choice.is_better', 'before if True')),
     *_of('rovid_core/trials/tuning/searches.py', 'test/core/test_tuning.py '
          'finds_a_dead_zone',
-         ('no dead zone is looked for', "'dead_zone': small, ", '')),
+         ('no dead zone is looked for', "'dead_zone': small, ", ''),
+         ('what all thrusters share is looked for once', 'FINER = 2', 'FINER = 1')),
     *_of('rovid_ros/commands/tune.py', 'test/commands/test_tune.py '
          'warns_of_the_settings_in_use_alone',
          ('what is only tried is warned of', 'tried is not settings or', 'False or')),

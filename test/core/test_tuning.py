@@ -161,7 +161,7 @@ def test_finds_the_dead_band(surge: Settings) -> None:
 
 def test_finds_a_dead_zone(surge: Settings) -> None:
     changes = tune(log_of(surge, 90.0, dead_zone=0.5), surge).changes()
-    assert changes['thrusters.dead_zone'] == pytest.approx(0.5, abs=0.1)
+    assert changes['thrusters.dead_zone'] == pytest.approx(0.5, abs=0.01)
     assert 'thrusters.deadband' not in changes
 
 

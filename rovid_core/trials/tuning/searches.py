@@ -34,6 +34,7 @@ REVERSE_KEY = 'thrusters.reverse'
 REVERSE = (0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 1.15, 1.3)
 # Then these are tried around the best one, in shares of the way to its neighbours.
 CURVE_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
+FINER = 2  # times
 
 
 def tune_curve(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
@@ -62,14 +63,15 @@ def tune_curve(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
 
 def _tune_key(candidates: _Candidates,
               first: Sequence[float]) -> tuple[Stage, ThrusterSettings]:
-    """Try ``first``, then what lies around the best of them."""
+    """Try ``first``, then what lies around the best of them, and around the best of these."""
     candidates.add([candidates.present, *first])
-    grid = sorted(candidates.tried)
-    i = grid.index(candidates.tried[candidates.choice.index])
-    candidates.add([
-        grid[i] + abs(share) * (grid[i + step] - grid[i])
-        for share in CURVE_FINER for step in (-1 if share < 0.0 else 1,)
-        if 0 <= i + step < len(grid)])
+    for _ in range(FINER):
+        grid = sorted(candidates.tried)
+        i = grid.index(candidates.tried[candidates.choice.index])
+        candidates.add([
+            grid[i] + abs(share) * (grid[i + step] - grid[i])
+            for share in CURVE_FINER for step in (-1 if share < 0.0 else 1,)
+            if 0 <= i + step < len(grid)])
     choice = candidates.choice
     found = candidates.tried[choice.index if choice.is_better else 0]
     good = [found, *[candidates.tried[k] for k in choice.as_good]]

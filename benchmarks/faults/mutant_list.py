@@ -726,6 +726,10 @@ MUTANTS = [
     *_of('rovid_core/inputs/configuration_check.py', 'test/core/test_configuration_check.py '
          'components_of_a_wrench_are_not_exchanged',
          ('components of a wrench are exchanged', '() if is_wrench else', '')),
+    *_of('rovid_core/inputs/configuration_check.py', 'test/core/test_configuration_check.py '
+         'a_mistake_is_named',
+         ('beside a GPS the heading is off by another quarter',
+          'self._with_signs(turned), quarter=1,', 'self._with_signs(turned), quarter=3,')),
     *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
          'a_force_of_rounding_is_no_typical_size',
          ('a force of rounding is a typical size', 'size < ROUNDING * used', 'False')),

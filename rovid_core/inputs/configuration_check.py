@@ -389,6 +389,11 @@ class ConfigurationCheck:
                 f'frames: the messages may be {other}, for {", ".join(turned)} count the other '
                 'way (thrusters.allocation is forward, left, up in both)',
                 self._with_signs(turned))
+            if has_heading:
+                yield Mistake(
+                    f'frames: the messages may be {other}, apart from the position (latitude and '
+                    'longitude are the same in both)', self._with_signs(turned), quarter=1,
+                    mirrored=True)
         if len(pushed) > 1:
             yield Mistake('thrusters.gain: turn all signs', -is_)
         if has_heading:

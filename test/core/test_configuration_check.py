@@ -121,6 +121,10 @@ MISTAKES = {
     'compass': ({'heading': lambda psi: 0.5 * math.pi - psi}, 'attitude.heading'),
     'mirrored heading': ({'heading': lambda psi: -psi}, 'attitude.heading'),
     'north-east-down': ({'flipped': (1, 2)}, 'frames: the messages may be ned'),
+    'north-east-down beside a GPS': (
+        {'heading': lambda psi: 0.5 * math.pi - psi,
+         'allocation': turned((1, 5), (0, 1, 2, 3)), 'depth': True},
+        'frames: the messages may be ned, apart from the position'),
     'depth': ({'flipped': (2,), 'depth': True}, 'depth.scale'),
     'late': ({'late': -1.5}, 'thrusters.delay, or a latency: the motion is about 1'),
 }

@@ -186,8 +186,8 @@ class DataflashFile(Container):
             if number != _FMT and length != self._lengths[number]:
                 self.note_damage()
             return
-        names = tuple(f'{column}_' if iskeyword(column) else column
-                      for column in columns.split(','))
+        names = tuple(f'{column}_' if iskeyword(column) else f'column_{column}'
+                      if column.isdigit() else column for column in columns.split(','))
         right = len(names) == len(kinds) == len(set(names)) and all(
             re.fullmatch(r'[A-Za-z][A-Za-z0-9_]*', word) for word in (name, *names))
         if length < 3 or not right:
@@ -249,11 +249,15 @@ class DataflashFile(Container):
             return {}
         times = _gathered(buffer, places + 3, 8).view('<u8').ravel()
         times = np.minimum(times, _LAST).astype(np.int64)
-        # a lone time far from those before and behind is damage: there is no checksum
-        close = np.abs(np.diff(times)) <= _CLOSE
-        right = (np.append(close, False) | np.insert(close, 0, False) | (len(times) == 1)) & (
-            times < _LAST)
-        if not right.all():
+        # there is no checksum: a time that is far from those before and behind has to lie between
+        # them, and of the last one nobody knows
+        steps = np.diff(times)
+        close, rising = np.abs(steps) <= _CLOSE, steps >= 0
+        near = np.append(close, False) | np.insert(close, 0, False) | (len(times) == 1)
+        in_order = np.append(rising, True) & np.insert(rising, 0, True) & (times < _LAST)
+        inner = np.arange(len(times)) % (len(times) - 1 or 1) > 0
+        right = (near & (times < _LAST)) | (in_order & inner)
+        if not (right | in_order).all():
             self.note_damage()
         places, times = places[right], times[right] * 1000
         kinds = buffer[places + 2].astype(np.int64)

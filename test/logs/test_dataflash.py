@@ -151,6 +151,23 @@ def test_damage_costs_a_record_or_two(tmp_path: Path) -> None:
             assert bool(opened.warnings) == (k != 12)
 
 
+def test_what_an_autopilot_writes_is_no_damage(tmp_path: Path) -> None:
+    """Columns that are numbers, and parameters now and then while it does not move."""
+    log = DataflashWriter()
+    log.define('PARM', 'QNf', 'TimeUS,Name,Value')
+    log.define('SBRH', 'QQQ', 'TimeUS,msg_flag,1')
+    for k, time in enumerate((0, 31, 62)):  # [s]
+        log.write('PARM', time * 1_000_000, 'STAT_RUNTIME', float(k))
+        if not k:
+            for n in range(20):
+                log.write('SBRH', n * 100_000, 5, n)
+    path = written(tmp_path / 'log.bin', log)
+    with Log([path]) as opened:
+        assert opened.warnings == []
+    assert [message.time for message in read(path, '/PARM')] == [0, 31_000_000_000]
+    assert len(read(path, '/SBRH')) == 20
+
+
 @pytest.mark.long
 def test_no_damage_makes_a_traceback(tmp_path: Path) -> None:
     draw = random.Random(1)

@@ -16,7 +16,7 @@ NEUTRAL = 1500.0  # [us]
 _PASCAL = 1.0 / (1000.0 * 9.80665)  # [m/Pa] of fresh water
 _ATMOSPHERE = 101325.0  # [Pa]
 _THRUSTER = {'thruster', 'thrusters', 'thrust', 'motor', 'motors', 'prop', 'propeller',
-             'propellers'}
+             'propellers', 'rpm'}
 _SIDES = {'left', 'right', 'port', 'starboard', 'front', 'rear', 'fore', 'aft', 'bow', 'stern',
           'center', 'middle', 'lateral', 'vertical', 'horizontal'}
 _MEASURED = {'temperature', 'temp', 'voltage', 'vel', 'velocity', 'pos', 'position', 'angle',
@@ -30,6 +30,7 @@ _GRAVITY = (8.8, 10.8)  # [m/s^2] length of what an accelerometer sees on averag
 _PLACES = ('position', 'point', 'translation')
 _CHANGES = ('linear', 'angular', 'velocity')
 _FASTEST = 20.0  # [m/s]
+_FASTEST_DIVE = 2.0  # [m/s] half of the time; what scatters by a few Pa seems faster in hPa
 _ARRAYS = {*[(name, 3) for name in (*_PLACES, 'velocity', 'angular_velocity')], ('q', 4),
            ('quaternion', 4), ('orientation', 4)}
 _DEPTH = {'depth', 'pressure', 'altitude', 'baro', 'ctun'}
@@ -200,7 +201,7 @@ def _depth(signal: Signal) -> Iterable[Candidate]:
     if 'pressure' in words:
         if low > 0.8 * _ATMOSPHERE:
             keys = {'scale': -_PASCAL, 'offset': _ATMOSPHERE * _PASCAL}
-        elif low > 800.0 and high < 2e4:  # [hPa]
+        elif low > 800.0 and high < 2e4 and not _dives_too_fast(signal):  # [hPa]
             keys = {'scale': -100.0 * _PASCAL, 'offset': _ATMOSPHERE * _PASCAL}
         elif high > 1000.0:  # [Pa] above that of the atmosphere
             keys = {'scale': -_PASCAL}
@@ -213,6 +214,12 @@ def _depth(signal: Signal) -> Iterable[Candidate]:
         keys = {'scale': unit} if unit != 1.0 else {}
     yield Candidate(signal, _points(
         signal, ('depth', 'pressure', 'water', 'fluid', 'baro'), ('altitude',)), keys)
+
+
+def _dives_too_fast(signal: Signal) -> bool:
+    """Tell whether a pressure cannot be in hPa, for its depth changes too fast."""
+    speeds = _speeds(signal)
+    return bool(len(speeds) and 100.0 * _PASCAL * np.median(speeds) > _FASTEST_DIVE)
 
 
 def _velocity(signal: Signal) -> Iterable[Candidate]:
@@ -282,7 +289,7 @@ def _thrusters(signal: Signal) -> Iterable[Candidate]:
     words = signal.words
     likely = ('thruster', 'thrusters', 'motor', 'motors', 'rc', 'rcou', 'out', 'pwm', 'servo',
               'esc', 'command', 'cmd', 'force', 'forces', 'effort', 'current', 'axes', 'actuator',
-              'actuators', 'channels', 'thrust')
+              'actuators', 'channels', 'thrust', 'rpm')
     named = any(_THRUSTER.intersection(words_in(name)) for name in signal.names) or (
         bool(words & _THRUSTER) and signal.path in ('effort', 'velocity'))
     if not words & set(likely) or words & {'imu', 'magnetometer', 'gps'} or (

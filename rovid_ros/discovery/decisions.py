@@ -113,7 +113,7 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
 
     """
     if 'thrusters' not in found:
-        raise DiscoveryError('nothing in it looks like thruster commands or a wrench that changes'
+        raise DiscoveryError('nothing in it that changes is named as thruster commands or a wrench'
                              f'; it has {_list(signals)}')
     inputs = {name: choose(name, found[name]) for name in _wanted(found)}
     if inputs.keys() == {'thrusters'}:
@@ -392,6 +392,8 @@ def _fit(made: Discovery, moved: Motion) -> None:
         velocity = moved.velocities[dof]
         sign = 0 if abs(alpha) < SURE * error or (
             push.explained < EXPLAINED and dof not in moved.coarse) else 1 if alpha > 0.0 else -1
+        if sign < 0 and _goes_along(made.thrusters, dof, moved) >= push.explained:
+            sign = 0
         strong = float(np.sqrt(np.mean(force * force)))
         fast = float(np.sqrt(np.nanmean(velocity * velocity)))
         if dof not in _DRIVEN or strong == 0.0:
@@ -413,6 +415,18 @@ def _fit(made: Discovery, moved: Motion) -> None:
     _leave_out_dependent(made)
     speeds = [float(np.nanpercentile(np.abs(moved.velocities[dof]), 99.0)) for dof in made.dofs]
     made.fastest = max(speeds, default=1.0)
+
+
+def _goes_along(thrusters: Thrusters, dof: str, moved: Motion) -> float:
+    """
+    Return how much of a DOF's motion commands explain at most if they push where they point.
+
+    The thrust of a controller brakes what it has set in motion: a tenth of a second too late it
+    seems to push against its command, and that much are commands stamped early or late.
+    """
+    alone = replace(thrusters, rows={dof: thrusters.rows[dof]})
+    return max(explained_by(replace(alone, delay=sign * delay), moved)
+               for delay in _DELAYS[:5] for sign in (1.0, -1.0))
 
 
 def _couplings(push: Push) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from rovid_core.thrust.thruster_curve import are_commands, thruster_model
 from rovid_ros.discovery.ardupilot import allocation, Frame, FRAMES, Motors
 from rovid_ros.discovery.candidates import Candidate, driven, NEUTRAL
 from rovid_ros.discovery.moments import Misfit, misfits, moments_of
-from rovid_ros.discovery.motion import answer, best_delay, held, Motion, Push
+from rovid_ros.discovery.motion import answer, best_delay, DELAYS, held, Motion, Push
 from rovid_ros.discovery.signals import Array, part, Signal
 
 # A T200 near 12 V: force [N] of a command of -1 to 1 (J. Mar. Sci. Eng. 10(12), 2022, 1898).
@@ -88,8 +88,8 @@ def find_thrusters(candidate: Candidate, frames: str, moved: Motion, motors: Mot
             for model in ('linear', 'quadratic')], moved, guesses)
     from_data = with_delay(from_data, moved)
     if motors:
-        return replace(from_data, how='frame', frame=motors.frame, sure_frame=True,
-                       rows=allocation(motors.frame))
+        return with_delay(replace(from_data, how='frame', frame=motors.frame, sure_frame=True,
+                                  rows=allocation(motors.frame)), moved)
     active = {k for k in columns if k in used}
     fitting = [frame for frame in (FRAMES[2], FRAMES[1], FRAMES[0])
                if pulses and len(frame.factors) == len(used) and active == set(used)]
@@ -120,17 +120,18 @@ def _forces_or_speeds(models: Sequence[Thrusters], moved: Motion,
     """
     Return thrusters whose force goes as the command, or with its square as a propeller's speed.
 
-    Where no name says that it is a speed, the square has to leave less than four fifths
-    unexplained of what the command leaves, and where one says that it is a force, half: a curve
-    that is neither, or a mean of few thrusters, favours one of both a little.
+    The square has to leave less than four fifths unexplained of what the command leaves: a curve
+    that is neither, or a mean of few thrusters, favours one of both a little. Where a name says
+    that it is a force it takes half, and where one says that it is a speed, twice as much.
     """
     forces, speeds = models
     driven = len(forces.rows.keys() | speeds.rows.keys())
     lacks = [driven - explained_by(made, moved) for made in models]
     words = forces.signal.words
-    if lacks[1] < lacks[0] * (1.0 if words & _SPEEDS else 0.5 if words & _FORCES else 0.8):
-        guesses.append('thrusters.model quadratic: as speeds of propellers the commands explain '
-                       'more of the motion than as forces')
+    if lacks[1] < lacks[0] * (2.0 if words & _SPEEDS else 0.5 if words & _FORCES else 0.8):
+        guesses.append('thrusters.model quadratic: ' + (
+            'as speeds of propellers the commands explain more of the motion than as forces'
+            if lacks[1] < lacks[0] else 'by their name the commands are speeds of propellers'))
         return speeds
     return forces
 
@@ -253,8 +254,12 @@ def explained_by(made: Thrusters, moved: Motion) -> float:
 
 
 def with_delay(made: Thrusters, moved: Motion) -> Thrusters:
+    """Return thrusters with the delay at which they explain most of the motion."""
     if not made.rows:
         return made
+    if made.sure_frame:  # a controller's thrust a moment later would go against the motion
+        return max([replace(made, delay=delay) for delay in DELAYS],
+                   key=lambda case: explained_by(case, moved))
     commands = made.forces()
     forces = {dof: commands @ np.array(made.rows[dof])[:, np.newaxis]
               for dof in moved.velocities if dof in made.rows}

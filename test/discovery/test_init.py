@@ -155,6 +155,25 @@ def test_speeds_of_propellers_are_told_from_forces(
     assert 'sway: left out, for the commands explain next to nothing' in said
 
 
+@pytest.mark.parametrize(('topic', 'model'), [
+    ('/motor/rpm', 'quadratic'), ('/azipull/rpm', 'quadratic'), ('/motor/cmd', 'linear')])
+def test_a_name_decides_what_the_motion_leaves_open(topic: str, model: str) -> None:
+    """Here the force is neither that of a speed nor the command: it goes with the power of 1.4."""
+    draw, step, count = np.random.default_rng(1), 0.1, 1500
+    commands, velocity, velocities = np.repeat(draw.uniform(0.0, 1.0, count // 50), 50), 0.0, []
+    for command in commands:
+        velocity += step * (command**1.4 - velocity * abs(velocity)) / 5.0
+        velocities.append(velocity)
+    times, zero = step * np.arange(count), np.zeros(count)
+    signals = [
+        Signal('/dvl', 'geometry_msgs/msg/TwistStamped', 'twist.linear', 'vector', times,
+               np.column_stack([velocities, zero, zero]), rate=10.0),
+        Signal(topic, 'std_msgs/msg/Float64', 'data', 'number', times,
+               300.0 * commands[:, np.newaxis], rate=10.0)]
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    assert made.thrusters.chain.model == model
+
+
 def assert_rows(found: Settings, known: Settings) -> None:
     """Compare what each command does."""
     for dof in ('surge', 'heave', 'yaw'):
@@ -481,6 +500,33 @@ def noisy(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return log
 
 
+@pytest.mark.parametrize(('late', 'sign', 'accused'), [
+    (0.0, 1.0, False), (0.15, 1.0, False), (0.0, -1.0, True)])
+def test_a_controller_whose_commands_are_stamped_late_pushes_along(
+        late: float, sign: float, accused: bool) -> None:
+    """What it brakes seems to go against the thrust a moment later."""
+    draw, step, count = np.random.default_rng(3), 0.01, 6000
+    asked = np.repeat(draw.normal(0.0, 0.8, count // 400), 400) if sign > 0.0 else np.zeros(count)
+    open_loop = np.repeat(draw.choice([-1.0, 0.0, 1.0], count // 200), 200)
+    yaw, rate, angles, moments = 0.0, 0.0, [], []
+    for wanted, moment in zip(asked, open_loop):
+        if sign > 0.0:
+            moment = np.clip(40.0 * (wanted - yaw) - 2.0 * rate, -4.0, 4.0)
+        rate += step * (moment - rate - rate * abs(rate)) / 0.3
+        yaw += step * rate
+        angles.append(yaw)
+        moments.append(sign * moment)
+    half, times, zero = 0.5 * np.array(angles)[::5], step * np.arange(0, count, 5), np.zeros(1200)
+    half += draw.normal(0.0, 0.0005, len(half))
+    signals = [
+        Signal('/imu', 'sensor_msgs/msg/Imu', 'orientation', 'quaternion', times,
+               np.column_stack([zero, zero, np.sin(half), np.cos(half)]), rate=20.0),
+        Signal('/wrench', 'geometry_msgs/msg/WrenchStamped', 'wrench', 'wrench', times + late,
+               np.column_stack([zero] * 5 + [np.array(moments)[::5]]), rate=20.0)]
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    assert any('against its command' in one for one in made.guesses) is accused
+
+
 @pytest.mark.parametrize('seed', [1, 2])
 def test_coarse_fixes_are_looked_at_over_longer_spans_and_their_outliers_are_no_speed(
         seed: int, repository: Path, tmp_path: Path) -> None:
@@ -553,6 +599,17 @@ def test_a_depth_is_in_the_unit_of_its_name(topic: str, size: float, scale: floa
     assert [one.keys['scale'] for one in found.get('depth', [])] == (
         [] if scale is None else [scale])
 
+
+@pytest.mark.parametrize(('unit', 'surface'), [(1.0, 0.0), (100.0, 1013.25), (1.0, 101325.0)])
+def test_a_pressure_is_in_the_unit_that_a_vehicle_can_dive_in(
+        unit: float, surface: float) -> None:
+    """3,000 to 10,000 are a metre in Pa above the atmosphere, or 70 m in hPa: not in 20 s."""
+    times = np.arange(0.0, 60.0, 0.1)
+    depth = 0.65 + 0.35 * np.cos(0.3 * times)
+    pressure = surface + 1000.0 * 9.80665 * depth[:, np.newaxis] / unit
+    [depth_input] = candidates([Signal(
+        '/pressure', 'std_msgs/msg/Float32', 'data', 'number', times, pressure)])['depth']
+    assert depth_input.keys['scale'] == pytest.approx(-unit / 9806.65)
 
 def test_of_a_pose_and_what_lags_behind_it_the_pose_is_taken() -> None:
     times = np.arange(0.0, 60.0, 0.02)
@@ -793,7 +850,7 @@ def test_what_no_configuration_can_be_made_of(
     there = tmp_path / 'there.yaml'
     for given, code, says in [
             ([str(alone), '--output', str(there)], 1,
-             'nothing in it looks like thruster commands or a wrench that changes; it has '
+             'nothing in it that changes is named as thruster commands or a wrench; it has '
              '/odometry (nav_msgs/msg/Odometry)'),
             ([str(alone), '--output', str(there), '--ask'], 1, 'there is no terminal to ask on'),
             ([str(tmp_path / 'none.mcap'), '--output', str(there)], 1, 'no such file'),

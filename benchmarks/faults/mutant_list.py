@@ -731,6 +731,25 @@ MUTANTS = [
          ('beside a GPS the heading is off by another quarter',
           'self._with_signs(turned), quarter=1,', 'self._with_signs(turned), quarter=3,')),
     *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
+         'a_glitch_decides_no_typical_size',
+         ('a glitch is a typical size', 'SELDOM: Final = 0.01', 'SELDOM: Final = 0.0')),
+    *_of('rovid_ros/discovery/candidates.py', 'test/discovery/test_init.py '
+         'a_pressure_is_in_the_unit_that_a_vehicle_can_dive_in',
+         ('a vehicle dives at any speed', 'and not _dives_too_fast(signal)', '')),
+    *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_init.py '
+         'a_name_decides_what_the_motion_leaves_open',
+         ('a speed needs as much evidence as a force', '2.0 if words & _SPEEDS',
+          '1.0 if words & _SPEEDS')),
+    *_of('rovid_ros/discovery/decisions.py', 'test/discovery/test_init.py '
+         'a_controller_whose_commands_are_stamped_late_pushes_along',
+         ('a controller that brakes is accused', 'if sign < 0 and _goes_along(', 'if False and ('),
+         ('no sign is ever accused', '>= push.explained:', '>= -9.0:')),
+    *_of('rovid_ros/logs/dataflash.py', 'test/logs/test_dataflash.py '
+         'what_an_autopilot_writes_is_no_damage',
+         ('columns that are numbers are damage', 'if column.isdigit() else column',
+          'if False else column'),
+         ('a lone record is damage', '(right | in_order).all()', 'right.all()')),
+    *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
          'a_force_of_rounding_is_no_typical_size',
          ('a force of rounding is a typical size', 'size < ROUNDING * used', 'False')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '

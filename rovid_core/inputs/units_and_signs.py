@@ -294,6 +294,14 @@ MOST_RESTS: Final = 30
 ROUNDING: Final = 1e-9
 """Of a typical size, up to which a force or a velocity is none."""
 
+STRETCH: Final = 2.0
+"""[s] of which sizes are added up; twice as long where there would be more than the most."""
+
+MOST_STRETCHES: Final = 1000
+
+SELDOM: Final = 0.01
+"""Share of these, the largest ones, that does not count."""
+
 
 class TypicalSizeCheck:
     """
@@ -301,7 +309,8 @@ class TypicalSizeCheck:
 
     What counts as thrust, as rest and as enough data is measured in typical sizes, whatever
     the method; ``aid`` takes its gains from the data. The size of what comes and goes is
-    sqrt(mean x^4 / mean x^2): time in which nothing moves does not count.
+    sqrt(mean x^4 / mean x^2): time in which nothing moves does not count. Nor do the few
+    stretches of a long log in which it is largest, for a few odd measurements would decide.
 
     Parameters
     ----------
@@ -323,20 +332,33 @@ class TypicalSizeCheck:
         self._dof, self._fastest = dof, fastest
         self._scales = Scales.of(settings)
         self.duration = 0.0
-        self._squares = [0.0, 0.0]
-        self._fourths = [0.0, 0.0]
+        self._sums = [0.0] * 5  # of the time, and of squares and fourth powers of both
+        self._stretches: list[list[float]] = []  # the same of those that are over
+        self._longest = STRETCH
 
     def add_step(self, step: Step) -> None:
         """Add a step."""
         dt, force, velocity = step.dt, step.force[1], step.velocity[1]
         self.duration += dt
-        squares, fourths = self._squares, self._fourths
+        sums = self._sums
+        sums[0] += dt
         square = force * force
-        squares[0] += square * dt
-        fourths[0] += square * square * dt
+        sums[1] += square * dt
+        sums[2] += square * square * dt
         square = velocity * velocity
-        squares[1] += square * dt
-        fourths[1] += square * square * dt
+        sums[3] += square * dt
+        sums[4] += square * square * dt
+        if sums[0] > self._longest:
+            self._end_stretch()
+
+    def _end_stretch(self) -> None:
+        stretches = self._stretches
+        stretches.append(self._sums)
+        self._sums = [0.0] * 5
+        if len(stretches) == MOST_STRETCHES:
+            self._longest *= 2.0
+            self._stretches = [[x + y for x, y in zip(one, other)]
+                               for one, other in zip(stretches[::2], stretches[1::2])]
 
     def advice(self, is_long: bool) -> list[str]:
         """
@@ -344,10 +366,9 @@ class TypicalSizeCheck:
 
         Where little pushes and moves a DOF in a short log, it may not have been driven yet.
         """
-        if not all(self._squares):
+        sizes = [self._size(1), self._size(3)]
+        if not all(sizes):
             return []
-        # the amplitude of a sinusoid
-        sizes = [math.sqrt(4.0 / 3.0 * x / y) for x, y in zip(self._fourths, self._squares)]
         typical = self._scales.force, self._scales.velocity
         if not is_long and all(map(lt, sizes, typical)):
             return []
@@ -357,3 +378,10 @@ class TypicalSizeCheck:
         return [f'{self._dof}.typical.{name} {size:.2g} instead of {used:.2g}'
                 for name, size, used in zip(('force', 'velocity'), sizes, typical)
                 if not used / FAR_OFF <= size <= used * FAR_OFF]
+
+    def _size(self, of: int) -> float:
+        """Return the amplitude of a sinusoid as large as what comes and goes."""
+        ordered = sorted([*self._stretches, self._sums], key=lambda sums: sums[of + 1])
+        usual = ordered[:len(ordered) - int(SELDOM * len(ordered))]
+        squares, fourths = [math.fsum([sums[k] for sums in usual]) for k in (of, of + 1)]
+        return math.sqrt(4.0 / 3.0 * fourths / squares) if squares else 0.0

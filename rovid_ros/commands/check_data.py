@@ -365,7 +365,8 @@ def _check_speeds(settings: Settings, subject: str, one: SampleStatistics,
     if one.fast < 0.5 * one.steps:
         if told:
             return
-        findings.warning(subject, text, 'they are refused: outliers, or velocity.max is too low')
+        findings.warning(subject, text, 'outliers, stamps that come in bursts, or velocity.max '
+                         'is too low; what of it is refused is said below')
         return
     units = {'attitude': 'is it in the unit of attitude.unit?',
              'angular_velocity': 'is it in rad/s?', 'velocity': 'is it in m/s?',

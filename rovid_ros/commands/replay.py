@@ -51,7 +51,15 @@ from rovid_ros.messages.types import Decoder, WireType
 from rovid_ros.results.current import current_text, still_water
 from rovid_ros.results.documents import current_document, dofs_document, has_newtons, Result
 from rovid_ros.results.outputs import LATCHED, Outputs
-from rovid_ros.results.text import NO_NEWTONS, NONE, number, percent, quantity, table
+from rovid_ros.results.text import (
+    NO_NEWTONS,
+    NONE,
+    number,
+    percent,
+    quantity,
+    table,
+    told_delay,
+)
 
 DESCRIPTION = (
     'Prints the parameters of each degree of freedom, how well they predict the log, and what '
@@ -439,8 +447,7 @@ def _legend(dofs: Mapping[str, Mapping[str, Any]]) -> str:
             alike.setdefault(verdict, []).append(dof)
         delayed = values['delay_s']
         if delayed and abs(delayed['value']) > 3.0 * delayed['std']:  # else it may be 0
-            delay, std = (number(delayed[name]) for name in ('value', 'std'))
-            lines.append(f'{dof}: the thrust is delayed by {delay} ± {std} s')
+            lines.append(f'{dof}: {told_delay(delayed["value"], delayed["std"])}')
     lines += [_filled(f'{", ".join(names)}, from all of the data: {verdict}')
               for verdict, names in alike.items()]
     if not all(map(has_newtons, dofs.values())):

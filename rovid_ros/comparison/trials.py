@@ -33,6 +33,7 @@ from rovid_ros.results.documents import (
     Result,
     thrusters_document,
 )
+from rovid_ros.results.text import told_delay
 
 PAPER = 'aid'  # the paper's method, of which the report draws the figures
 REFERENCE = 'output_error'  # the method that is preferred among methods that predict equally well
@@ -134,8 +135,7 @@ class TrialPlayer(PipelinePlayer):
         for method, identifier in others.items():
             notes = [identifier.note] if identifier.note else []
             if abs(identifier.delay) > DELAY_SIGNIFICANCE * identifier.delay_std:
-                notes.append(f'the thrust is delayed by {identifier.delay:.3f} s, with a '
-                             f'standard deviation of {identifier.delay_std:.3f} s')
+                notes.append(told_delay(identifier.delay, identifier.delay_std))
             found[method] = Fit(
                 identifier.parameters, np.array(identifier.covariance).reshape(4, 4),
                 '; '.join(notes), identifier.couplings, identifier.uncertainty.couplings_std,

@@ -30,10 +30,11 @@ _SIMPLE: tuple[Factors, ...] = (
 
 _FIELDS = {
     'ATT': ('Roll', 'Pitch', 'Yaw'), 'CTUN': ('BAlt',), 'BARO': ('Alt',),
-    'VISO': ('VelX', 'VelY', 'VelZ'), 'GPS': ('North', 'East', 'Down'), 'BAT': ('Volt',)}
+    'VISO': ('VelX', 'VelY', 'VelZ'), 'VISP': ('PX', 'PY', 'PZ'),
+    'GPS': ('North', 'East', 'Down'), 'BAT': ('Volt',)}
 _OUTPUT = re.compile(r'C\d{1,2}')
 _INPUTS = {'ATT': 'attitude', 'CTUN': 'depth', 'BARO': 'depth', 'VISO': 'velocity',
-           'GPS': 'position', 'RCOU': 'thrusters'}
+           'VISP': 'position', 'GPS': 'position', 'RCOU': 'thrusters'}
 _KEYS: dict[str, dict[str, Any]] = {
     'attitude': {'unit': 'deg'}, 'thrusters': {'pwm': True}}
 # A barometer of the hull moves too, but less than one in the water.
@@ -53,8 +54,8 @@ def remarks(signals: Sequence[Signal], found: Mapping[str, object]) -> list[str]
     """Return what the log lacks and what it says besides, a line each."""
     said = []
     if not {'velocity', 'position'} & found.keys():
-        said.append('surge and sway: no DVL (VISO), underwater GPS or GPS is in the log; heave '
-                    'and yaw are in every one')
+        said.append('surge and sway: no DVL (VISO), external position (VISP) or GPS is in the '
+                    'log; heave and yaw are in every one')
     volts = [float(np.mean(one.values)) for one in signals if one.topic == '/BAT']
     if volts:
         said.append(f'what the voltage does to the thrust: the battery had {volts[0]:.1f} V')
@@ -69,7 +70,7 @@ def dataflash_candidates(signals: Sequence[Signal]) -> dict[str, list[Candidate]
         name = _INPUTS.get(kind, '')
         if not name or np.max(signal.spread) < 1e-3:
             continue
-        points = float(np.ptp(signal.values[:, 0])) if name == 'depth' else 0.0
+        points = float(np.ptp(signal.values[:, 0])) if name == 'depth' else float(kind == 'VISP')
         if kind == 'CTUN':
             points /= _AS_DEEP
         found.setdefault(name, []).append(Candidate(signal, points, _KEYS.get(name, {})))

@@ -36,6 +36,13 @@ def quantity(dof: str, name: str, values: Mapping[str, Any], newtons: bool = Tru
     return text if text == NONE else f'{text} {unit(dof, name, newtons)}'
 
 
+def told_delay(delay: float, std: float) -> str:
+    """Return in words how late the thrust acts [s], and the standard deviation of that [s]."""
+    if delay < 0.0:
+        return f'the thrust acts {number(-delay)} ± {number(std)} s sooner than its stamps say'
+    return f'the thrust is delayed by {number(delay)} ± {number(std)} s'
+
+
 def percent(fit: float | None) -> str:
     """Return a fit, 1 for perfect, in percent."""
     if fit is None or not math.isfinite(fit):

@@ -14,7 +14,7 @@ from rovid_ros.commands.long_work import Progress
 from rovid_ros.commands.main import COMMANDS, main
 from rovid_ros.commands.running import check_written, CommandError, Interrupted, run_to_exit_code
 from rovid_ros.files.whole_files import write_json
-from rovid_ros.results.text import number, percent, table, unit
+from rovid_ros.results.text import number, percent, table, told_delay, unit
 
 
 @pytest.fixture
@@ -226,6 +226,12 @@ def test_progress_is_silent_for_a_quick_run_and_for_a_pipe() -> None:
 ])
 def test_numbers_have_four_digits(value: float | None, text: str) -> None:
     assert number(value) == text
+
+
+def test_thrust_before_its_stamps_is_no_delay() -> None:
+    assert told_delay(0.1532, 0.04489) == 'the thrust is delayed by 0.1532 ± 0.04489 s'
+    assert told_delay(-0.049, 0.01) == (
+        'the thrust acts 0.04900 ± 0.01000 s sooner than its stamps say')
 
 
 def test_a_fit_is_never_minus_zero() -> None:

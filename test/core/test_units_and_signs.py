@@ -172,6 +172,16 @@ def test_a_force_of_rounding_is_no_typical_size(force, advice):
     assert check.advice(True) == advice
 
 
+@pytest.mark.parametrize('count', [3000, 300_000])
+def test_a_glitch_decides_no_typical_size(count):
+    check = TypicalSizeCheck(
+        'yaw', DofSettings(1.0, typical_force=1.0, typical_velocity=1.0), 10.0)
+    for k in range(count):
+        force, velocity = math.sin(0.1 * k), 9.0 if 777 <= k < 782 else math.cos(0.1 * k)
+        check.add_step(Step(0.1, (velocity,) * 3, (force,) * 3))
+    assert check.advice(True) == []
+
+
 @pytest.mark.parametrize(('fastest', 'advice'), [
     (10.0, ['sway.typical.velocity 5.8 instead of 1']), (5.0, [])])
 def test_what_is_too_fast_to_be_is_no_typical_velocity(fastest, advice):

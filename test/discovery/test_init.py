@@ -20,7 +20,7 @@ from rovid_ros.commands.main import main
 from rovid_ros.commands.simulate import simulate_log
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.discovery.ardupilot import allocation, FRAMES, motors
+from rovid_ros.discovery.ardupilot import allocation, dataflash_candidates, FRAMES, motors
 from rovid_ros.discovery.candidates import candidates
 from rovid_ros.discovery.configuration import configuration
 from rovid_ros.discovery.decisions import decide, Discovery
@@ -341,8 +341,17 @@ def test_every_log_of_ardusub_gives_heave_and_yaw(
     path.write_bytes(dive(settings, 30.0).data)
     assert initialised(path).dofs == ('heave', 'yaw')
     unknown = '\n'.join(discover([path]).unknown)
-    assert 'surge and sway: no DVL (VISO), underwater GPS or GPS is in the log' in unknown
+    assert 'surge and sway: no DVL (VISO), external position (VISP) or GPS is in' in unknown
     assert 'the battery had 15.2 V' in unknown
+
+
+def test_a_position_from_outside_goes_before_a_gps() -> None:
+    times = np.arange(0.0, 30.0, 0.1)
+    place = np.column_stack([np.sin(times), times, np.cos(times)])
+    found = dataflash_candidates([
+        Signal(f'/{kind}', f'ardupilot/msg/{kind}', path, 'array', times, place, rate=10.0)
+        for kind, path in (('GPS', 'North, East, Down'), ('VISP', 'PX, PY, PZ'))])
+    assert [one.signal.topic for one in found['position']] == ['/VISP', '/GPS']
 
 
 @pytest.mark.parametrize('number', FRAMES)
@@ -610,6 +619,7 @@ def test_a_pressure_is_in_the_unit_that_a_vehicle_can_dive_in(
     [depth_input] = candidates([Signal(
         '/pressure', 'std_msgs/msg/Float32', 'data', 'number', times, pressure)])['depth']
     assert depth_input.keys['scale'] == pytest.approx(-unit / 9806.65)
+
 
 def test_of_a_pose_and_what_lags_behind_it_the_pose_is_taken() -> None:
     times = np.arange(0.0, 60.0, 0.02)

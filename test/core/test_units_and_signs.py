@@ -177,7 +177,7 @@ def test_a_glitch_decides_no_typical_size(count):
     check = TypicalSizeCheck(
         'yaw', DofSettings(1.0, typical_force=1.0, typical_velocity=1.0), 10.0)
     for k in range(count):
-        force, velocity = math.sin(0.1 * k), 9.0 if 777 <= k < 782 else math.cos(0.1 * k)
+        force, velocity = math.sin(0.1 * k), 9.0 if 785 <= k < 790 else math.cos(0.1 * k)
         check.add_step(Step(0.1, (velocity,) * 3, (force,) * 3))
     assert check.advice(True) == []
 

@@ -90,6 +90,10 @@ class Identifier(Protocol):
     def reset(self) -> None:
         """Return to the initial values."""
 
+    def begin_anew(self) -> None:
+        """Forget the data; begin with the parameters as they are, if the method can."""
+        self.reset()
+
     def conclude(self) -> bool:
         """Make the best of data that end here, and are few; tell whether there was a better."""
         return False

@@ -145,9 +145,9 @@ class Identification:
         self.take_up()
 
     def begin_anew(self) -> None:
-        """Forget all that was learned; the steps go on being counted."""
+        """Forget the data, beginning with what was learned; the steps go on being counted."""
         steps = self._steps
-        self.identifier.reset()
+        self.identifier.begin_anew()
         self.refresh()
         self._steps = steps
         self.estimate = self.estimate.replaced(steps=steps)

@@ -548,14 +548,19 @@ class Pipeline:
 
     def _begin_coupled_anew(self) -> None:
         """Forget what DOFs have learned that were coupled with a velocity that was not known."""
+        anew = []
         for source in self._sources:
             for i in source.indices if source.planar is None else ():
                 dof = self._settings.dofs[i]
                 if self._couplings.has_velocity(self._settings.couplings(dof)):
                     self.dofs[i].begin_anew()
+                    anew.append(dof)
                     source.last = None
                     if self._scorer is not None:
                         self._scorer.begin_anew(dof)
+        if anew:
+            self._hint(f'now that the current is known, {", ".join(anew)} begins anew, for it is '
+                       'coupled with the velocity through the water: drive it once more')
 
     def _axis(self, dof: str, time: int) -> tuple[float, ...]:
         """Return x and y of the axis of surge or sway in the world, () where no current shows."""

@@ -93,9 +93,9 @@ def test_the_velocity_of_the_filter_is_that_of_its_stamp(turning):
     assert all(dof.velocity_delay > 0.0 for dof in turning[-1].dofs)
 
 
-def with_yaw():
+def with_yaw(run=FIXES):
     """Return settings that identify yaw, too, with its couplings."""
-    known, true = settings(FIXES), TRUTH['yaw']
+    known, true = settings(run), TRUTH['yaw']
     return replace(known, dofs=('surge', 'sway', 'yaw'), dof={
         **known.dof, 'yaw': DofSettings(1.5 * true.mass, true.quadratic_drag / 1.8,
                                         couplings=('v', 'uv'))})
@@ -111,6 +111,16 @@ def test_yaw_is_coupled_with_the_velocity_through_the_water():
         (TRUTH['surge'].mass - TRUTH['sway'].mass) / true.mass, rel=0.03)
     # it is not scored on what it has not learned from
     assert scores.score('yaw', (*yaw.parameters, *yaw.couplings)).fit > 0.97
+
+
+@pytest.mark.parametrize(('current', 'anew'), [(CURRENT, True), ((0.0, 0.0), False)])
+def test_yaw_begins_anew_with_what_it_has_where_there_is_a_current(current, anew):
+    run = replace(FIXES, current=current)
+    stream = Stream(with_yaw(run))
+    found = followed(stream, run)
+    assert any('yaw begins anew' in line for line in stream.take_warnings()) is anew
+    later = [one.dofs[2].parameters[0] for one in found if one.time > found[0].time + 30e9]
+    assert max(later) < 1.3 * later[-1] and min(later) > later[-1] / 1.3  # the guess is at 1.5
 
 
 @pytest.mark.parametrize('own', ['reverse_thrust', 'reverse_drag'])

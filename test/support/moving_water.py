@@ -55,6 +55,7 @@ class Run:
     lag: float = 0.0  # [s] of the thrusters of surge and sway
     reverse: float = 1.0  # thrust of surge backwards, relative to one forwards
     apart: bool = False  # one axis is driven after the other
+    current: tuple[float, float] = CURRENT  # of the water [m/s]
 
 
 @lru_cache(maxsize=4)
@@ -137,7 +138,7 @@ def settings(run: Run, dofs: tuple[str, ...] = ('surge', 'sway')) -> Settings:
             allocation=tuple(tuple(float(i == j) for j in range(6)) for i in range(6))),
         identifier=IdentifierSettings(method='ekf'),
         simulation=SimulationSettings(
-            dofs=truth, coriolis=True, current=CURRENT, position_rate=run.rate,
+            dofs=truth, coriolis=True, current=run.current, position_rate=run.rate,
             position_noise=run.noise, velocity_rate=run.rate, velocity_noise=run.noise)),
         **{'position': InputSettings(), run.input: used})
 

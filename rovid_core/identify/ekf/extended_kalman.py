@@ -136,6 +136,10 @@ class ExtendedKalman(Identifier):
         """Go back to the initial values."""
         self._begin(self._model.initial)
 
+    def begin_anew(self) -> None:
+        """Forget the data; begin with the parameters as they are."""
+        self._begin(self._model.of(self.parameters))
+
     def _begin(self, theta: Sequence[float],
                thrusters: Thrusters = AS_CONFIGURED) -> None:
         self._take_thrusters(thrusters)
@@ -220,7 +224,7 @@ class ExtendedKalman(Identifier):
             self._add_step(step, adapt)
         except (ArithmeticError, np.linalg.LinAlgError):
             # a number out of range on the way is no better than a divergence
-            self._begin(self._model.of(self.parameters))
+            self.begin_anew()
             return 'diverged'
         return ''
 

@@ -28,6 +28,7 @@ from rovid_core.identify.ekf.batch_start import (
 from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
+    KNOWN_CURRENT,
     Turning,
     unseen_current,
     why_not_known,
@@ -105,7 +106,7 @@ class PlanarKalman:
     current : Current
         What is known of it.
     current_is_new : bool
-        Whether the last step made the current known, for the first time and at the start.
+        Whether the last step made a current known, for the first time and at the start.
 
     """
 
@@ -264,7 +265,9 @@ class PlanarKalman:
         if span is not None:
             self._publish()
         if self.current.status == 'known' and not self._knew_current:
-            self._knew_current, self.current_is_new = True, self._start is not None
+            # one that could as well be none changes nothing
+            self._knew_current, self.current_is_new = True, self._start is not None and (
+                math.hypot(self.current.x, self.current.y) > KNOWN_CURRENT)
 
     def _take(self, span: PlanarMeasurement, adapt: bool, beginning: bool) -> list[int]:
         """Take a measurement; return what comes of it for each member."""

@@ -31,7 +31,7 @@ from rovid_core.model.samples import PlanarPiece
 TURNED = 0.8
 """[rad] Range of headings from which the current can be told from bias and drag."""
 
-KNOWN, SEEN = 0.02, 1.0 / 3.0
+KNOWN_CURRENT, SEEN = 0.02, 1.0 / 3.0
 """Standard deviation [m/s] of a known current, and share of the prior of one that is seen."""
 
 THRUST_ELSEWHERE = 'thrust on other headings'
@@ -147,7 +147,7 @@ def current_with_status(found: tuple[Array, Array], prior: float, better: Altern
         return current._replace(status='unobservable', advice=better.advice or THRUST_ELSEWHERE)
     if better.advice:
         return current._replace(status='inconsistent', advice=better.advice)
-    return current if std < KNOWN else current._replace(status='converging')
+    return current if std < KNOWN_CURRENT else current._replace(status='converging')
 
 
 def why_not_known(current: Current) -> str:
@@ -157,7 +157,7 @@ def why_not_known(current: Current) -> str:
     if current.status == 'known':
         return ''
     return (f'the current is known to {100.0 * max(current.std):.1f} cm/s, not yet to '
-            f'{100.0 * KNOWN:g} cm/s: drive longer, on several headings')
+            f'{100.0 * KNOWN_CURRENT:g} cm/s: drive longer, on several headings')
 
 
 class Alternative(NamedTuple):

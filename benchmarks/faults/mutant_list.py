@@ -730,6 +730,16 @@ MUTANTS = [
          'a_mistake_is_named',
          ('beside a GPS the heading is off by another quarter',
           'self._with_signs(turned), quarter=1,', 'self._with_signs(turned), quarter=3,')),
+    *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf.py '
+         'what_begins_after_minutes_of_rest_is_gone_through_again',
+         ('the start ends whatever it says', 'LONGEST if known else 2.0 * LONGEST', 'LONGEST')),
+    *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
+         'yaw_begins_anew_with_what_it_has_where_there_is_a_current',
+         ('no current is one', '> KNOWN_CURRENT)', '> -1.0)')),
+    *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_current.py '
+         'yaw_begins_anew_with_what_it_has_where_there_is_a_current',
+         ('what begins anew begins at the guess',
+          'self._begin(self._model.of(self.parameters))', 'self._begin(self._model.initial)')),
     *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
          'a_glitch_decides_no_typical_size',
          ('a glitch is a typical size', 'SELDOM: Final = 0.01', 'SELDOM: Final = 0.0')),

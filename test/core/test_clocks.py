@@ -238,7 +238,7 @@ def test_memory_does_not_grow_under_an_hour_of_faults():
                     [x * random.choice((math.nan, 1e6, -1.0)) for x in sample.value])),))
             stream.receive(event)
         largest.append(sum(lengths(stream)))
-    assert max(largest) < 6000
+    assert max(largest) < 8000  # four minutes that are gone through again
     assert len(stream.rejected) < 60
 
 

@@ -14,7 +14,8 @@ from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.plant import lumped, trajectory
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Scales
+from rovid_core.settings.run import Scales, SimulatedDof
+from rovid_core.simulation.profiles import Steps
 from rovid_core.simulation.sensors import simulate
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
@@ -32,7 +33,14 @@ from test.support.online_trials import (
     trial,
 )
 from test.support.sensors import at_rates
-from test.support.surge import HEAVY, LIGHT, SURGE_TRUTH, TRAINING
+from test.support.surge import (
+    HEAVY,
+    LIGHT,
+    run as run_stream,
+    surge_settings,
+    SURGE_TRUTH,
+    TRAINING,
+)
 from test.support.tank import LEAST, online_fits, replayed, yaw_fit
 from test.support.trials import CONFIG
 
@@ -180,6 +188,22 @@ def test_the_start_is_over_once_all_data_lead_to_where_the_filter_is(noise, over
     one = ExtendedKalman(Scales.of(HEAVY))
     follow(one, trial(replace(MINUTE, duration=70.0), 0, noise).pieces())
     assert (one.state()['start']['next'] == NEVER) == over
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_what_begins_after_minutes_of_rest_is_gone_through_again(seed):
+    """There the thrust only carries the weight, which says nothing of the mass."""
+    known = surge_settings(method='ekf')
+    settings = replace(known, simulation=replace(known.simulation, dofs={
+        'surge': SimulatedDof(290.0, 290.0, 43.5, 15.0)}))
+    levels = (15.0,) * 27 + 2 * (150.0, -120.0, 80.0, -150.0, 120.0, -60.0, 100.0, -40.0)
+    found = run_stream(Stream(settings), simulate(
+        settings, 210.0, seed, {'surge': (Steps(levels, 5.0),)}))
+    surge = found[-1].dofs[0]
+    low, high = surge.intervals['mass']
+    assert low <= 290.0 <= high
+    assert surge.status == 'converged', surge.judgement
+    assert not any('changed' in reason for one in found for reason in one.dofs[0].reasons)
 
 
 def test_it_goes_on_after_a_gap():

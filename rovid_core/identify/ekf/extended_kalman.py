@@ -20,7 +20,6 @@ from rovid_core.identify.ekf.batch_start import (
     KNOWN_WELL,
     LONGEST,
     NEVER,
-    PERIOD,
     read_step,
     UNLEARNED,
     USED,
@@ -70,6 +69,9 @@ FORGET: Final = 5.0
 
 IDLE: Final = 10.0
 """[s] without thrust after which the start does not keep what goes on."""
+
+UNKNOWN: Final = 0.5
+"""Relative std of alpha beyond which what was kept says next to nothing, and may go."""
 
 CORRELATION = (0.6, 0.75)
 """Of innovations, up to which a model may be used: to begin with, and while it is."""
@@ -150,6 +152,8 @@ class ExtendedKalman(Identifier):
         self._time = 0.0
         self._moving = self._usable = False
         self._idle = 0.0  # [s] without anything to learn, during the start
+        self._windows = 0  # that were left behind, for they said nothing
+        self._is_solved = False  # whether the data of this one were gone through
         self.v_hat = math.nan
         self.excitation = 0.0
         self._published: Verdict | None = None  # what ``uncertainty`` was made of
@@ -336,16 +340,29 @@ class ExtendedKalman(Identifier):
                 self._start = None
             return
         bank = self._bank
-        bank.go_through_again(start, self._theta, start.next <= PERIOD)
-        if bank.changes_on(self._time):
-            self._begin_again(step, bank.changed_at)
-            return
-        if start.duration > LONGEST:
-            self._start = None
-        elif bank.confirmed and self._is_known(KNOWN_WELL):
+        if not self._windows or self._is_known(UNKNOWN, (ALPHA,)):
+            bank.go_through_again(start, self._theta, not self._is_solved)
+            self._is_solved = True
+            if bank.changes_on(self._time):
+                self._begin_again(step, bank.changed_at)
+                return
+        self._wait(start, step)
+
+    def _wait(self, start: BatchStart[Member], step: Step) -> None:
+        """Find when to go through all of it again, or that this is not needed any more."""
+        known = self._is_known(KNOWN, (ALPHA,))
+        if self._bank.confirmed and self._is_known(KNOWN_WELL):
             start.next = NEVER  # it is only kept for a lag that may be named yet
+        elif start.duration > (LONGEST if known else 2.0 * LONGEST):
+            self._start = None
+        elif start.duration > LONGEST and not self._is_known(UNKNOWN, (ALPHA,)):
+            # at rest, say, under thrust that carries a weight: what comes may tell more
+            start.clear()
+            start.add(self._velocity(step) / self._scales.velocity)
+            self._windows += 1
+            self._is_solved = False
         else:
-            start.wait(self._is_known(KNOWN, (ALPHA,)))
+            start.wait(known)
 
     def _is_known(self, share: float, terms: Sequence[int] | None = None) -> bool:
         """
@@ -396,7 +413,7 @@ class ExtendedKalman(Identifier):
               for p, q, v in zip(self._theta, self._model.initial, prior)], delay]
         self._bank.begin_anew(changed_at)
         self._start = self._new_start()
-        self._idle = 0.0
+        self._idle, self._windows, self._is_solved = 0.0, 0, False
         self.restart(velocity)
 
     def _velocity(self, step: Step) -> float:
@@ -437,7 +454,7 @@ class ExtendedKalman(Identifier):
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'time': self._time, 'moving': self._moving, 'usable': self._usable,
-            'idle': self._idle,
+            'idle': self._idle, 'windows': self._windows, 'solved': self._is_solved,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
             'excitation': self.excitation}
 
@@ -455,5 +472,6 @@ class ExtendedKalman(Identifier):
         self._time, self._idle, self.excitation = floats(
             [state[name] for name in ('time', 'idle', 'excitation')], 3)
         self._moving, self._usable = bool(state['moving']), bool(state['usable'])
+        self._windows, self._is_solved = int(state['windows']), bool(state['solved'])
         self.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
         self._publish()

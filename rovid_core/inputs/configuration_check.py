@@ -28,7 +28,7 @@ import numpy as np
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import Motion, NS
-from rovid_core.settings.run import Settings
+from rovid_core.settings.run import Scales, Settings
 
 BLOCK: Final = 500_000_000
 """[ns] Means over so long are kept; where fixes are rare, several are taken together."""
@@ -49,6 +49,9 @@ BATCH_ROWS, BATCH_DURATION = 4, 2.0
 """A batch has so many accelerations, and takes so long [s], at least."""
 
 LEAST_BATCHES: Final = 12
+
+HOLDING: Final = 0.0316
+"""Of the typical force: up to so much is no thrust to the identifiers either."""
 
 CLOSE: Final = 2.3
 """Student's t below which two mistakes are not told from each other: a chance of 1 %."""
@@ -371,7 +374,21 @@ class ConfigurationCheck:
             if name == self.linear:
                 rows.mirrored = {'surge': both[n + 3], 'sway': both[n + 4]}
             n += self._means[name].width
+        rows.velocity = {axis: v for axis, v in rows.velocity.items()
+                         if not self._hardly_drives(axis, rows)}
         return rows
+
+    def _hardly_drives(self, axis: str, rows: _Rows) -> bool:
+        """
+        Tell whether the thrust on a DOF is that of a controller which holds it, or none.
+
+        Such thrust follows the motion, and not the other way round.
+        """
+        dof = self._settings.dof.get(axis)
+        if dof is None:
+            return False
+        force = np.tensordot(self._allocation[DOFS.index(axis)], rows.forces[0], 1)
+        return bool(np.sqrt(np.mean(force * force)) < HOLDING * Scales.of(dof).force)
 
     def _mistakes(self, rows: _Rows) -> Iterator[Mistake]:
         """Yield all mistakes that can be told, those with the simplest cure first."""

@@ -146,6 +146,16 @@ def test_a_factor_cannot_be_seen(data: Drive) -> None:
     assert warnings(data, 3.0 * ALLOCATION) == []
 
 
+@pytest.mark.parametrize(('typical', 'named'), [(2.0, True), (60.0, False)])
+def test_thrust_that_only_holds_a_dof_accuses_nothing(
+        typical: float, named: bool, data: Drive) -> None:
+    """That of a controller follows the motion, against it: as thrust of the wrong sign does."""
+    wrong = settings_of(turned((5,), (0, 1, 2, 3)))
+    yaw = DofSettings(MASS['yaw'], typical_force=typical)
+    told = warnings(data, settings=replace(wrong, dof={**wrong.dof, 'yaw': yaw}))
+    assert any('row yaw' in line for line in told) is named
+
+
 def test_little_data_say_nothing(data: Drive) -> None:
     short = tuple(x[:200] for x in data)
     assert warnings(short, -ALLOCATION) == []  # type: ignore[arg-type]

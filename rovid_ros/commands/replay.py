@@ -429,9 +429,11 @@ def _status_rows(dofs: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
     joint = any('fit_joint' in values for values in dofs.values())
     rows = [['', 'status', 'steps', 'mae', 'fit', *(['all together'] if joint else [])]]
     for dof, values in dofs.items():
-        rows.append([
-            dof, values['status'], f'{values["steps"]:,}', quantity(dof, 'mae', values),
-            percent(values['fit']), *([percent(values.get('fit_joint'))] if joint else [])])
+        fits = [values['fit'], *([values.get('fit_joint')] if joint else [])]
+        if values['status'] == 'unexcited':  # its model is the guess, which predicts nothing
+            fits = [None] * len(fits)
+        rows.append([dof, values['status'], f'{values["steps"]:,}', quantity(dof, 'mae', values),
+                     *map(percent, fits)])
     return rows
 
 

@@ -575,3 +575,14 @@ def test_without_ros_one_line_says_so(
     assert (process.returncode, out) == (1, '')
     assert err == ("rovid replay: --ros needs ROS 2, which is not installed here: "
                    "No module named 'rclpy'\n")
+
+
+def test_a_guess_that_nothing_tried_has_no_fit(
+        config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log, given = tmp_path / 'dive.mcap', ['--params-file', str(config)]
+    assert main(['simulate', *given, '--duration', '20', '--output', str(log), '--profile',
+                 'surge=100@0.1,heave=0,yaw=0']) == 0
+    assert main(['replay', str(log), *given]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r'^surge .* %$', out, re.M)
+    assert re.search(r'^heave +unexcited .* -$', out, re.M)

@@ -160,6 +160,7 @@ class _Rows:
     forces: dict[int, Array]  # of the thrusters by lag, shape (thrusters, rows, 2)
     length: float  # of a block [s]
     batch: int  # rows
+    held: list[str] = field(default_factory=list)  # axes whose thrust says nothing
     fits: dict[tuple[object, ...], Array] = field(default_factory=dict)
 
 
@@ -374,13 +375,12 @@ class ConfigurationCheck:
             if name == self.linear:
                 rows.mirrored = {'surge': both[n + 3], 'sway': both[n + 4]}
             n += self._means[name].width
-        rows.velocity = {axis: v for axis, v in rows.velocity.items()
-                         if not self._hardly_drives(axis, rows)}
+        rows.held = [axis for axis in rows.velocity if self._is_held(axis, rows)]
         return rows
 
-    def _hardly_drives(self, axis: str, rows: _Rows) -> bool:
+    def _is_held(self, axis: str, rows: _Rows) -> bool:
         """
-        Tell whether the thrust on a DOF is that of a controller which holds it, or none.
+        Tell whether the thrust on a DOF is only that of a controller which holds it.
 
         Such thrust follows the motion, and not the other way round.
         """
@@ -388,12 +388,12 @@ class ConfigurationCheck:
         if dof is None:
             return False
         force = np.tensordot(self._allocation[DOFS.index(axis)], rows.forces[0], 1)
-        return bool(np.sqrt(np.mean(force * force)) < HOLDING * Scales.of(dof).force)
+        return 0.0 < float(np.sqrt(np.mean(force * force))) < HOLDING * Scales.of(dof).force
 
     def _mistakes(self, rows: _Rows) -> Iterator[Mistake]:
         """Yield all mistakes that can be told, those with the simplest cure first."""
-        pushed = [axis for axis in rows.velocity
-                  if np.any(self._allocation[DOFS.index(axis)] != 0.0)]
+        pushed = [axis for axis in rows.velocity if axis not in rows.held
+                  and np.any(self._allocation[DOFS.index(axis)] != 0.0)]
         turned = tuple(axis for axis in pushed if axis != 'surge' and not (
             axis == 'heave' and self._settings.depth.topic))  # depth has its own sign
         has_heading = bool(rows.mirrored) and self.linear == 'position'
@@ -475,6 +475,8 @@ class ConfigurationCheck:
             velocity['surge'], velocity['sway'] = velocity['sway'], -velocity['surge']
         total = np.zeros(rows.forces[0].shape[1])
         for axis, v in velocity.items():
+            if axis in rows.held:
+                continue
             row = mistake.allocation[DOFS.index(axis)]
             key = (axis, row.tobytes(), mistake.lag, mistake.quarter, mistake.mirrored)
             if key not in rows.fits:

@@ -559,8 +559,8 @@ class Pipeline:
                     if self._scorer is not None:
                         self._scorer.begin_anew(dof)
         if anew:
-            self._hint(f'now that the current is known, {", ".join(anew)} begins anew, for it is '
-                       'coupled with the velocity through the water: drive it once more')
+            self._hint(f'{", ".join(anew)}: begun anew now that the current is known, for what is '
+                       'coupled is the velocity through the water: drive once more')
 
     def _axis(self, dof: str, time: int) -> tuple[float, ...]:
         """Return x and y of the axis of surge or sway in the world, () where no current shows."""

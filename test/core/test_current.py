@@ -118,7 +118,7 @@ def test_yaw_begins_anew_with_what_it_has_where_there_is_a_current(current, anew
     run = replace(FIXES, current=current)
     stream = Stream(with_yaw(run))
     found = followed(stream, run)
-    assert any('yaw begins anew' in line for line in stream.take_warnings()) is anew
+    assert any('yaw: begun anew' in line for line in stream.take_warnings()) is anew
     k = next(k for k, one in enumerate(found) if one.current.status == 'known')
     alphas = [one.dofs[2].parameters[0] for one in found[k - 20:k + 20]]
     assert min(alphas) > 1.1 / with_yaw().dof['yaw'].mass  # not at the guess again

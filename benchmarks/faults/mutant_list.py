@@ -751,6 +751,9 @@ MUTANTS = [
          'a_name_decides_what_the_motion_leaves_open',
          ('a speed needs as much evidence as a force', '2.0 if words & _SPEEDS',
           '1.0 if words & _SPEEDS')),
+    *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_init.py '
+         'motors_that_are_known_push_the_way_they_point',
+         ('motors that are known push any way', 'if made.sure_frame:', 'if False:')),
     *_of('rovid_ros/discovery/decisions.py', 'test/discovery/test_init.py '
          'a_controller_whose_commands_are_stamped_late_pushes_along',
          ('a controller that brakes is accused', 'if sign < 0 and _goes_along(', 'if False and ('),

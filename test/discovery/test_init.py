@@ -24,7 +24,9 @@ from rovid_ros.discovery.ardupilot import allocation, dataflash_candidates, FRAM
 from rovid_ros.discovery.candidates import candidates
 from rovid_ros.discovery.configuration import configuration
 from rovid_ros.discovery.decisions import decide, Discovery
+from rovid_ros.discovery.motion import motion
 from rovid_ros.discovery.signals import read_signals, Signal
+from rovid_ros.discovery.thrusters import explained_by, with_delay
 from rovid_ros.logs.log import Log
 from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.simulated_messages import FRD_TO_FLU, NED_TO_ENU
@@ -509,11 +511,8 @@ def noisy(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return log
 
 
-@pytest.mark.parametrize(('late', 'sign', 'accused'), [
-    (0.0, 1.0, False), (0.15, 1.0, False), (0.0, -1.0, True)])
-def test_a_controller_whose_commands_are_stamped_late_pushes_along(
-        late: float, sign: float, accused: bool) -> None:
-    """What it brakes seems to go against the thrust a moment later."""
+def turns(late: float = 0.0, sign: float = 1.0) -> list[Signal]:
+    """Return heading and wrench, where ``sign`` is 1 of a controller that turns to and fro."""
     draw, step, count = np.random.default_rng(3), 0.01, 6000
     asked = np.repeat(draw.normal(0.0, 0.8, count // 400), 400) if sign > 0.0 else np.zeros(count)
     open_loop = np.repeat(draw.choice([-1.0, 0.0, 1.0], count // 200), 200)
@@ -527,13 +526,31 @@ def test_a_controller_whose_commands_are_stamped_late_pushes_along(
         moments.append(sign * moment)
     half, times, zero = 0.5 * np.array(angles)[::5], step * np.arange(0, count, 5), np.zeros(1200)
     half += draw.normal(0.0, 0.0005, len(half))
-    signals = [
+    return [
         Signal('/imu', 'sensor_msgs/msg/Imu', 'orientation', 'quaternion', times,
                np.column_stack([zero, zero, np.sin(half), np.cos(half)]), rate=20.0),
         Signal('/wrench', 'geometry_msgs/msg/WrenchStamped', 'wrench', 'wrench', times + late,
                np.column_stack([zero] * 5 + [np.array(moments)[::5]]), rate=20.0)]
+
+
+@pytest.mark.parametrize(('late', 'sign', 'accused'), [
+    (0.0, 1.0, False), (0.15, 1.0, False), (0.0, -1.0, True)])
+def test_a_controller_whose_commands_are_stamped_late_pushes_along(
+        late: float, sign: float, accused: bool) -> None:
+    """What it brakes seems to go against the thrust a moment later."""
+    signals = turns(late, sign)
     made = decide(candidates(signals), signals, lambda name, found: found[0])
     assert any('against its command' in one for one in made.guesses) is accused
+
+
+def test_motors_that_are_known_push_the_way_they_point() -> None:
+    """At the delay at which a controller seems to push against the motion it explains more."""
+    heading, wrench = turns(0.15)
+    made = decide(candidates([heading, wrench]), [heading, wrench],
+                  lambda name, found: found[0]).thrusters
+    moved = motion({'attitude': heading, 'thrusters': wrench})
+    known = with_delay(replace(made, sure_frame=True), moved)
+    assert explained_by(known, moved) > explained_by(with_delay(made, moved), moved)
 
 
 @pytest.mark.parametrize('seed', [1, 2])

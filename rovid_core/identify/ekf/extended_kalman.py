@@ -152,8 +152,8 @@ class ExtendedKalman(Identifier):
         self._time = 0.0
         self._moving = self._usable = False
         self._idle = 0.0  # [s] without anything to learn, during the start
-        self._windows = 0  # that were left behind, for they said nothing
-        self._is_solved = False  # whether the data of this one were gone through
+        self._is_later = False  # whether what was kept first was left behind, as it said nothing
+        self._is_solved = False  # whether what is kept was gone through
         self.v_hat = math.nan
         self.excitation = 0.0
         self._published: Verdict | None = None  # what ``uncertainty`` was made of
@@ -340,7 +340,7 @@ class ExtendedKalman(Identifier):
                 self._start = None
             return
         bank = self._bank
-        if not self._windows or self._is_known(UNKNOWN, (ALPHA,)):
+        if not self._is_later or self._is_known(UNKNOWN, (ALPHA,)):
             bank.go_through_again(start, self._theta, not self._is_solved)
             self._is_solved = True
             if bank.changes_on(self._time):
@@ -359,8 +359,7 @@ class ExtendedKalman(Identifier):
             # at rest, say, under thrust that carries a weight: what comes may tell more
             start.clear()
             start.add(self._velocity(step) / self._scales.velocity)
-            self._windows += 1
-            self._is_solved = False
+            self._is_later, self._is_solved = True, False
         else:
             start.wait(known)
 
@@ -413,7 +412,7 @@ class ExtendedKalman(Identifier):
               for p, q, v in zip(self._theta, self._model.initial, prior)], delay]
         self._bank.begin_anew(changed_at)
         self._start = self._new_start()
-        self._idle, self._windows, self._is_solved = 0.0, 0, False
+        self._idle, self._is_later, self._is_solved = 0.0, False, False
         self.restart(velocity)
 
     def _velocity(self, step: Step) -> float:
@@ -454,7 +453,7 @@ class ExtendedKalman(Identifier):
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
             'time': self._time, 'moving': self._moving, 'usable': self._usable,
-            'idle': self._idle, 'windows': self._windows, 'solved': self._is_solved,
+            'idle': self._idle, 'later': self._is_later, 'solved': self._is_solved,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
             'excitation': self.excitation}
 
@@ -472,6 +471,6 @@ class ExtendedKalman(Identifier):
         self._time, self._idle, self.excitation = floats(
             [state[name] for name in ('time', 'idle', 'excitation')], 3)
         self._moving, self._usable = bool(state['moving']), bool(state['usable'])
-        self._windows, self._is_solved = int(state['windows']), bool(state['solved'])
+        self._is_later, self._is_solved = bool(state['later']), bool(state['solved'])
         self.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
         self._publish()

@@ -14,7 +14,7 @@ from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.plant import lumped, trajectory
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Scales, SimulatedDof
+from rovid_core.settings.run import InputSettings, Scales, SimulatedDof
 from rovid_core.simulation.profiles import Steps
 from rovid_core.simulation.sensors import simulate
 from rovid_ros.config.parameter_file import load
@@ -203,6 +203,28 @@ def test_what_begins_after_minutes_of_rest_is_gone_through_again(seed):
     low, high = surge.intervals['mass']
     assert low <= 290.0 <= high
     assert surge.status == 'converged', surge.judgement
+    assert not any('changed' in reason for one in found for reason in one.dofs[0].reasons)
+
+
+@pytest.mark.parametrize('step', [0.01, 0.05])
+def test_a_depth_in_steps_that_rests_for_minutes_is_not_taken_to_be_exact(step):
+    """What never scatters seems to have no noise, and a filter that believes that is lost."""
+    known = surge_settings(method='ekf')
+    settings = replace(
+        known, dofs=('heave',), dof={'heave': HEAVY}, position=InputSettings(),
+        depth=InputSettings('/depth'), attitude=InputSettings(),
+        thrusters=replace(known.thrusters, allocation=((0.0,), (0.0,), (1.0,), *3 * [(0.0,)])),
+        simulation=replace(known.simulation, depth_noise=0.0005, dofs={
+            'heave': SimulatedDof(290.0, 290.0, 43.5, 15.0)}))
+    levels = (15.0,) * 27 + 2 * (150.0, -120.0, 80.0, -150.0, 120.0, -60.0, 100.0, -40.0)
+    found = run_stream(Stream(settings), [
+        (time, name, (step * round(value[0] / step),) if name == 'depth' else value)
+        for time, name, value in simulate(settings, 210.0, 1, {'heave': (Steps(levels, 5.0),)})])
+    heave = found[-1].dofs[0]
+    low, high = heave.intervals['mass']
+    assert low <= 290.0 <= high
+    assert high - low < 30.0
+    assert heave.status == 'converged', heave.judgement
     assert not any('changed' in reason for one in found for reason in one.dofs[0].reasons)
 
 

@@ -55,6 +55,9 @@ BUDGET = 6_000
 STEPS = (Step, PlanarStep)
 """What is not a velocity at which the filter takes up."""
 
+LEAST_NOISE = 1e-9
+"""Of a measurement; what is simulated has none."""
+
 LARGEST_NUMBER = 1e18
 """Far more than any force, velocity or time of a step."""
 
@@ -220,14 +223,16 @@ class BatchStart(Generic[M]):
         noise, settled = member.innovations.noise, 0
         for k in range(passes):
             found = self._new(member.unmodelled, theta)
-            found.innovations.noise = noise
+            innovations = found.innovations
+            innovations.noise = noise
             sizes = self._pass(found)
-            level = _level(sizes)
+            innovations.least = max(innovations.least, LEAST_NOISE)
+            level = innovations.scale_noise(_level(sizes))
+            noise = innovations.noise
             # what it would have been at the level of noise that is right
-            found.innovations.likelihood += 2.0 * len(sizes) * log(level) + fsum([
+            innovations.likelihood += 2.0 * len(sizes) * log(level) + fsum([
                 min(size / level, HUBER)**2 - min(size, HUBER)**2 for size in sizes])
-            value = found.innovations.likelihood + found.blocks.misfit(theta)
-            noise = max(noise * level, 1e-9)
+            value = innovations.likelihood + found.blocks.misfit(theta)
             found.settle()
             last, theta = theta, found.filter.theta
             moved = [abs(a - b) - SETTLED * sqrt(row[i]) for i, (a, b, row) in enumerate(
@@ -235,7 +240,6 @@ class BatchStart(Generic[M]):
             if abs(level - 1.0) < SETTLED and max(moved) <= 0.0:
                 settled = k + 1
                 break
-        found.innovations.noise = noise
         return found, value, settled
 
     def _pass(self, member: M) -> list[float]:

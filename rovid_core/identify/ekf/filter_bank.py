@@ -116,6 +116,7 @@ class Member:
     def move(self, recent: DelayedForce, span: Measurement) -> None:
         """Predict to the time of a measurement."""
         filter = self.filter
+        self.innovations.least = span.rounding
         self.prediction.move(recent, span)
         if span.end > span.start:
             filter.move(recent, span.start, span.end, span.couplings,

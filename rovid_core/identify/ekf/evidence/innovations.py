@@ -62,6 +62,10 @@ class Innovations:
 
     Attributes
     ----------
+    noise : float
+        Standard deviation of a measurement.
+    least : float
+        Below which that does not fall; where it is already, it stays.
     correlation : float
         Of an innovation with the one before it.
     likelihood : float
@@ -70,7 +74,7 @@ class Innovations:
     """
 
     def __init__(self, noise: float, axes: int = 1) -> None:
-        self.noise = noise
+        self.noise, self.least = noise, 0.0
         self.likelihood = 0.0
         self.count = 0
         self._level = 1.0
@@ -114,8 +118,17 @@ class Innovations:
         """Learn the noise level from an innovation in standard deviations."""
         square = normalised * normalised
         share = 1.0 / (self.count + FEW if self.count < MANY - FEW else MANY)
-        self.noise *= math.sqrt(1.0 + share * (
-            (square if square < HUBER * HUBER else HUBER * HUBER) / CLIPPED - 1.0))
+        self.scale_noise(math.sqrt(1.0 + share * (
+            (square if square < HUBER * HUBER else HUBER * HUBER) / CLIPPED - 1.0)))
+
+    def scale_noise(self, factor: float) -> float:
+        """Let the noise level be larger or smaller by a factor; return that by which it is."""
+        before, noise = self.noise, factor * self.noise
+        if noise >= self.least or factor > 1.0:
+            self.noise = noise
+            return factor
+        self.noise = min(before, self.least)
+        return self.noise / before
 
     def add(self, normalised: float, variance: float, axis: int = 0) -> None:
         """Add an innovation of an axis in standard deviations, and the variance it had."""

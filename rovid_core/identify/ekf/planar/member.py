@@ -34,7 +34,7 @@ from rovid_core.identify.ekf.planar.layout import (
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, SPAN
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, Bounds, floats
-from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL
+from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL, Resolution
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
@@ -69,6 +69,8 @@ class PlanarMeasurement(NamedTuple):
         [s] since the last measurement.
     couplings : pair of tuples of floats
         The mean of each measured regressor over the span.
+    rounding : float
+        ``Resolution.noise`` of what measures it, the lesser of both values.
 
     """
 
@@ -81,6 +83,7 @@ class PlanarMeasurement(NamedTuple):
     heading_noise: float
     dt: float
     couplings: tuple[tuple[float, ...], tuple[float, ...]]
+    rounding: float
 
 
 class PlanarClock:
@@ -114,6 +117,7 @@ class PlanarClock:
                      AS_CONFIGURED, AS_CONFIGURED)) -> None:
         self._forces, self._regressors, self._forgets = forces, regressors, forgets
         self._thrusters = thrusters
+        self._resolutions = [Resolution() for _ in range(AXES)]
         self.restart()
 
     def restart(self) -> None:
@@ -140,13 +144,15 @@ class PlanarClock:
         for recent, unit, forces, held, each in zip(
                 self.recent, self._forces, step.forces, step.held, step.each):
             recent.add(held or tuple(zip(spans, forces)), bool(held), unit, each)
+        for resolution, value in zip(self._resolutions, step.value):
+            resolution.add_value(value)
         start = end - step.dt if first else self._fix
         if first or not (self._group or self._way) and at - self._last >= LEAST_INTERVAL:
             self._fix, self._last, self.ahead = at, at, end - at
             return PlanarMeasurement(
                 start, at, step.value, _looks(step.axes) if not step.interval else None,
                 first and step.interval > 0.0, step.pieces, step.heading_noise, step.dt,
-                step.couplings)
+                step.couplings, self._rounding)
         before = self._group[-1][0] if self._group else self._last
         self._way += [((at - before) / len(step.pieces), piece) for piece in step.pieces]
         self._group.append([at, step.dt, step.heading_noise, *step.value, *step.axes,
@@ -169,7 +175,12 @@ class PlanarClock:
         return PlanarMeasurement(
             start, end, (x, y), _looks((a, b, c, d)) if not step.interval else None, False,
             self._mean_pieces(end - start, len(step.pieces)), noise, sums[1],
-            (tuple(couplings[:count]), tuple(couplings[count:])))
+            (tuple(couplings[:count]), tuple(couplings[count:])), self._rounding)
+
+    @property
+    def _rounding(self) -> float:
+        # one of them may never change
+        return min(*[one.noise for one in self._resolutions])
 
     def _mean_pieces(self, length: float, count: int) -> tuple[PlanarPiece, ...]:
         """Take equal parts of so many seconds off the way, each with the mean of its pieces."""
@@ -193,6 +204,7 @@ class PlanarClock:
         return {'recent': [recent.state() for recent in self.recent], 'fix': self._fix,
                 'last': self._last, 'ahead': self.ahead,
                 'group': [list(row) for row in self._group],
+                'resolutions': [one.state() for one in self._resolutions],
                 'way': [[h, *piece] for h, piece in self._way]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -203,6 +215,8 @@ class PlanarClock:
         one, other = state['recent']
         for recent, found in zip(self.recent, (one, other)):
             recent.restore(found)
+        for resolution, seen in zip(self._resolutions, state['resolutions']):
+            resolution.restore(seen)
         self._fix, self._last, self.ahead, self._group = fix, last, ahead, group
         self._way = [(h, PlanarPiece(*piece)) for h, *piece in way]
 
@@ -277,6 +291,7 @@ class PlanarMember:
 
     def move(self, recent: Recent, span: PlanarMeasurement) -> None:
         """Predict to the time of a measurement."""
+        self.innovations.least = span.rounding
         if span.end > span.start:
             self.filter.move(recent, span.start, span.end, span.pieces,
                              span.couplings, span.heading_noise)

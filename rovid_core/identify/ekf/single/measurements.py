@@ -14,6 +14,54 @@ from rovid_core.model.thrusters import Thrusters
 LEAST_INTERVAL: Final = 0.039
 """[s] between two measurements; fixes that come faster are taken together, 25 Hz come alone."""
 
+SAME: Final = 1e-9
+"""By which a value that is repeated may seem to differ, in typical ones or m, for rounding."""
+
+OF_ROUNDING: Final = math.sqrt(1.0 / 12.0)
+"""Standard deviation of what rounding leaves, in the steps to which values are rounded."""
+
+
+class Resolution:
+    """
+    The steps to which a sensor rounds, as it shows where it repeats a value.
+
+    What is measured of a vehicle at rest then does not scatter at all, which says nothing of how
+    far it is off.
+    """
+
+    def __init__(self) -> None:
+        self._repeats, self._least, self._value = False, math.inf, math.nan
+
+    def add_value(self, value: float) -> None:
+        """Look at the next value."""
+        self.add_change(value - self._value)
+        self._value = value
+
+    def add_change(self, change: float) -> None:
+        """Look at a change from one value to the next."""
+        size = abs(change)
+        if size <= SAME:
+            self._repeats = True
+        elif size < self._least:
+            self._least = size
+
+    @property
+    def noise(self) -> float:
+        """Return the standard deviation of rounding: 0 for none, inf if all were repeated."""
+        return OF_ROUNDING * self._least if self._repeats else 0.0
+
+    def state(self) -> list[Any]:
+        """Return all that is needed to go on from here."""
+        return [self._repeats, *[x if math.isfinite(x) else None
+                                 for x in (self._least, self._value)]]
+
+    def restore(self, state: Sequence[Any]) -> None:
+        """Go on from ``state``; raises ValueError if it does not fit."""
+        repeats, least, value = state
+        self._repeats = bool(repeats)
+        self._least = math.inf if least is None else floats([least], 1)[0]
+        self._value = math.nan if value is None else floats([value], 1)[0]
+
 
 class Measurement:
     """
@@ -37,17 +85,20 @@ class Measurement:
         The mean of each regressor of the couplings over the span.
     watched : sequence of floats
         The same of those that are only watched.
+    rounding : float
+        ``Resolution.noise`` of what measures it.
 
     """
 
-    __slots__ = ('start', 'end', 'i', 'value', 'turn', 'slip', 'dt', 'couplings', 'watched')
+    __slots__ = ('start', 'end', 'i', 'value', 'turn', 'slip', 'dt', 'couplings', 'watched',
+                 'rounding')
 
     def __init__(self, start: float, end: float, i: int, value: float | None, turn: float,
                  slip: float, dt: float, couplings: Sequence[float],
-                 watched: Sequence[float]) -> None:
+                 watched: Sequence[float], rounding: float) -> None:
         self.start, self.end, self.i, self.value = start, end, i, value
         self.turn, self.slip, self.dt = turn, slip, dt
-        self.couplings, self.watched = couplings, watched
+        self.couplings, self.watched, self.rounding = couplings, watched, rounding
 
 
 class MeasurementClock:
@@ -90,6 +141,7 @@ class MeasurementClock:
         self._forgets, self._thrusters = forgets, thrusters
         self._own = [i - 4 for i in own if i >= 0]
         self._no_couplings, self._nothing_watched = [0.0] * couplings, (0.0,) * watched
+        self._resolution = Resolution()
         self.restart()
 
     def restart(self) -> None:
@@ -124,16 +176,19 @@ class MeasurementClock:
         start = end - dt if first else self._fix
         i, value = VELOCITY, step.mean / unit
         if interval:
-            i, value = POSITION, self._path
-            self._path += step.mean * interval / unit
+            i, value, change = POSITION, self._path, step.mean * interval / unit
+            self._resolution.add_change(change)
+            self._path += change
             if first:
                 self._fix, self._last, self.ahead = at, at, end - at
                 return Measurement(start, at, i, None, step.turn, step.path_noise / unit, dt,
-                                   couplings, watched)
+                                   couplings, watched, self._resolution.noise)
+        else:
+            self._resolution.add_value(value)
         alone = at - self._last >= LEAST_INTERVAL
         if alone and not self._group:
             found = Measurement(start, at, i, value, step.turn, step.path_noise / unit, dt,
-                                couplings, watched)
+                                couplings, watched, self._resolution.noise)
         else:
             self._group.append([at, value, step.turn, step.path_noise, dt, *couplings, *watched])
             if not alone:
@@ -155,12 +210,13 @@ class MeasurementClock:
         means = [x / n for x in sums]
         return Measurement(
             start, means[0], i, means[1], math.sqrt(turn), math.sqrt(slip) / self._velocity,
-            sums[4], means[5:5 + self.couplings], means[5 + self.couplings:])
+            sums[4], means[5:5 + self.couplings], means[5 + self.couplings:],
+            self._resolution.noise)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'recent': self.recent.state(), 'path': self._path, 'fix': self._fix,
-                'last': self._last, 'ahead': self.ahead,
+                'last': self._last, 'ahead': self.ahead, 'resolution': self._resolution.state(),
                 'group': [list(row) for row in self._group]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -169,5 +225,6 @@ class MeasurementClock:
             [state[name] for name in ('path', 'fix', 'last', 'ahead')], 4)
         group = [floats(row, 5 + self.couplings + self.watched) for row in state['group']]
         self.recent.restore(state['recent'])
+        self._resolution.restore(state['resolution'])
         self._path, self._fix, self._last, self.ahead = path, fix, last, ahead
         self._group = group

@@ -172,8 +172,8 @@ class ConfigurationCheck:
     ----------
     settings : Settings
         The run.
-    curve : callable
-        The force of a thruster before its gain, of a raw command.
+    models : sequence of callables
+        The force of each thruster, of its raw command.
     warn : callable
         Called with one line, once.
 
@@ -186,10 +186,10 @@ class ConfigurationCheck:
 
     """
 
-    def __init__(self, settings: Settings, curve: Callable[[float], float],
+    def __init__(self, settings: Settings, models: Sequence[Callable[[float], float]],
                  warn: Callable[[str], None]) -> None:
         self._settings = settings
-        self._curve = curve
+        self._models = models
         self._warn = warn
         thrusters = settings.thrusters
         self._allocation = np.array(thrusters.allocation)
@@ -221,7 +221,7 @@ class ConfigurationCheck:
     def add_commands(self, time: int, raw: Sequence[float]) -> None:
         """Add the raw commands of all thrusters from ``time`` [ns] on."""
         thrusters = self._settings.thrusters
-        new = [k * self._curve(u) for k, u in zip(thrusters.gain, raw)]
+        new = [model(u) for model, u in zip(self._models, raw)]
         time += self._late
         last, self._command = self._command, (time, new)
         longest = round(thrusters.timeout / NS) or LONGEST

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
-from rovid_core.settings.run import LEAST_GAP
+from rovid_core.settings.run import BURST, LEAST_GAP
 
 PERIODS: Final = 5.0
 """A silence of more than so many usual intervals is a gap: some fixes may be lost in between."""
@@ -45,7 +45,11 @@ class Cadence:
 
     def add_time(self, time: int) -> bool:
         """Add the event time [ns] of a sample, and tell whether ``gap`` is another one now."""
-        last, self._last = self._last, time
+        last = self._last
+        if last is not None and self._intervals and 0 < time - last <= SHORT and (
+                BURST * (time - last) < self._intervals[-1]):
+            return False  # the same sample once more: the next interval is from the first of them
+        self._last = time
         if last is None or time <= last:
             return False
         self._intervals.append(time - last)

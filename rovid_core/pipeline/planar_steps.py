@@ -59,7 +59,11 @@ class PlanarSteps:
 
     def missing(self, motion: Motion) -> str:
         """Return '' if the attitudes of a motion are known, 'later' if they may become so."""
-        return self._attitude.missing(motion.start) or self._attitude.missing(motion.end)
+        missing = self._attitude.missing
+        for part, _ in _parts(motion.start, motion.end)[1:]:
+            if missing(part):
+                return missing(part)
+        return missing(motion.start) or missing(motion.end)
 
     def begin(self, motion: Motion) -> None:
         """Take up from a measurement."""
@@ -111,12 +115,17 @@ class PlanarSteps:
 
     def _pieces(self, start: int, end: int, heave: float) -> tuple[PlanarPiece, ...]:
         """Return the attitude over equal parts of a span [ns]."""
-        count = max(math.ceil((end - start) / LONGEST_PIECE), 1)
-        times = [start + (end - start) * k // count for k in range(count + 1)]
         found = []
-        for a, b in zip(times, times[1:]):
+        for a, b in _parts(start, end):
             x, y, _ = rotate(self._attitude.at((a + b) // 2), (0.0, 0.0, heave))
             found.append(PlanarPiece(
                 *self._axes((a + b) // 2), x, y,
                 self._couplings.mean_rates(a, b)[2] if b > a else 0.0))
         return tuple(found)
+
+
+def _parts(start: int, end: int) -> list[tuple[int, int]]:
+    """Return begin and end [ns] of equal parts of a span, of at most ``LONGEST_PIECE`` each."""
+    count = max(math.ceil((end - start) / LONGEST_PIECE), 1)
+    times = [start + (end - start) * k // count for k in range(count + 1)]
+    return list(zip(times, times[1:]))

@@ -18,7 +18,7 @@ from rovid_core.pipeline.identification import Identification
 from rovid_core.pipeline.planar_steps import PlanarSteps
 from rovid_core.settings.run import Scales, Settings, WITH_CURRENT
 from rovid_core.thrust.force_history import CommandIntake, ForceHistory
-from rovid_core.thrust.thruster_curve import thruster_model
+from rovid_core.thrust.thruster_curve import thruster_models
 from rovid_core.velocity.attitude_history import normalised, rotate, rotate_back, SharedMotion
 from rovid_core.velocity.couplings import CouplingRegressors, own_regressors
 
@@ -55,6 +55,9 @@ class Scorer(Protocol):
 
     def add_reference(self, time: int, value: tuple[float, ...]) -> None:
         """Add a reference velocity (six values)."""
+
+    def restart(self) -> None:
+        """Expect times that have nothing to do with those so far."""
 
     def set_cutoff(self, cutoff: float) -> None:
         """Note the cutoff [Hz] of the steps from now on."""
@@ -111,7 +114,7 @@ class Pipeline:
             dof: Scales.of(settings.dof[dof]).force for dof in settings.sharing})
         self._commands = CommandIntake(settings, self._forces, warn)
         self._configuration = ConfigurationCheck(
-            settings, thruster_model(settings.thrusters), warn)
+            settings, thruster_models(settings.thrusters), warn)
         self._couplings = CouplingRegressors(settings, self._shared.attitude)
         needed = ('position', 'depth', *self._couplings.inputs)
         self._planar = PlanarSteps(settings, self._shared.attitude, self._couplings) if (
@@ -173,6 +176,8 @@ class Pipeline:
         self._forces.restart()
         self._commands.restart()
         self._configuration.restart()
+        if self._scorer is not None:
+            self._scorer.restart()
         for cadence in self._cadences.values():
             cadence.restart()
         for check in self._checks.values():

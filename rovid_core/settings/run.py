@@ -51,6 +51,12 @@ Methods whose filters know the velocity, and that of the water: the others assum
 LEAST_GAP = 1.0
 """[s] Least gap where ``max_gap`` follows the rates; no vehicle is slower than that."""
 
+BURST = 10
+"""
+A fix that follows its predecessor this many times sooner than that one followed its own is of a
+burst. Their difference is mostly noise, which the low-pass would weigh by the long interval.
+"""
+
 LEAST_WAIT = 0.1
 """[s] Least wait for the slowest input where ``max_wait`` follows what comes."""
 

@@ -15,7 +15,7 @@ from rovid_core.velocity.attitude_history import cross, product, rotate
 
 Measurement = tuple[int, str, tuple[float, ...]]
 
-FIRST_SAMPLE = {'thrusters': 0, 'attitude': 3_000_000, 'angular_velocity': 5_000_000,
+FIRST_SAMPLE = {'thrusters': 0, 'sign': 0, 'attitude': 3_000_000, 'angular_velocity': 5_000_000,
          'depth': 7_000_000, 'position': 11_000_000, 'velocity': 13_000_000,
          'reference': 17_000_000}
 """Time of each sensor's first sample [ns]; the sensors of a vehicle are not synchronous."""
@@ -82,7 +82,7 @@ class _Sensors:
         """Return the inputs of each topic with the rate [Hz] of the slowest of them."""
         s = self._settings.simulation
         rates = {
-            'thrusters': s.thruster_rate, 'attitude': s.attitude_rate,
+            'thrusters': s.thruster_rate, 'sign': s.thruster_rate, 'attitude': s.attitude_rate,
             'angular_velocity': s.angular_velocity_rate, 'depth': s.depth_rate,
             'position': s.position_rate, 'velocity': s.velocity_rate,
             'reference': s.velocity_rate}
@@ -98,7 +98,10 @@ class _Sensors:
         """Return one measurement."""
         s, v = self._settings.simulation, self._vehicle
         if name == 'thrusters':
-            return self._noisy(v.command(time), s.thruster_noise)
+            return self._noisy(self._as_told(v.command(time)), s.thruster_noise)
+        if name == 'sign':
+            offset = self._settings.thrusters.offset
+            return tuple([math.copysign(1.0, u - offset) for u in v.command(time)])
         if name == 'position':
             arm = rotate(v.attitude, self._settings.position.lever_arm)
             x, y, z = v.position
@@ -120,6 +123,13 @@ class _Sensors:
         if name == 'angular_velocity':
             return self._noisy(v.velocity[-len(ANGULAR_DOFS):], s.angular_velocity_noise)
         return tuple(v.velocity)
+
+    def _as_told(self, commands: tuple[float, ...]) -> tuple[float, ...]:
+        """Return commands without the direction that another input says."""
+        if not self._settings.sign.topic:
+            return commands
+        offset = self._settings.thrusters.offset
+        return tuple([offset + abs(u - offset) for u in commands])
 
     def _noisy(self, values: Sequence[float], sigma: float) -> tuple[float, ...]:
         if sigma == 0.0:

@@ -169,11 +169,13 @@ class ThrusterCommands:
         if not self.dofs:
             return [0.0] * self._settings.count
         forces = self._inverse @ np.array(self.forces(t))
-        return [float(f) / k if k else 0.0 for f, k in zip(forces, self._settings.gain)]
+        return [float(f) / abs(k) if k else 0.0 for f, k in zip(forces, self._settings.gain)]
 
     def at(self, t: float) -> tuple[float, ...]:
         """Return the raw commands at ``t`` [s]."""
-        return tuple([self._command(f) for f in self.thruster_forces(t)])
+        raw = [self._command(f) for f in self.thruster_forces(t)]
+        twice = 2.0 * self._settings.offset
+        return tuple([u if k >= 0.0 else twice - u for u, k in zip(raw, self._settings.gain)])
 
 
 def _inverse_allocation(settings: ThrusterSettings, moved: Sequence[str],
@@ -207,7 +209,9 @@ def _inverse_model(
         root = 1.0 if settings.model == 'linear' else 0.5
 
         def command(f: float) -> float:
-            size = abs(f if f > 0.0 else f / reverse)**root + (lost if f else 0.0)
+            if f == 0.0 or f < 0.0 and reverse == 0.0:
+                return offset
+            size = abs(f if f > 0.0 else f / reverse)**root + lost
             return math.copysign(min(limit, size), f) / scale + offset
 
         most = max(limit - lost, 0.0)**(1.0 / root)

@@ -24,6 +24,15 @@ MAX_FORCE: Final = 1e12
 MAX_PIECES: Final = 16
 """Pieces of a held force above which it is as good as smooth."""
 
+PART: Final = 50_000_000
+"""[ns] Parts over which a smooth force is as good as its mean."""
+
+MAX_PARTS: Final = 100
+"""Parts of a span at most."""
+
+SHORT: Final = 4
+"""Parts of a span of which the means over both halves will do."""
+
 MAX_KEPT: Final = 65536
 """Commands that are kept, however close their stamps are."""
 
@@ -255,11 +264,11 @@ class ForceHistory:
         """
         Return in which pieces the force is held over ``[start, end]`` [ns], per DOF.
 
-        There are none where a force is not held, or has more than ``MAX_PIECES``. The span begins
-        after the first command.
+        Where a force is not held, or has more than ``MAX_PIECES``, these are the means over equal
+        parts of the span, and none where that is short. The span begins after the first command.
         """
         if self._lag or self._linear:
-            return [NO_PIECES for _ in dofs]
+            return [self._parts(start, end, j) for j in dofs]
         times, forces = self._times, self._forces
         first, last = bisect_right(times, start) - 1, bisect_left(times, end)
         found = []
@@ -276,8 +285,25 @@ class ForceHistory:
                     each.append((held[numbers[0]], held[numbers[1]], held[numbers[2]]))
                 since, held = until, new
             found.append(Pieces(tuple(pieces), tuple(each)) if len(pieces) <= MAX_PIECES
-                         else NO_PIECES)
+                         else self._parts(start, end, j))
         return found
+
+    def _parts(self, start: int, end: int, dof: int) -> Pieces:
+        """Return the means over equal parts of a span [ns], nothing where that is short."""
+        count = min(-((start - end) // PART), MAX_PARTS)
+        if count <= SHORT:
+            return NO_PIECES
+        times = tuple([start + (end - start) * k // count for k in range(count + 1)])
+        sums = self.integrals(times, (dof, *self._each[dof]))
+        held, each = [], []
+        for a, b, before, after in zip(times, times[1:], sums, sums[1:]):
+            h = (b - a) * NS
+            mean, *others = [(y - x) / h for x, y in zip(before, after)]
+            held.append((h, mean))
+            if others:
+                p, q, r = others
+                each.append((p, q, r))
+        return Pieces(tuple(held), tuple(each))
 
     def missing(self, start: int, end: int) -> str:
         """Return why the force over ``[start, end]`` [ns] is not known, or ''."""
@@ -372,7 +398,9 @@ class CommandIntake:
             signs = signs if len(signs) > 1 else signs * len(value)
             if len(signs) > len(value):
                 signs = signs[part:part + 1]
-            value = tuple([math.copysign(abs(u), s) for u, s in zip(value, signs)])
+            offset = self._settings.offset
+            value = tuple([offset + math.copysign(abs(u) - offset, s)
+                           for u, s in zip(value, signs)])
         self._pulse_widths.add_commands(value)  # what is beyond the limit, too
         if not are_commands(self._settings, value, part):
             return 'not_a_command'

@@ -47,6 +47,23 @@ def thruster_model(settings: ThrusterSettings) -> Callable[[float], float]:
     return force
 
 
+def thruster_models(settings: ThrusterSettings) -> list[Callable[[float], float]]:
+    """
+    Return the force of each thruster with its gain, as a function of the raw command.
+
+    A gain below 0 is that of a motor that turns the other way. It mirrors the command, so that
+    the curve, and what is weaker backwards, is that of the propeller.
+    """
+    model, twice = thruster_model(settings), 2.0 * settings.offset
+
+    def of_motor(gain: float) -> Callable[[float], float]:
+        if gain < 0.0:
+            return lambda raw: -gain * model(twice - raw)
+        return lambda raw: gain * model(raw)
+
+    return [of_motor(gain) for gain in settings.gain]
+
+
 def _polynomial(coefficients: Sequence[float], u: float) -> float:
     total = 0.0
     for c in reversed(coefficients):
@@ -87,7 +104,7 @@ def wrench_model(settings: ThrusterSettings, dofs: Sequence[str],
         ``DEAD_BAND`` takes, and the root of the force, by which it falls with speed.
 
     """
-    model, gains = thruster_model(settings), settings.gain
+    models = thruster_models(settings)
     rows = [settings.allocation[DOFS.index(d)] for d in dofs]
     each = []
     for dof, unit in (units or {}).items():
@@ -95,7 +112,7 @@ def wrench_model(settings: ThrusterSettings, dofs: Sequence[str],
         each.append((row, unit, unit / math.fsum(map(abs, row)), math.fsum([a * a for a in row])))
 
     def wrench_of(commands: Sequence[float]) -> tuple[float, ...]:
-        forces = [k * model(u) for k, u in zip(gains, commands)]
+        forces = [model(u) for model, u in zip(models, commands)]
         wrench = []
         for row in rows:
             # sum() rounds differently from Python 3.12 on; a log has to give the same bits on all

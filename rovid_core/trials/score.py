@@ -139,6 +139,11 @@ class ScoreLog:
         for dof in settings.dofs:
             self.begin_anew(dof)
         self._references = SpillingTable(1, len(DOFS), block)
+        self._clocks = [0]  # rows of the references from which on another clock runs
+
+    def restart(self) -> None:
+        """Expect times that have nothing to do with those so far."""
+        self._clocks.append(self._references.count)
 
     def begin_run(self, dof: str, time: int, velocity: float, axis: Axis = ()) -> None:
         """
@@ -150,7 +155,7 @@ class ScoreLog:
         self.runs[dof].append(
             ScoredRun(table, table.count, time, velocity, [(0, self._cutoff)],
                       self._couplings[dof], self.water if self._axes[dof] else LogWater(),
-                      axis or STILL))
+                      axis or STILL, len(self._clocks) - 1))
 
     def set_cutoff(self, cutoff: float) -> None:
         """Set the cutoff [Hz] of the low-pass for the steps from now on."""
@@ -251,14 +256,15 @@ class ScoreLog:
         """
         total = _ScoreSum(self._block)
         column = DOFS.index(dof)
-        known = any(not np.isnan(values[:, column]).all() for _, values in self._all_references())
+        every = self._references.blocks(0, self._references.count)
+        known = any(not np.isnan(values[:, column]).all() for _, values in every)
         for run in self.runs[dof]:
             if not known:
                 for pair in run.as_measured(parameters, simulated, delay, thrusters):
                     total.add(*pair)
                 continue
             for part in run.predicted(parameters, simulated, delay, thrusters):
-                for times, values in self._all_references():
+                for times, values in self._references_of(run):
                     there = ~np.isnan(values[:, column])
                     total.add(*run.at(part, times[there, 0], values[there, column]))
         return total.score()
@@ -296,5 +302,7 @@ class ScoreLog:
         for run in self.runs[dof]:
             yield from run.segments(delay, thrusters)
 
-    def _all_references(self) -> Iterator[tuple[Times, Array]]:
-        return self._references.blocks(0, self._references.count)
+    def _references_of(self, run: ScoredRun) -> Iterator[tuple[Times, Array]]:
+        """Yield those of the same clock: another one may have had the same times."""
+        first, last = [*self._clocks, self._references.count][run.clock:run.clock + 2]
+        return self._references.blocks(first, last)

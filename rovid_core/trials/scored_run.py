@@ -72,6 +72,8 @@ class ScoredRun:
         In which it moves; still water for a DOF that does not move with it.
     axis : tuple of 2 floats
         Axis of the DOF in the world at the start.
+    clock : int
+        Number of the clock that its times are of.
     count : int
         Number of steps.
 
@@ -85,6 +87,7 @@ class ScoredRun:
     couplings: tuple[str, ...]
     water: LogWater
     axis: Axis
+    clock: int
     count: int = 0
 
     @property

@@ -8,7 +8,7 @@ from typing import Final
 
 from rovid_core.model.dofs import ANGULAR_DOFS, LINEAR_DOFS, Quaternion, Vector
 from rovid_core.model.samples import Motion, NS
-from rovid_core.settings.run import Settings
+from rovid_core.settings.run import BURST, Settings
 from rovid_core.velocity.attitude_history import (
     cross,
     MAX_KEPT,
@@ -23,12 +23,6 @@ SPEED_SPAN: Final = 0.1
 
 SHORTEST: Final = 0.001
 """[s] Least interval of which that holds; below, a burst was stamped as it came."""
-
-BURST: Final = 10
-"""
-A fix that follows its predecessor this many times sooner than that one followed its own is of a
-burst. Their difference is mostly noise, which the low-pass would weigh by the long interval.
-"""
 
 Fix = tuple[int, tuple[float, ...]]
 """A measurement: time [ns] and value."""
@@ -180,10 +174,9 @@ class VelocitySource:
     def _missing_attitude(self, start: int, end: int) -> str:
         """Return '' if the attitudes of an interval are known, or why they are not."""
         missing = self._shared.attitude.missing
-        if self._lever is None:
-            return missing((start + end) // 2)
-        # the lever arm is taken off at both ends; else the middle will do
-        return missing(start) or missing(end)
+        turned = missing((start + end) // 2)
+        # the lever arm is taken off at both ends
+        return turned if self._lever is None else turned or missing(start) or missing(end)
 
     def _difference(self, last: Fix, new: Fix) -> Motion | None:
         """Return the velocity between two measurements, None if it is too fast."""

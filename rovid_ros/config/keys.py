@@ -229,7 +229,7 @@ def _thrusters() -> list[Key]:
             'twice this size they are refused; 0: none', low=0.0),
         key('model', 'force of a command i: k i, k i|i|, polynomial or table',
             choices=('linear', 'quadratic', 'polynomial', 'table')),
-        key('gain', 'k, one per thruster; their number is the number of thrusters', 'N/command'),
+        key('gain', 'k, one per thruster; below 0: the motor turns the other way', 'N/command'),
         key('newtons', 'false: nobody knows the newtons of a command, so that masses, drags and '
             'biases are relative to a command of 1, in cmd instead of kg and N'),
         key('polynomial', 'coefficients from the constant term upwards, times k'),

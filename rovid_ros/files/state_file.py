@@ -19,7 +19,7 @@ from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.keys import KEYS
 from rovid_ros.files.whole_files import before, create_unused, FileLock, prepare_file, write_text
 
-VERSION = 2
+VERSION = 3
 
 _FORCE = ('names', 'offset', 'scale', 'deadband', 'dead_zone', 'limit', 'model', 'gain', 'reverse',
           'polynomial', 'table_command', 'table_force', 'delay', 'time_constant', 'hold',
@@ -170,8 +170,8 @@ def _fingerprint(settings: Settings) -> dict[str, Any]:
     Return the keys that give the identified parameters their meaning, with their values.
 
     These are the method, the degrees of freedom, their terms and couplings, what a force and a
-    length are, and the initial and typical values, which the identifiers count in. Topics, gains
-    and limits can change.
+    length are, and the initial and typical values, which the identifiers count in. Limits can
+    change, and topics and gains as long as there are any.
     """
     values = {}
     for key in KEYS:
@@ -181,9 +181,13 @@ def _fingerprint(settings: Settings) -> dict[str, Any]:
             value = _value(settings, key.setting)
             if value is not None:
                 values[key.name] = value
+    values['current.prior'] = 'above 0' if settings.estimates_current else '0'
+    values['identifier.adaptation_gains'] = bool(settings.identifier.adaptation_gains)
     for dof in settings.dofs:
-        if settings.couplings(dof):
-            values[f'{dof}.couplings'] = list(settings.couplings(dof))
+        for name, regressors in (('couplings', settings.couplings(dof)),
+                                 ('possible couplings', settings.watched(dof))):
+            if regressors:
+                values[f'{dof}.{name}'] = list(regressors)
     return values
 
 

@@ -16,6 +16,8 @@ from rovid_core.settings.run import (
     SimulationSettings,
     ThrusterSettings,
 )
+from rovid_core.simulation.profiles import Steps
+from rovid_core.simulation.sensors import simulate
 from rovid_core.velocity.attitude_history import from_yaw, product
 from rovid_ros.commands.main import main
 from rovid_ros.commands.simulate import EPOCH, simulate_log
@@ -171,6 +173,31 @@ def test_a_wrench_comes_back(frames: str) -> None:
         ('/w',), 'geometry_msgs/msg/WrenchStamped', 'wrench', gain=(1.0,) * 6, allocation=EYE))
     wrench = (1.0, -2.0, 3.0, -4.0, 5.0, -6.0)
     assert round_trip(settings, {'thrusters': wrench})['thrusters'] == {0: wrench}
+
+
+def commanded(settings: Settings, name: str = 'thrusters') -> list[tuple[float, ...]]:
+    """Return what an input says of thrust ahead and astern."""
+    profile = {'surge': (Steps((50.0, -50.0), 2.0),)}
+    return [value for _, input, value in simulate(settings, 8.0, 1, profile) if input == name]
+
+
+@pytest.mark.parametrize('topic', ['/direction', '/thrust'])
+def test_magnitudes_and_their_directions_are_those_of_signed_commands(topic: str) -> None:
+    thrusters = replace(settings_of().thrusters, offset=0.25)
+    apart = settings_of(thrusters=thrusters, sign=InputSettings(
+        topic, 'std_msgs/msg/Float64MultiArray', 'data'))
+    told, signs = commanded(apart), commanded(apart, 'sign')
+    assert min(map(min, told)) >= 0.25
+    assert {sign for one in signs for sign in one} == {-1.0, 1.0}
+    for one, magnitudes, directions in zip(
+            commanded(settings_of(thrusters=thrusters)), told, signs, strict=True):
+        assert one == pytest.approx(
+            [0.25 + s * (u - 0.25) for u, s in zip(magnitudes, directions)])
+
+
+def test_thrusters_that_push_one_way_only_get_no_command_for_the_other() -> None:
+    settings = settings_of(thrusters=replace(settings_of().thrusters, reverse=0.0))
+    assert {round(one[0], 9) for one in commanded(settings)} == {0.0, 25.0}
 
 
 def test_whole_numbers_are_rounded() -> None:

@@ -114,6 +114,29 @@ def test_lever_arm_is_taken_off():
         assert (np.abs(averaged).max() > 0.06) == worse
 
 
+@pytest.mark.parametrize(('method', 'arm', 'hole'), [
+    ('aid', 0.0, (2.0, 3.9)), ('aid', 0.1, (2.0, 3.9)), ('ekf', 0.0, (0.4, 2.2)),
+    ('ekf', 0.1, (2.0, 3.9)), ('ekf', 0.0, (9.0, 9.0))])
+def test_no_fix_is_turned_by_an_attitude_that_nobody_measured(method, arm, hole):
+    """Over seconds the headings in between count, too."""
+    settings = vehicle(
+        ('surge', 'sway', 'yaw'), identifier=IdentifierSettings(method), max_gap=9.0,
+        position=InputSettings('/fix', lever_arm=(0.0, 0.0, arm)),
+        attitude=InputSettings('/imu', timeout=1.0))
+    stream = Stream(settings)
+    for k in range(101):
+        time, half = 50_000_000 * k, 0.02 * k
+        samples = [Sample('thrusters', (1.0,) * 6)]
+        if not hole[0] < 0.05 * k < hole[1]:
+            samples.append(Sample('attitude', (0.0, 0.0, math.sin(half), math.cos(half))))
+        if k in (0, 100):
+            samples.append(Sample('position', (0.05 * k, 0.0, 0.0)))
+        for sample in samples:
+            stream.receive(Event(time, (sample,)))
+    stream.finish()
+    assert stream.rejected.get(('position', 'no_attitude'), 0) == (hole[0] < 5.0)
+
+
 def test_a_lever_arm_without_an_attitude_is_left_out():
     settings = vehicle(('heave',), depth=InputSettings('/depth'), attitude=InputSettings(),
                        position=InputSettings('/fix', lever_arm=(0.3, 0.0, 0.2)))

@@ -100,6 +100,24 @@ def test_in_parts_a_model_that_runs_away_scores_as_badly_as_can_be() -> None:
         assert log.score('surge', (0.004, 3.0, 0.5, 0.0)) == Score(math.inf, -math.inf)
 
 
+def test_references_of_another_clock_with_the_same_times_are_not_compared() -> None:
+    """A log of two dives of a vehicle that does not know the date."""
+    first, both = (filled((300,), reference=True, block=100_000) for _ in range(2))
+    second, [run] = ScoreLog(SETTINGS, 100_000), first.runs['surge']
+    both.restart()
+    for log in (both, second):
+        log.begin_run('surge', run.start, run.velocity)
+        for (middle, end), (before, after, velocity, mean) in zip(*(
+                column.T.tolist() for column in run.columns)):
+            log.add_step('surge', (0, middle, end), Step(
+                0.1, (0.0, 0.0, velocity), (0.0,) * 3, mean, forces=(before, after)))
+            log.add_reference(end, (velocity + 1.0, *[math.nan] * 5))
+    # of the first dive there are twice as many
+    assert both.score('surge', SURGE_TRUTH).mae == pytest.approx(
+        (2.0 * first.score('surge', SURGE_TRUTH).mae
+         + second.score('surge', SURGE_TRUTH).mae) / 3.0, rel=1e-3)
+
+
 def test_what_is_many_is_not_in_memory() -> None:
     on_disk, in_memory = (max(lengths(filled((1000,), reference=True, block=block)))
                           for block in (BLOCK, 100_000))

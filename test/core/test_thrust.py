@@ -84,6 +84,30 @@ def test_a_held_force_comes_in_pieces_that_add_up_to_its_integral():
     assert chain(time_constant=0.1).pieces(50 * MS, 120 * MS, (0,)) == [NO_PIECES]
 
 
+@pytest.mark.parametrize('timing', [{}, {'time_constant': 0.1}, {'hold': 'linear'}])
+def test_a_smooth_force_over_a_long_span_comes_in_means_over_parts(timing):
+    """Two means over a span of seconds would put the force where it was not."""
+    thrust = ForceHistory(replace(TWO, **timing), ('surge', 'yaw'), {'surge': 80.0})
+    for k in range(1000):
+        thrust.add_commands(10 * k * MS, (0.1, math.sin(0.05 * k)))
+    (held, each), (_, none) = thrust.pieces(1003 * MS, 3003 * MS, (0, 1))
+    assert none == ()
+    at = 1003
+    for (length, mean), means in zip(held, each, strict=True):
+        ends = at * MS, round((at + 1000 * length) * MS)
+        [first, last] = thrust.integrals(ends)
+        assert length == pytest.approx(0.05, rel=1e-6)
+        assert mean == pytest.approx((last[0] - first[0]) / length)
+        assert means == pytest.approx(thrust.each(ends[0], ends[1], ends[1] + MS, 0)[0])
+        at += 50
+    assert at == 3003
+    thrust = ForceHistory(replace(TWO, **timing), ('surge',))
+    for k in range(1000):
+        thrust.add_commands(10 * k * MS, (math.sin(0.05 * k), 0.0))
+    assert thrust.pieces(1003 * MS, 1203 * MS, (0,)) == [NO_PIECES]
+    assert len(thrust.pieces(0, 9000 * MS, (0,))[0].held) == 100
+
+
 def test_no_force_before_the_first_command_nor_after_the_timeout():
     thrust = chain(delay=0.02, timeout=0.2)
     assert thrust.missing(10 * MS, 50 * MS) == 'no_thrust'
@@ -159,7 +183,6 @@ def test_what_each_thruster_does_is_no_function_of_the_force(timing):
         [(500 * a + 999 * b) / 1499 for a, b in zip((0.0, 0.2, 1.0), (-1.0, -0.2, 1.0))],
         abs=5e-3)
     if timing:
-        assert pieces == [NO_PIECES] * 2
         return
     (held, each), (_, none) = pieces
     assert held == ((pytest.approx(1.999), 80.0), (pytest.approx(0.999), -80.0))
@@ -195,11 +218,11 @@ def test_thrusters_that_drive_two_dofs_are_shared(allocation, gain, expected):
     assert not settings.shares(0, (0, 1, 2))
 
 
-def intake(topics, timeout=1.0):
+def intake(topics, timeout=1.0, **changes):
     """Return what takes commands whose direction has a topic of its own, and their force."""
     settings = Settings(
         dofs=('surge', 'yaw'), dof={'surge': DofSettings(50.0), 'yaw': DofSettings(9.0)},
-        thrusters=replace(TWO, topics=topics), attitude=InputSettings('/a'),
+        thrusters=replace(TWO, topics=topics, **changes), attitude=InputSettings('/a'),
         velocity=InputSettings('/v'), sign=InputSettings('/s', timeout=timeout))
     history = ForceHistory(settings.thrusters, settings.dofs)
     return CommandIntake(settings, history, pytest.fail), history
@@ -217,6 +240,28 @@ def test_directions_are_those_of_each_thruster():
     for part, magnitude in enumerate((1.0, 2.0)):
         assert one_each.add_commands(0, (magnitude,), part) == ''
     assert history.newest == (80.0, 0.0)
+
+
+def test_a_magnitude_loses_its_offset_before_it_has_a_direction():
+    both, history = intake(('/t',), offset=0.25)
+    for sign, force in ((1.0, 80.0), (-1.0, -80.0)):
+        both.add_signs(0, (sign, -sign))
+        assert both.add_commands(0, (1.25, 2.25), 0) == ''
+        assert history.newest[0] == force
+
+
+@pytest.mark.parametrize('changes', [
+    {'reverse': 0.5}, {'offset': 0.25, 'reverse': 0.5},
+    {'model': 'table', 'table_command': (-2.0, 0.0, 3.0), 'table_force': (-1.0, 0.0, 4.0)}])
+def test_a_motor_that_turns_the_other_way_has_the_curve_of_its_propeller(changes):
+    """Its commands are mirrored, and it pushes less where the propeller runs backwards."""
+    usual, other = replace(TWO, gain=(40.0, 20.0), **changes), replace(TWO, **changes)
+    twice = 2.0 * other.offset
+    for command in (-1.5, -0.25, 0.5, 2.5):
+        assert wrench(other, (command, twice - command)) == wrench(usual, (command, command))
+        for dof, unit in (('surge', 80.0), ('yaw', 10.0)):
+            assert wrench_model(other, (), {dof: unit})((command, twice - command)) == (
+                wrench_model(usual, (), {dof: unit})((command, command)))
 
 
 def test_a_direction_is_stale_after_its_timeout():

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from rovid_core.settings.run import (
+    CurrentSettings,
     DofSettings,
     IdentifierSettings,
     InputSettings,
@@ -62,6 +63,8 @@ THRUSTERS = settings().thrusters
     (settings(thrusters=replace(THRUSTERS, delay=0.2)), 'thrusters.delay 0.0, '),
     (settings(thrusters=replace(THRUSTERS, allocation=((1.0,),) * 5 + ((0.0,),))),
      'thrusters.allocation [[1.0], '),
+    (settings(identifier=IdentifierSettings(feedback_gain=-1.0, adaptation_gains=(1.0,) * 4)),
+     'identifier.adaptation_gains False, '),
     (settings(frames='ned'), 'frames enu, '),
     (settings(depth_scale=2.0), 'depth.scale 1.0, '),
     (settings(heading_unit='deg'), 'attitude.unit rad, '),
@@ -74,6 +77,19 @@ def test_another_configuration_is_refused(other: Settings, text: str, tmp_path: 
         load(path, other)
     assert f'was made with {text}' in str(refused.value)
     assert ', configured is ' in str(refused.value)
+
+
+def test_what_else_is_looked_for_has_to_be_the_same(tmp_path: Path) -> None:
+    path, made = tmp_path / 'checkpoint.json', settings(identifier=IdentifierSettings('ekf'))
+    save(path, made, STATE)
+    with pytest.raises(StateError, match='current.prior above 0, configured is 0'):
+        load(path, replace(made, current=CurrentSettings(prior=0.0)))
+    assert load(path, replace(made, current=CurrentSettings(prior=0.5))) == STATE
+    sensor = replace(made, position=InputSettings(), velocity=InputSettings('/v'),
+                     current=CurrentSettings(prior=0.0))
+    save(path, sensor, STATE)
+    with pytest.raises(StateError, match='surge.possible couplings'):
+        load(path, replace(sensor, attitude=InputSettings()))
 
 
 def test_topics_limits_and_gains_can_change(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from rovid_core.model.dofs import DOFS
 from rovid_core.model.plant import Array, linear_recurrence
 from rovid_core.model.samples import Event, NS
 from rovid_core.settings.run import Settings, ThrusterSettings
-from rovid_core.thrust.thruster_curve import thruster_model
+from rovid_core.thrust.thruster_curve import thruster_models
 from rovid_core.trials.record import LogWater
 from rovid_core.trials.score import ScoreLog
 
@@ -142,10 +142,10 @@ class TuningLog(ScoreLog):
     def commanded(self, thrusters: ThrusterSettings | None = None) -> CommandedForce:
         """Return the force on the DOFs of the run, in their order, with these thrusters."""
         thrusters = thrusters or self._settings.thrusters
-        model, each = thruster_model(thrusters), []
-        for raw, gain in zip(self.commands().T, thrusters.gain):
+        each = []
+        for raw, model in zip(self.commands().T, thruster_models(thrusters)):
             told, where = np.unique(raw, return_inverse=True)  # of pulses there are few
-            each.append(np.array([gain * model(one) for one in told.tolist()])[where])
+            each.append(np.array([model(one) for one in told.tolist()])[where])
         forces = np.array([thrusters.allocation[DOFS.index(dof)]
                            for dof in self._settings.dofs]) @ np.array(each)
         return CommandedForce(np.array(self._times), forces, thrusters.hold == 'linear')

@@ -10,6 +10,7 @@ from rovid_core.inputs.configuration_check import BlockMeans, ConfigurationCheck
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.samples import Motion
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
+from rovid_core.thrust.thruster_curve import thruster_models
 
 TICK = 100_000_000  # [ns]
 DURATION = 180.0  # [s]
@@ -70,8 +71,8 @@ def warnings(data: Drive, allocation: np.ndarray = ALLOCATION, *, depth: bool = 
     """Return what is told of a drive; ``flipped`` are world z or the vehicle's y."""
     commands, headings, world = data
     told: list[str] = []
-    check = ConfigurationCheck(
-        settings or settings_of(allocation, depth), float, told.append)
+    settings = settings or settings_of(allocation, depth)
+    check = ConfigurationCheck(settings, thruster_models(settings.thrusters), told.append)
     for k, (command, true, (x, y, z, turned)) in enumerate(zip(commands, headings, world)):
         if lost(k):
             continue
@@ -187,7 +188,7 @@ def test_a_gap_hides_nothing(data: Drive) -> None:
 
 
 def test_thrust_without_motion_says_nothing() -> None:
-    check = ConfigurationCheck(settings_of(ALLOCATION), float, (told := []).append)
+    check = ConfigurationCheck(settings_of(ALLOCATION), [float] * 5, (told := []).append)
     for k in range(2000):
         check.add_commands(k * TICK, [1.0] * 5)
         check.add_motion('attitude', Motion(k * TICK, k * TICK, k * TICK, ()), 0.0)

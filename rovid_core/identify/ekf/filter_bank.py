@@ -17,7 +17,7 @@ from rovid_core.identify.ekf.batch_start import (
 )
 from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters
+from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters, share_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import SCATTERED
 from rovid_core.identify.ekf.normalised_model import UNMODELLED, Unmodelled
@@ -98,7 +98,8 @@ class Member:
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(
             theta, variances, (*CANDIDATES, *(EACH if shares else ()), *watched),
-            configured=[name for name, i in zip(OWN, own) if i >= 0], found=thrusters.found)
+            configured=[name for name, i in zip(OWN, own) if i >= 0], found=thrusters.found,
+            lags={'lag': share_of_lag(thrusters.lag)} if thrusters.lag else None)
         self.prediction = FreePrediction(own, thrusters)
         self._verdict: Verdict | None = None
         self._is_judged = True

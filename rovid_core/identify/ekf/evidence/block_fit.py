@@ -53,6 +53,12 @@ FALL = 0.25 / 1500.0
 its voltage, and with it a quarter of the thrust or more.
 """
 
+LAG_SHAPE = 'lag_shape'
+"""
+Name of the doubt whether a lag that was found is one of the force. Propellers lag in their turns,
+and a filter in what it measures: that moves the mass by as much as the lag itself does.
+"""
+
 DRIFT = 0.25
 """Share of the thrust that may be lost from the beginning to the end: a battery runs down."""
 
@@ -251,9 +257,11 @@ class BlockFit:
 
     def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                 considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
-                doubted: Mapping[int, float], found: Sequence[str] = ()) -> Verdict:
+                doubted: Mapping[int, float], found: Sequence[str],
+                lags: Mapping[str, float]) -> Verdict:
         """Return what the blocks say; the arguments are those of ``ScoreBlocks``."""
-        own = self._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
+        own = self._verdict(counts, wrong_model, candidates, considered, rows, doubted, found,
+                            lags)
         whole = self
         if own.missing is not None:  # what it lacks is no drift
             whole = self._with(candidates[own.missing.name])
@@ -267,7 +275,8 @@ class BlockFit:
         if not (seen.is_significant and -2.0 < seen.kappa.item() <= -MATTERS):
             return replace(own, covariance=self._with_drift(own.covariance, seen, drift, counts))
         whole = self._with([len(drift.thrust)], *drift.beside(self.information, self.score))
-        verdict = whole._verdict(counts, wrong_model, candidates, considered, rows, doubted, found)
+        verdict = whole._verdict(counts, wrong_model, candidates, considered, rows, doubted,
+                                 found, lags)
         # what the parameters are is what they are at any time, from the first to the last
         share = whole.theta.item(-1)
         begin, gained = whole.all_parameters()[:self._p], share * drift.thrust[:self._p]
@@ -298,7 +307,8 @@ class BlockFit:
 
     def _verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
                  considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
-                 doubted: Mapping[int, float], found: Sequence[str]) -> Verdict:
+                 doubted: Mapping[int, float], found: Sequence[str],
+                 lags: Mapping[str, float]) -> Verdict:
         """Return what the blocks say where thrust stays the same; the arguments are as above."""
         n, a, scatter = self.n, self.active, self.scatter()
         known, seen = scatter * self.known, n / max(n - len(a), 0.5) * self.v
@@ -331,7 +341,13 @@ class BlockFit:
         covariance = covariance + summed(list(there.values()), len(a), True)
         more, untold = np.zeros_like(covariance), []
         for begin, first in rows:
-            for terms in by_question(whole._unseen(left, alone, 1.0, begin, first)):
+            questions = by_question(whole._unseen(left, alone, 1.0, begin, first))
+            if begin + 'lag' in there:
+                # nor is it known what it is that lags
+                std = lags[begin + 'lag'] * whole.alpha(begin, rows)
+                questions.append({begin + LAG_SHAPE: UnseenTerm(
+                    there[begin + 'lag'].leaning, 0.0, 0.0, std * std)})
+            for terms in questions:
                 added, alpha = averaged(list(terms.values()), covariance), a.index(first)
                 if added[alpha, alpha] > covariance[alpha, alpha]:
                     untold.append(foremost(terms, alpha))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 import math
 
-from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
+from rovid_core.identify.ekf.evidence.block_fit import LAG_SHAPE, Missing, Verdict
 from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.identify.ekf.single.linearised_filter import (
     ALPHA,
@@ -28,6 +28,8 @@ UNTOLD = {
     'reverse_drag': 'other drag in reverse cannot be told from the mass yet: move both ways',
     'dead_band': UNTOLD_DEAD_BAND,
     'lag': 'a lag of the thrusters cannot be told from the mass yet: change the thrust more often',
+    LAG_SHAPE: 'whether the thrusters lag or what measures the motion cannot be told, which '
+               'leaves the mass open: if it is the thrusters, set thrusters.time_constant',
     'thrust_loss': 'thrust that falls with speed cannot be told from the drag yet: coast now and '
                    'then'}
 """What to do about a term that a log does not tell, by its name."""
@@ -250,6 +252,12 @@ def _square_of_lag(share: float) -> float:
     """
     late = -share
     return LAG * LAG * (late * (2.0 - late) if late < 1.0 else late * late)
+
+
+def share_of_lag(lag: float) -> float:
+    """Return the share of alpha that a lag [s] has as a coefficient, the delay taken off."""
+    square = (lag / LAG)**2
+    return math.sqrt(square) if square > 1.0 else 1.0 - math.sqrt(1.0 - square)
 
 
 def clocks_in_doubt(verdict: Verdict | None, k: int, lag: float) -> str:

@@ -56,6 +56,9 @@ class ScoreBlocks:
     found : sequence of str
         Names of watched regressors whose effect is in the model already, of a size that was found
         from these data: their coefficients are about 0, but as uncertain as the data leave them.
+    lags : mapping, optional
+        Of lags among these, by their names: what all of them is, as a coefficient of the
+        regressor, relative to alpha.
 
     """
 
@@ -65,8 +68,9 @@ class ScoreBlocks:
                  rows: Sequence[tuple[str, int]] = (('', 0),),
                  configured: Sequence[str] = (),
                  doubted: Mapping[int, float] | None = None,
-                 found: Sequence[str] = ()) -> None:
+                 found: Sequence[str] = (), lags: Mapping[str, float] | None = None) -> None:
         p = len(theta)
+        self._lags = lags or {}
         self._rows, self.found = rows, found
         self._considered = considered or {}
         self._q = p + len(watched) + further
@@ -171,7 +175,7 @@ class ScoreBlocks:
             return None
         return self._fit(self.count).verdict(
             self._counts, wrong_model, self._candidates, self._considered, self._rows,
-            self._doubted, self.found)
+            self._doubted, self.found, self._lags)
 
     def regressions(self, places: Sequence[Sequence[int]]) -> list[Regression | None]:
         """

@@ -18,7 +18,11 @@ from rovid_core.identify.ekf.evidence.current_status import (
     NOT_JUDGED,
 )
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
-from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters, is_coupling
+from rovid_core.identify.ekf.evidence.missing_terms import (
+    better_thrusters,
+    is_coupling,
+    share_of_lag,
+)
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import Unmodelled
@@ -272,7 +276,9 @@ class PlanarMember:
             [f'{dof} {name}' for dof, row in zip(DOFS, rows)
              for name, i in zip(OWN, row.own) if i >= 0], dict.fromkeys(LATE, DOUBTED_LATENCY),
             [f'{dof} {name}' for dof, one in zip(DOFS, thrusters) if dof in identified
-             for name in one.found])
+             for name in one.found],
+            {f'{dof} lag': share_of_lag(one.lag) for dof, one in zip(DOFS, thrusters)
+             if one.lag})
         self._rows = rows
         self._verdict: Verdict | None = None
         self._alternative = NOT_JUDGED

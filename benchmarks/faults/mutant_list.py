@@ -223,7 +223,7 @@ MUTANTS = [
          ('the direction is that of the first thruster',
           'signs = signs[part:part + 1]', 'signs = signs[:1]'),
          ('the sign of a magnitude counts twice',
-          'math.copysign(abs(u), s)', 'u * s'),
+          'math.copysign(abs(u) - offset, s)', '(u - offset) * s'),
          ('a direction is never stale',
           "if time - since > self._timeout:\n                return 'stale_sign'",
           "if False:\n                return 'stale_sign'")),
@@ -1107,4 +1107,48 @@ MUTANTS = [
          ('what is refused is not looked at first',
           'if share > ACCEPTABLE:  # what', 'if share > 2.0:  # what'),
          ('what commands cause is told for the cause', 'causes = names[::-1]', 'causes = names')),
+    *_of('rovid_core/identify/ekf/evidence/innovations.py', 'test/core/test_ekf.py '
+         'a_depth_in_steps_that_rests_for_minutes_is_not_taken_to_be_exact',
+         ('what never scatters has no noise',
+          'if noise >= self.least or factor > 1.0:', 'if True:')),
+    *_of('rovid_core/identify/ekf/single/measurements.py', 'test/core/test_ekf.py '
+         'a_depth_in_steps_that_rests_for_minutes_is_not_taken_to_be_exact',
+         ('what is repeated says nothing of rounding',
+          'if self._repeats else 0.0', 'if False else 0.0')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
+         'a_lag_of_the_thrusters_is_found_and_said',
+         ("a lag is always the thrusters'", "if begin + 'lag' in there:", 'if False:')),
+    *_of('rovid_core/thrust/force_history.py', 'test/core/test_thrust.py',
+         ('a smooth force over seconds is two means', 'if count <= SHORT:', 'if True:'),
+         ('an offset comes off behind the direction',
+          'offset + math.copysign(abs(u) - offset, s)', 'math.copysign(abs(u), s)')),
+    *_of('rovid_core/thrust/thruster_curve.py', 'test/core/test_thrust.py '
+         'a_motor_that_turns_the_other_way_has_the_curve_of_its_propeller',
+         ('a reversed motor pushes less ahead',
+          '-gain * model(twice - raw)', 'gain * model(raw)')),
+    *_of('rovid_core/ordering/cadence.py', 'test/core/test_slow_fixes.py '
+         'a_gap_is_five_usual_intervals',
+         ('a fix that comes again is the next one',
+          '0 < time - last <= SHORT and (', 'False and (')),
+    *_of('rovid_ros/files/state_file.py', 'test/files/test_state_file.py '
+         'what_else_is_looked_for_has_to_be_the_same',
+         ('a current fits a state without',
+          "'above 0' if settings.estimates_current else '0'", "'0'")),
+    *_of('rovid_core/velocity/velocity_source.py', 'test/core/test_pipeline.py '
+         'no_fix_is_turned_by_an_attitude_that_nobody_measured',
+         ('a lever arm needs no attitude in between',
+          'else turned or missing(start)', 'else missing(start)')),
+    *_of('rovid_core/pipeline/planar_steps.py', 'test/core/test_pipeline.py '
+         'no_fix_is_turned_by_an_attitude_that_nobody_measured',
+         ('only the ends of a span have attitudes', 'if missing(part):', 'if False:')),
+    *_of('rovid_core/trials/score.py', 'test/core/test_score.py '
+         'references_of_another_clock_with_the_same_times_are_not_compared',
+         ('all clocks are one', 'self._clocks.append(self._references.count)', 'pass')),
+    *_of('rovid_core/simulation/sensors.py', 'test/commands/test_simulate.py '
+         'magnitudes_and_their_directions_are_those_of_signed_commands',
+         ('magnitudes keep their sign', 'offset + abs(u - offset)', 'u')),
+    *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
+         'thrusters_that_push_both_ways_or_not_at_all_need_no_sign',
+         ('what nothing pushes goes backwards by thrust',
+          'any(map(mul, thrusters.allocation[row], thrusters.gain))', 'True')),
 ]

@@ -184,7 +184,8 @@ class UnsignedCommandCheck:
     """
     Warn when thruster commands have no sign although the vehicle moves both ways.
 
-    What thrusters push both ways without a sign, as a boat's two turn it, says nothing.
+    What thrusters push both ways without a sign, as a boat's two turn it, says nothing, nor does
+    what none of them pushes.
 
     Attributes
     ----------
@@ -198,8 +199,9 @@ class UnsignedCommandCheck:
         self._slow = [
             -0.2 * (settings.dof[d].typical_velocity or 0.5) for d in settings.dofs]
         self._warn = warn
-        self._one_way = [not settings.thrusters.pushes_both_ways(DOFS.index(d))
-                         for d in settings.dofs]
+        thrusters, rows = settings.thrusters, [DOFS.index(d) for d in settings.dofs]
+        self._one_way = [any(map(mul, thrusters.allocation[row], thrusters.gain))
+                         and not thrusters.pushes_both_ways(row) for row in rows]
         self._backwards, self._forwards = [[0] * len(settings.dofs) for _ in range(2)]
         # a curve may have its zero anywhere
         self.active = settings.thrusters.model in ('linear', 'quadratic')

@@ -217,7 +217,8 @@ def test_a_depth_in_steps_that_rests_for_minutes_is_not_taken_to_be_exact(step):
         simulation=replace(known.simulation, depth_noise=0.0005, dofs={
             'heave': SimulatedDof(290.0, 290.0, 43.5, 15.0)}))
     levels = (15.0,) * 27 + 2 * (150.0, -120.0, 80.0, -150.0, 120.0, -60.0, 100.0, -40.0)
-    found = run_stream(Stream(settings), [
+    stream = Stream(settings)
+    found = run_stream(stream, [
         (time, name, (step * round(value[0] / step),) if name == 'depth' else value)
         for time, name, value in simulate(settings, 210.0, 1, {'heave': (Steps(levels, 5.0),)})])
     heave = found[-1].dofs[0]
@@ -226,6 +227,9 @@ def test_a_depth_in_steps_that_rests_for_minutes_is_not_taken_to_be_exact(step):
     assert high - low < 30.0
     assert heave.status == 'converged', heave.judgement
     assert not any('changed' in reason for one in found for reason in one.dofs[0].reasons)
+    for member in stream.state()['dofs']['heave']['bank']['members']:
+        noise = member['innovations'][0] * Scales.of(HEAVY).velocity
+        assert 0.9 * min(step / 12**0.5, 0.01) < noise < step  # 0.01 is what it begins with
 
 
 def test_it_goes_on_after_a_gap():

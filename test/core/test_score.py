@@ -106,12 +106,12 @@ def test_references_of_another_clock_with_the_same_times_are_not_compared() -> N
     second, [run] = ScoreLog(SETTINGS, 100_000), first.runs['surge']
     both.restart()
     for log in (both, second):
-        log.begin_run('surge', run.start, run.velocity)
+        log.begin_run('surge', run.start, -run.velocity)
         for (middle, end), (before, after, velocity, mean) in zip(*(
                 column.T.tolist() for column in run.columns)):
             log.add_step('surge', (0, middle, end), Step(
-                0.1, (0.0, 0.0, velocity), (0.0,) * 3, mean, forces=(before, after)))
-            log.add_reference(end, (velocity + 1.0, *[math.nan] * 5))
+                0.1, (0.0, 0.0, -velocity), (0.0,) * 3, -mean, forces=(-before, -after)))
+            log.add_reference(end, (1.0 - velocity, *[math.nan] * 5))
     # of the first dive there are twice as many
     assert both.score('surge', SURGE_TRUTH).mae == pytest.approx(
         (2.0 * first.score('surge', SURGE_TRUTH).mae

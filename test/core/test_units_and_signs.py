@@ -45,8 +45,9 @@ SLIPS = {
 }
 
 
-@pytest.mark.parametrize(('row', 'told'), [((1.0, 1.0), True), ((1.0, -1.0), False)])
-def test_thrusters_that_push_both_ways_need_no_sign(row, told):
+@pytest.mark.parametrize(('row', 'told'), [
+    ((1.0, 1.0), True), ((1.0, -1.0), False), ((0.0, 0.0), False)])
+def test_thrusters_that_push_both_ways_or_not_at_all_need_no_sign(row, told):
     """A boat turns to both sides by two thrusters that both push forward."""
     known, said = surge_settings(), []
     check = UnsignedCommandCheck(replace(known, thrusters=replace(

@@ -654,8 +654,8 @@ MUTANTS = [
          ('there is as much thrust astern', '-reverse * most, most', '-most, most')),
     *_of('rovid_core/simulation/vehicle.py', 'test/core/test_profiles.py '
          'what_a_dead_zone_takes_is_commanded_besides',
-         ('nothing is commanded for a dead zone', '(lost if f else 0.0)', '0.0'),
-         ('no thrust is commanded to move', '(lost if f else 0.0)', 'lost'),
+         ('nothing is commanded for a dead zone', '**root + lost', '**root'),
+         ('no thrust is commanded to move', 'if f == 0.0 or f < 0.0', 'if f < 0.0'),
          ('a dead zone takes nothing of the most', 'limit - lost', 'limit'),
          ('the end of a table is not reached', 'ends = lost + max', 'ends = max')),
     *_of('rovid_core/pipeline/steps.py', 'test/core/test_tuning.py '

@@ -1071,7 +1071,7 @@ MUTANTS = [
          'simulated_thrusters_hear_the_whole_numbers_that_are_sent',
          ('simulated thrusters hear what is not sent', 'if self._whole:', 'if False:')),
     *_of('rovid_core/inputs/units_and_signs.py', 'test/core/test_units_and_signs.py '
-         'thrusters_that_push_both_ways_need_no_sign',
+         'thrusters_that_push_both_ways_or_not_at_all_need_no_sign',
          ('what thrusters push both ways asks for a sign', 'if not self._one_way[i]:',
           'if False:')),
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '

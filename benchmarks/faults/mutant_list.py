@@ -1111,6 +1111,10 @@ MUTANTS = [
          'a_depth_in_steps_that_rests_for_minutes_is_not_taken_to_be_exact',
          ('what never scatters has no noise',
           'if noise >= self.least or factor > 1.0:', 'if True:')),
+    *_of('rovid_core/identify/ekf/planar/member.py', 'test/core/test_ekf.py '
+         'nor_are_fixes_in_steps',
+         ('fixes are exact where they are repeated',
+          'self.innovations.least = span.rounding', 'pass')),
     *_of('rovid_core/identify/ekf/single/measurements.py', 'test/core/test_ekf.py '
          'a_depth_in_steps_that_rests_for_minutes_is_not_taken_to_be_exact',
          ('what is repeated says nothing of rounding',
@@ -1137,10 +1141,11 @@ MUTANTS = [
     *_of('rovid_core/velocity/velocity_source.py', 'test/core/test_pipeline.py '
          'no_fix_is_turned_by_an_attitude_that_nobody_measured',
          ('a lever arm needs no attitude in between',
-          'else turned or missing(start)', 'else missing(start)')),
+          'if why or self._lever is None:', 'if self._lever is None:')),
     *_of('rovid_core/pipeline/planar_steps.py', 'test/core/test_pipeline.py '
          'no_fix_is_turned_by_an_attitude_that_nobody_measured',
-         ('only the ends of a span have attitudes', 'if missing(part):', 'if False:')),
+         ('only the ends of a span have attitudes',
+          '            if why:', '            if False:')),
     *_of('rovid_core/trials/score.py', 'test/core/test_score.py '
          'references_of_another_clock_with_the_same_times_are_not_compared',
          ('all clocks are one', 'self._clocks.append(self._references.count)', 'pass')),

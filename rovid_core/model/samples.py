@@ -302,6 +302,12 @@ class PlanarStep(NamedTuple):
     each: tuple[tuple[Three, ...], ...] = ((), ())
 
 
+def equal_parts(start: int, end: int, count: int) -> list[tuple[int, int]]:
+    """Return begin and end of so many equal parts of a span [ns]."""
+    times = [start + (end - start) * k // count for k in range(count + 1)]
+    return list(zip(times, times[1:]))
+
+
 def finite(values: tuple[float, ...]) -> bool:
     """Tell whether all values are finite."""
     total = 0.0

@@ -9,7 +9,15 @@ import math
 from rovid_core.identify.ekf.planar.layout import DOFS
 from rovid_core.identify.ekf.planar_kalman import PlanarKalman
 from rovid_core.model.dofs import HEADING
-from rovid_core.model.samples import Motion, NS, PlanarPiece, PlanarStart, PlanarStep, Step
+from rovid_core.model.samples import (
+    equal_parts,
+    Motion,
+    NS,
+    PlanarPiece,
+    PlanarStart,
+    PlanarStep,
+    Step,
+)
 from rovid_core.settings.run import Scales, Settings
 from rovid_core.velocity.attitude_history import AttitudeHistory, rotate
 from rovid_core.velocity.couplings import CouplingRegressors
@@ -60,10 +68,11 @@ class PlanarSteps:
     def missing(self, motion: Motion) -> str:
         """Return '' if the attitudes of a motion are known, 'later' if they may become so."""
         missing = self._attitude.missing
-        for part, _ in _parts(motion.start, motion.end)[1:]:
-            if missing(part):
-                return missing(part)
-        return missing(motion.start) or missing(motion.end)
+        for begin, _ in _parts(motion.start, motion.end):
+            why = missing(begin)
+            if why:
+                return why
+        return missing(motion.end)
 
     def begin(self, motion: Motion) -> None:
         """Take up from a measurement."""
@@ -125,7 +134,5 @@ class PlanarSteps:
 
 
 def _parts(start: int, end: int) -> list[tuple[int, int]]:
-    """Return begin and end [ns] of equal parts of a span, of at most ``LONGEST_PIECE`` each."""
-    count = max(math.ceil((end - start) / LONGEST_PIECE), 1)
-    times = [start + (end - start) * k // count for k in range(count + 1)]
-    return list(zip(times, times[1:]))
+    """Return equal parts of a span [ns], of at most ``LONGEST_PIECE`` each."""
+    return equal_parts(start, end, max(math.ceil((end - start) / LONGEST_PIECE), 1))

@@ -14,7 +14,7 @@ from rovid_core.inputs.units_and_signs import (
     UnsignedCommandCheck,
 )
 from rovid_core.model.dofs import EACH, Three
-from rovid_core.model.samples import NS
+from rovid_core.model.samples import equal_parts, NS
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench_model
 
@@ -293,10 +293,10 @@ class ForceHistory:
         count = min(-((start - end) // PART), MAX_PARTS)
         if count <= SHORT:
             return NO_PIECES
-        times = tuple([start + (end - start) * k // count for k in range(count + 1)])
-        sums = self.integrals(times, (dof, *self._each[dof]))
+        parts = equal_parts(start, end, count)
+        sums = self.integrals((start, *[b for _, b in parts]), (dof, *self._each[dof]))
         held, each = [], []
-        for a, b, before, after in zip(times, times[1:], sums, sums[1:]):
+        for (a, b), before, after in zip(parts, sums, sums[1:]):
             h = (b - a) * NS
             mean, *others = [(y - x) / h for x, y in zip(before, after)]
             held.append((h, mean))

@@ -174,9 +174,11 @@ class VelocitySource:
     def _missing_attitude(self, start: int, end: int) -> str:
         """Return '' if the attitudes of an interval are known, or why they are not."""
         missing = self._shared.attitude.missing
-        turned = missing((start + end) // 2)
+        why = missing((start + end) // 2)
+        if why or self._lever is None:
+            return why
         # the lever arm is taken off at both ends
-        return turned if self._lever is None else turned or missing(start) or missing(end)
+        return missing(start) or missing(end)
 
     def _difference(self, last: Fix, new: Fix) -> Motion | None:
         """Return the velocity between two measurements, None if it is too fast."""

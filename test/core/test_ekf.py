@@ -14,7 +14,7 @@ from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.plant import lumped, trajectory
 from rovid_core.model.samples import Event, Sample, Step
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import InputSettings, Scales, SimulatedDof
+from rovid_core.settings.run import CurrentSettings, InputSettings, Scales, SimulatedDof
 from rovid_core.simulation.profiles import Steps
 from rovid_core.simulation.sensors import simulate
 from rovid_ros.config.parameter_file import load
@@ -230,6 +230,28 @@ def test_a_depth_in_steps_that_rests_for_minutes_is_not_taken_to_be_exact(step):
     for member in stream.state()['dofs']['heave']['bank']['members']:
         noise = member['innovations'][0] * Scales.of(HEAVY).velocity
         assert 0.9 * min(step / 12**0.5, 0.01) < noise < step  # 0.01 is what it begins with
+
+
+def test_nor_are_fixes_in_steps():
+    """The same of surge and sway together, whose fixes are measured in the world."""
+    known = surge_settings(method='ekf')
+    truth = SimulatedDof(290.0, 290.0, 43.5, 15.0)
+    settings = replace(
+        known, dofs=('surge', 'sway'), dof={'surge': HEAVY, 'sway': HEAVY},
+        current=CurrentSettings(prior=0.02), thrusters=replace(
+            known.thrusters, gain=(1.0, 1.0),
+            allocation=((1.0, 0.0), (0.0, 1.0), *4 * [(0.0, 0.0)])),
+        simulation=replace(known.simulation, position_noise=0.0005,
+                           dofs={'surge': truth, 'sway': truth}))
+    rest, push = (15.0,) * 27, 2 * (150.0, -120.0, 80.0, -150.0, 120.0, -60.0, 100.0, -40.0)
+    stream = Stream(settings)
+    run_stream(stream, [
+        (time, name, tuple([0.05 * round(20.0 * x) for x in value])
+         if name == 'position' else value) for time, name, value in simulate(settings, 210.0, 1, {
+            'surge': (Steps((*rest, *push), 5.0),), 'sway': (Steps((*rest, *push[::-1]), 5.0),)})])
+    for dof in stream.estimate.dofs:
+        low, high = dof.intervals['mass']
+        assert low <= 290.0 <= high < 1.3 * low, dof.dof
 
 
 def test_it_goes_on_after_a_gap():

@@ -99,7 +99,7 @@ class Member:
         self.blocks = ScoreBlocks(
             theta, variances, (*CANDIDATES, *(EACH if shares else ()), *watched),
             configured=[name for name, i in zip(OWN, own) if i >= 0], found=thrusters.found,
-            lags={'lag': share_of_lag(thrusters.lag)} if thrusters.lag else None)
+            lags={'lag': share_of_lag(thrusters.lag)})
         self.prediction = FreePrediction(own, thrusters)
         self._verdict: Verdict | None = None
         self._is_judged = True

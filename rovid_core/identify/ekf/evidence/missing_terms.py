@@ -256,8 +256,8 @@ def _square_of_lag(share: float) -> float:
 
 def share_of_lag(lag: float) -> float:
     """Return the share of alpha that a lag [s] has as a coefficient, the delay taken off."""
-    square = (lag / LAG)**2
-    return math.sqrt(square) if square > 1.0 else 1.0 - math.sqrt(1.0 - square)
+    late = lag / LAG
+    return late if late > 1.0 else 1.0 - math.sqrt(1.0 - late * late)
 
 
 def clocks_in_doubt(verdict: Verdict | None, k: int, lag: float) -> str:

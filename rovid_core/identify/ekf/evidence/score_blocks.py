@@ -57,7 +57,7 @@ class ScoreBlocks:
         Names of watched regressors whose effect is in the model already, of a size that was found
         from these data: their coefficients are about 0, but as uncertain as the data leave them.
     lags : mapping, optional
-        Of lags among these, by their names: what all of them is, as a coefficient of the
+        Names of the lags that may be among these, and what all of each is as a coefficient of its
         regressor, relative to alpha.
 
     """

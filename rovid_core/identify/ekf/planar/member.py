@@ -277,8 +277,7 @@ class PlanarMember:
              for name, i in zip(OWN, row.own) if i >= 0], dict.fromkeys(LATE, DOUBTED_LATENCY),
             [f'{dof} {name}' for dof, one in zip(DOFS, thrusters) if dof in identified
              for name in one.found],
-            {f'{dof} lag': share_of_lag(one.lag) for dof, one in zip(DOFS, thrusters)
-             if one.lag})
+            {f'{dof} lag': share_of_lag(one.lag) for dof, one in zip(DOFS, thrusters)})
         self._rows = rows
         self._verdict: Verdict | None = None
         self._alternative = NOT_JUDGED

@@ -45,6 +45,8 @@ from test.support.real_vehicles import (
 NAMES = {
     'dead-band 3 N': 'dead band', 'reverse thrust x 0.8': 'reverse thrust',
     'reverse drag x 1.3': 'reverse drag', 'lag 0.15 s': ' lag ',
+    'turns lag 0.15 s': 'turns lag', 'turns lag 0.3 s': 'turns lag',
+    'turns lag 0.2 s, closed loop': 'turns lag',
     'thrust that fades at 3 m/s': 'with speed', 'battery: thrust -15 % in 300 s': 'battery',
     'coupled': 'follows v r', 'zig-zag': 'follows v r'}
 """What is missing, in the words of the notes."""

@@ -27,6 +27,9 @@ class Thrusters(NamedTuple):
         give less, so the larger one of both is what is asked for.
     loss : float
         What is lost with speed, in the root of a force per speed: by ``slowing`` times the speed.
+    turns : bool
+        Whether the turns of propellers lag, whose force goes with n |n| of their turns n; without
+        it the force itself does.
 
     """
 
@@ -34,6 +37,7 @@ class Thrusters(NamedTuple):
     dead_band: float = 0.0
     reverse: float = 1.0
     loss: float = 0.0
+    turns: bool = False
 
     @property
     def is_curved(self) -> bool:
@@ -44,7 +48,8 @@ class Thrusters(NamedTuple):
     def found(self) -> list[str]:
         """Return the names of what is not as configured."""
         return [name for name, is_there in (
-            ('lag', self.lag != 0.0), ('dead_band', self.dead_band != 0.0),
+            ('turns_lag' if self.turns else 'lag', self.lag != 0.0),
+            ('dead_band', self.dead_band != 0.0),
             ('reverse_thrust', self.reverse != 1.0),
             ('thrust_loss', self.loss != 0.0)) if is_there]
 
@@ -97,18 +102,18 @@ class Thrusters(NamedTuple):
     def in_units(self, force: float, velocity: float) -> Thrusters:
         """Return the same in other units, in which these are what was 1."""
         return Thrusters(self.lag, self.dead_band * force, self.reverse,
-                         self.loss * math.sqrt(force) / velocity)
+                         self.loss * math.sqrt(force) / velocity, self.turns)
 
 
 AS_CONFIGURED: Final = Thrusters()
 
 
 def read_thrusters(values: object) -> Thrusters:
-    """Return thrusters of four numbers; raises ValueError if there are none such."""
-    if not isinstance(values, (list, tuple)) or len(values) != 4:
+    """Return thrusters of five numbers; raises ValueError if there are none such."""
+    if not isinstance(values, (list, tuple)) or len(values) != 5:
         raise ValueError('thrusters that do not fit')
-    lag, dead_band, reverse, loss = [float(value) for value in values]
+    lag, dead_band, reverse, loss, turns = [float(value) for value in values]
     if not (0.0 <= lag < math.inf and 0.0 <= dead_band < math.inf and 0.0 < reverse < math.inf
             and 0.0 <= loss < math.inf):
         raise ValueError('thrusters out of range')
-    return Thrusters(lag, dead_band, reverse, loss)
+    return Thrusters(lag, dead_band, reverse, loss, turns != 0.0)

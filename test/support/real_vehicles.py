@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf, pi, tanh
+from math import copysign, inf, pi, tanh
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,7 @@ class Vehicle:
     disturbance: str = ''
     reverse_drag: float = 1.0
     lag: float = 0.0
+    turns: bool = False
     closed_loop: bool = False
     change: tuple[float, float] = (inf, 1.0)
     size: float = 0.0
@@ -83,6 +84,9 @@ VEHICLES = {
     'reverse drag x 1.3': Vehicle(reverse_drag=1.3),
     'unknown force 1 N': Vehicle(disturbance='unknown'),
     'lag 0.15 s': Vehicle(lag=0.15),
+    'turns lag 0.15 s': Vehicle(lag=0.15, turns=True),
+    'turns lag 0.3 s': Vehicle(lag=0.3, turns=True),
+    'turns lag 0.2 s, closed loop': Vehicle(lag=0.2, turns=True, closed_loop=True),
     'thrust that fades at 3 m/s': Vehicle(fades=3.0),
     'battery: thrust -15 % in 300 s': Vehicle(runs_down=0.15 / 300.0),
     'coupled': Vehicle(disturbance='coupled'),
@@ -134,7 +138,12 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
         if vehicle.disturbance == 'zigzag':
             turning[k] = 0.2 * held / FORCE * abs(side[k])**0.5
         real = vehicle.thrust(held) * (1.0 - vehicle.runs_down * time[k])
-        force = real if not vehicle.lag else force + (real - force) * STEP / vehicle.lag
+        if not vehicle.lag:
+            force = real
+        elif vehicle.turns:
+            force = _turned(force, real, vehicle.lag)
+        else:
+            force += (real - force) * STEP / vehicle.lag
         if time[k] >= vehicle.change[0]:
             mass = MASS * vehicle.change[1]
         drift = keep * drift + (1.0 - keep**2)**0.5 * white[k]
@@ -149,6 +158,12 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
         v += STEP * (one + 2.0 * (two + three) + four) / 6.0
     path[n] = x
     return _smooth(path[::FIX] + noise[:n // FIX + 1], vehicle.smoothing), logged, turning
+
+
+def _turned(force: float, real: float, lag: float) -> float:
+    turns = copysign(abs(force)**0.5, force)
+    turns += (copysign(abs(real)**0.5, real) - turns) * STEP / lag
+    return turns * abs(turns)
 
 
 def _smooth(fixes: Array, smoothing: float) -> Array:
@@ -212,6 +227,11 @@ def _felt(vehicle: Vehicle, logged: Array) -> Array:
     force, felt = 0.0, np.empty(len(logged))
     for k, command in enumerate(logged):
         real = vehicle.thrust(float(command))
-        force = real if not vehicle.lag else force + (real - force) * STEP / vehicle.lag
+        if not vehicle.lag:
+            force = real
+        elif vehicle.turns:
+            force = _turned(force, real, vehicle.lag)
+        else:
+            force += (real - force) * STEP / vehicle.lag
         felt[k] = force
     return felt

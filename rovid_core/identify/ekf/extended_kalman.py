@@ -50,6 +50,7 @@ from rovid_core.identify.ekf.normalised_model import (
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
+from rovid_core.identify.ekf.thruster_search import ThrusterSearch
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import check_bounds, Identifier
@@ -391,8 +392,8 @@ class ExtendedKalman(Identifier):
         for member in ended:
             member.judge()
         if bank.best in ended:
-            if self._start is not None and bank.follow_thrusters(
-                    self._start, self._use_thrusters):
+            if self._start is not None and ThrusterSearch(
+                    bank, self._start, self._use_thrusters).succeeds():
                 self._start.wait(False)
             self._judge()
 

@@ -13,7 +13,6 @@ from rovid_core.identify.ekf.batch_start import (
     Learner,
     LONGEST,
     PASSES,
-    PERIOD,
 )
 from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
@@ -99,7 +98,7 @@ class Member:
         self.blocks = ScoreBlocks(
             theta, variances, (*CANDIDATES, *(EACH if shares else ()), *watched),
             configured=[name for name, i in zip(OWN, own) if i >= 0], found=thrusters.found,
-            lags={'lag': share_of_lag(thrusters.lag)})
+            lags={'lag': share_of_lag(thrusters)})
         self.prediction = FreePrediction(own, thrusters)
         self._verdict: Verdict | None = None
         self._is_judged = True
@@ -353,11 +352,11 @@ class FilterBank(Generic[M]):
         anew = early or stands_at_bound(
             filter.theta, filter.theta_covariance, self.best.bounds)
         guesses = [filter.theta, *([first_guess] if anew and len(first_guess) else [])]
-        went_well = self._solve(start, guesses, PASSES if early else 2, early, True)
+        went_well = self.solve(start, guesses, PASSES if early else 2, early, True)
         self.confirmed = self.confirmed and not early
         return went_well
 
-    def _solve(self, start: BatchStart[M], guesses: Sequence[Sequence[float]], passes: int,
+    def solve(self, start: BatchStart[M], guesses: Sequence[Sequence[float]], passes: int,
                from_best: bool, from_own: bool) -> bool:
         """Let the best member begin at guesses, and the others where it ends or at their own."""
         best, members = self.best, self.members
@@ -380,64 +379,20 @@ class FilterBank(Generic[M]):
             return True
         return False
 
-    def follow_thrusters(self, start: BatchStart[M], use: Callable[[Any], list[float]]) -> bool:
-        """
-        Take thrusters to be as the blocks say, if that makes all data so far likelier.
-
-        Clearly so, for something new; of what was found the size may become a better one.
-
-        Parameters
-        ----------
-        start : BatchStart
-            The data.
-        use : callable
-            Takes other thrusters for all members that are made from then on, and returns
-            parameters of the best one whose delay is shorter by the lag.
-
-        """
-        if self._better_thrusters is None or start.duration < start.failed + PERIOD:
-            return False
-        members, number, before = list(self.members), self.number, self.best.thrusters
+    def way_back(self) -> Callable[[], None]:
+        """Return what brings the members back that there are now."""
+        members, number = list(self.members), self.number
         noises = [member.innovations.noise for member in members]
-        if self._takes_thrusters(start, use):
-            return True
-        start.failed = start.duration
-        use(before)
-        self.members, self.number = members, number
-        for member, noise in zip(members, noises):
-            member.innovations.noise = noise
-        return False
 
-    def _takes_thrusters(self, start: BatchStart[M], use: Callable[[Any], list[float]]) -> bool:
-        """Go through all data with what is named; tell whether it is better."""
-        # compared are members that went through all the same data at parameters that fit them
-        if not self.go_through_again(start, (), False):
-            return False
-        better, least, found = self._better_thrusters, self._least, self.best.blocks.found
-        if better is None:
-            return False
-        # once more: where fixes come fast there were few passes
-        if not (self._solve(start, [use(better)], PASSES, True, False)
-                and self.go_through_again(start, (), False)):
-            return False
-        verdict = self.best.verdict
-        if verdict is not None and self.best.blocks.found != found:
-            # where the blocks scatter more than the model says, the data are worth less
-            least -= MARGIN * verdict.unexplained
-        return self._least < least
+        def back() -> None:
+            self.members, self.number = list(members), number
+            for member, noise in zip(members, noises):
+                member.innovations.noise = noise
+
+        return back
 
     @property
-    def _better_thrusters(self) -> Any:
-        """
-        Return thrusters that have what the best member says, or else the first one.
-
-        Where an unknown force follows what is missing, hardly any of the error is left to say it.
-        """
-        better = self.best.better_thrusters
-        return self.members[0].better_thrusters if better is None else better
-
-    @property
-    def _least(self) -> float:
+    def least(self) -> float:
         """Return -2 log of the likelihood of the likeliest member."""
         return min(member.innovations.likelihood for member in self.members)
 

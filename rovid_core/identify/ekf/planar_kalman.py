@@ -62,6 +62,7 @@ from rovid_core.identify.ekf.planar.member import (
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
 from rovid_core.identify.ekf.single.linearised_filter import floats
+from rovid_core.identify.ekf.thruster_search import ThrusterSearch
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.plant import Array
@@ -360,8 +361,8 @@ class PlanarKalman:
         for member in ended:
             member.judge()
         if best in ended:
-            if self._start is not None and self._bank.follow_thrusters(
-                    self._start, self._use_thrusters):
+            if self._start is not None and ThrusterSearch(
+                    self._bank, self._start, self._use_thrusters).succeeds():
                 self._start.wait(False)
             best = self._bank.best
             self._prediction.end_block(best.filter, best.innovations.noise)

@@ -12,8 +12,8 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     BETA,
     CANDIDATES,
     GAMMA,
-    LAG,
 )
+from rovid_core.identify.ekf.single.watched_lag import LAG
 from rovid_core.identify.last_minute import KEYS, lacking, UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import EACH, Four
 from rovid_core.model.thrusters import DEAD_BAND, Thrusters
@@ -28,6 +28,8 @@ UNTOLD = {
     'reverse_drag': 'other drag in reverse cannot be told from the mass yet: move both ways',
     'dead_band': UNTOLD_DEAD_BAND,
     'lag': 'a lag of the thrusters cannot be told from the mass yet: change the thrust more often',
+    'turns_lag': "a lag of the thrusters' turns cannot be told from the mass yet: change the "
+                 'thrust more often',
     LAG_SHAPE: 'whether the thrusters lag or what measures the motion cannot be told, which '
                'leaves the mass open: if it is the thrusters, set thrusters.time_constant',
     'thrust_loss': 'thrust that falls with speed cannot be told from the drag yet: coast now and '
@@ -38,6 +40,7 @@ ODD = {
     'dead_band': 'small commands, which push more than the model of the thrusters says',
     'dead_band_of_each': 'small commands, which push more than the model of each thruster says',
     'lag': 'quick changes of the thrust, which move it more than the model says',
+    'turns_lag': 'quick changes of the thrust, which move it more than the model says',
     'thrust_loss': 'fast motion under thrust, which is faster than the model says',
     'thrust_loss_of_each': 'fast motion under thrust, which is faster than the model says'}
 """What the error follows where a term has the sign that no thruster gives it."""
@@ -133,7 +136,8 @@ def _of_force(name: str, share: float, force: float) -> str:
     if name == 'thrust_loss':
         return f'thrust that falls with speed, by about {-100.0 * share:.0f} %'
     lag = math.sqrt(_square_of_lag(share))
-    return f'a lag of the thrusters of about {lag:.2f} s' if lag <= LONGEST_LAG else ''
+    whose = "thrusters' turns" if name == 'turns_lag' else 'thrusters'
+    return f'a lag of the {whose} of about {lag:.2f} s' if lag <= LONGEST_LAG else ''
 
 
 def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
@@ -144,6 +148,8 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
     said = {
         'lag': f'the thrusters lag by about {thrusters.lag:.2f} s more than the model says, or '
                'what measures the motion does',
+        'turns_lag': f"the thrusters' turns lag by about {thrusters.lag:.2f} s more than the "
+                     'model says',
         'dead_band': 'the thrusters have a dead band of about '
                      f'{thrusters.dead_band * force:.2g} in units of force',
         'reverse_thrust': f'{weaker} one',
@@ -227,13 +233,16 @@ def better_thrusters(now: Thrusters, missing: Missing, alpha: float, delay: floa
     if not missing.alpha > 0.0:
         return now
     share = missing.coefficient / missing.alpha
-    if missing.name == 'lag':
+    if missing.name in ('lag', 'turns_lag'):
+        turns = missing.name == 'turns_lag'
+        if now.lag and now.turns != turns:
+            return now._replace(turns=turns)
         lag = math.sqrt(max(
             now.lag * now.lag + _square_of_lag(missing.coefficient / alpha), 0.0))
         if lag > DELAYS[1]:
             return now
         # a delay makes the motion late, too, and there is no thrust before it is asked for
-        return now._replace(lag=min(lag, max(now.lag + delay, 0.0)))
+        return now._replace(lag=lag, turns=turns)
     if missing.name == 'dead_band':
         return now._replace(dead_band=max(now.dead_band - share * DEAD_BAND, 0.0))
     if missing.name == 'thrust_loss':
@@ -254,9 +263,13 @@ def _square_of_lag(share: float) -> float:
     return LAG * LAG * (late * (2.0 - late) if late < 1.0 else late * late)
 
 
-def share_of_lag(lag: float) -> float:
-    """Return the share of alpha that a lag [s] has as a coefficient, the delay taken off."""
-    late = lag / LAG
+def share_of_lag(thrusters: Thrusters) -> float:
+    """
+    Return the share of alpha that their lag has as a coefficient, the delay taken off.
+
+    That of turns is none of what measures the motion, and is left out.
+    """
+    late = 0.0 if thrusters.turns else thrusters.lag / LAG
     return late if late > 1.0 else 1.0 - math.sqrt(1.0 - late * late)
 
 

@@ -58,7 +58,7 @@ def expected(theta: Sequence[float]) -> dict[str, tuple[float, int]]:
     # of the command is bent as much. A lag is as long (``LAG``): thrusters spin up in 0.1 to 0.2 s
     return {'reverse_thrust': (REVERSE_THRUST * alpha, 0),
             'reverse_drag': (REVERSE_DRAG * drag, 0),
-            'dead_band': (alpha, -1), 'lag': (alpha, -1),
+            'dead_band': (alpha, -1), 'lag': (alpha, -1), 'turns_lag': (alpha, -1),
             'thrust_loss': (THRUST_LOSS * alpha, -1)}
 
 

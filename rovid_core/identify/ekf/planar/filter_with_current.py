@@ -35,11 +35,11 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     felt,
     floats,
     FORCE_TIME,
-    LAG,
     LARGEST_SPEED,
     LARGEST_SUBSTEPS,
     LONGEST,
 )
+from rovid_core.identify.ekf.single.watched_lag import WatchedLag
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarPiece
@@ -59,8 +59,8 @@ class Push:
         Of the force, in typical ones.
     before, last : float
         The force at the end of the step before and at that of the last one, NaN before the first.
-    lagged, lag : float
-        The force behind a lag at the end of the last step, and how it differs over it.
+    lag : WatchedLag
+        What a lag would take of it.
     reverse, reverse_moment, cut, cut_moment : float
         Impulse and moment of the force in reverse, and of what a dead band takes of it.
     each : tuple of 5 floats
@@ -68,28 +68,27 @@ class Push:
 
     """
 
-    __slots__ = ('impulse', 'moment', 'before', 'last', 'lagged', 'lag', 'reverse',
+    __slots__ = ('impulse', 'moment', 'before', 'last', 'lag', 'reverse',
                  'reverse_moment', 'cut', 'cut_moment', 'each', '_shares')
 
     def __init__(self, shares: bool) -> None:
         self._shares, self.each = shares, (0.0, 0.0, 0.0, 0.0, 0.0)
-        self.impulse = self.moment = self.before = self.lag = 0.0
+        self.impulse = self.moment = self.before = 0.0
+        self.lag = WatchedLag()
         self.reverse = self.reverse_moment = self.cut = self.cut_moment = 0.0
         self.restart()
 
     def restart(self) -> None:
         """Begin anew."""
-        self.lagged, self.last = 0.0, math.nan
+        self.last = math.nan
+        self.lag.restart()
 
     def move(self, recent: DelayedForce, start: float, end: float, delay: float) -> None:
         """Go on from ``start`` to ``end`` [s] with a force that acts after a delay [s]."""
         h, before = end - start, self.last
         self.impulse, self.moment, first, self.last = recent.over(start, end, delay)
         self.before = first if before != before else before
-        force = self.impulse / h
-        gone = 1.0 - math.exp(-h / LAG)
-        self.lag = (force - self.lagged) * gone * LAG / h
-        self.lagged += gone * (force - self.lagged)
+        self.lag.move(self.impulse / h, h)
         (self.reverse, self.reverse_moment), (self.cut, self.cut_moment) = recent.bent(
             start, end, delay)
         if self._shares:
@@ -428,7 +427,8 @@ class PlanarFilter:
         return [scale * (push - slowing(force) * w), scale * drag, scale * w, scale, *coupled,
                 -scale * slope,
                 scale * backwards, scale * drag if w < 0.0 else 0.0, scale * small,
-                scale * given.lag, scale * math.sqrt(abs(force)) * w, *each, *watched,
+                scale * given.lag.of_force, scale * given.lag.of_turns,
+                scale * math.sqrt(abs(force)) * w, *each, *watched,
                 per_newton * piece[2 * k], per_newton * piece[2 * k + 1],
                 scale * (push_way - b * push), scale * (b * slope - delayed),
                 scale * (back_way - b * backwards), scale * (small_way - b * small),
@@ -559,7 +559,7 @@ class PlanarFilter:
         """Return all that is needed to go on from here."""
         return {'theta': self.theta.tolist(), 'motion': self.motion.tolist(),
                 'covariance': self.covariance.tolist(),
-                'lagged': [push.lagged for push in self._pushes],
+                'lagged': [push.lag.state() for push in self._pushes],
                 'force': [None if math.isnan(push.last) else push.last for push in self._pushes],
                 'sensitivities': self.sensitivities.tolist(),
                 'theta_covariance': self.theta_covariance.tolist()}
@@ -570,8 +570,9 @@ class PlanarFilter:
         self.theta = np.array(floats(state['theta'], p))
         self.motion[:] = floats(state['motion'], SIZE)
         forces = [math.nan if x is None else float(x) for x in state['force']]
-        for push, lagged, force in zip(self._pushes, floats(state['lagged'], 2), forces):
-            push.lagged, push.last = lagged, force
+        for push, lagged, force in zip(self._pushes, state['lagged'], forces):
+            push.lag.restore(floats(lagged, 2))
+            push.last = force
         self.covariance[:] = _matrix(state['covariance'], SIZE, SIZE)
         self.theta_covariance = _matrix(state['theta_covariance'], p, p)
         self.sensitivities[:] = _matrix(

@@ -277,7 +277,7 @@ class PlanarMember:
              for name, i in zip(OWN, row.own) if i >= 0], dict.fromkeys(LATE, DOUBTED_LATENCY),
             [f'{dof} {name}' for dof, one in zip(DOFS, thrusters) if dof in identified
              for name in one.found],
-            {f'{dof} lag': share_of_lag(one.lag) for dof, one in zip(DOFS, thrusters)})
+            {f'{dof} lag': share_of_lag(one) for dof, one in zip(DOFS, thrusters)})
         self._rows = rows
         self._verdict: Verdict | None = None
         self._alternative = NOT_JUDGED
@@ -400,12 +400,12 @@ class PlanarMember:
         for missing in [] if verdict is None else verdict.to_find:
             dof, name = missing.name.split()
             k = DOFS.index(dof)
-            if name == 'lag' and better[k].lag != self.thrusters[k].lag:
+            if name in ('lag', 'turns_lag') and better[k].lag != self.thrusters[k].lag:
                 continue  # that of both is known better from the other DOF
             row = self._rows[k]
             better[k] = better_thrusters(better[k], replace(missing, name=name), float(
                 theta[row.first + ALPHA]), float(theta[row.end - 1]))
-            better[1 - k] = better[1 - k]._replace(lag=better[k].lag)
+            better[1 - k] = better[1 - k]._replace(lag=better[k].lag, turns=better[k].turns)
         one, other = better
         return None if (one, other) == self.thrusters else (one, other)
 

@@ -41,9 +41,10 @@ class DelayedForce:
     """
 
     def __init__(self, forgets: bool = True, thrusters: Thrusters = AS_CONFIGURED) -> None:
-        self._forgets, self._thrusters, self._lag = forgets, thrusters, thrusters.lag
-        self._is_curved = thrusters.is_curved
-        self._lagged: list[float] = []  # at the start of each span, where there is a lag
+        self._forgets = forgets
+        self._work_as(thrusters)
+        # at the start of each span, where there is a lag: the force, or the root of it
+        self._lagged: list[float] = []
         self._times = [0.0]
         self._means: list[float] = []
         self._slopes: list[float] = []
@@ -57,6 +58,10 @@ class DelayedForce:
     def end(self) -> float:
         """Return the newest time that is known [s]."""
         return self._times[-1]
+
+    def _work_as(self, thrusters: Thrusters) -> None:
+        self._thrusters, self._lag = thrusters, thrusters.lag
+        self._is_curved, self._turns = thrusters.is_curved, thrusters.turns and self._lag > 0.0
 
     def add(self, spans: Sequence[tuple[float, float]], held: bool = False,
             unit: float = 1.0, each: Sequence[Three] = ()) -> None:
@@ -97,7 +102,7 @@ class DelayedForce:
                 slope = 2.0 * (mean - means[-1]) / (time - times[-2])
                 slopes[-1] = 0.5 * (slopes[-1] + slope) if len(means) > 1 else slope
             if self._lag:
-                self._lagged.append(self._lagged_at(begin) if means else mean)
+                self._lagged.append(self._lagged_at(begin) if means else self._steady(mean))
             times.append(time)
             means.append(mean)
             slopes.append(slope)
@@ -117,17 +122,25 @@ class DelayedForce:
         for i, mean in enumerate(self._means):
             self._means[i] = new = thrusters.given(self._thrusters.asked(mean))
             self._slopes[i] *= new / mean if mean else 1.0
-        self._thrusters, self._lag, self._lagged = thrusters, thrusters.lag, []
-        self._is_curved = thrusters.is_curved
+        self._work_as(thrusters)
+        self._lagged = []
         for i in range(len(self._means) if self._lag else 0):
-            self._lagged.append(self._lagged_end(i - 1) if i else self._means[0])
+            self._lagged.append(
+                self._lagged_end(i - 1) if i else self._steady(self._means[0]))
+
+    def _steady(self, force: float) -> float:
+        """Return what lags as it is while a force is held."""
+        return math.copysign(math.sqrt(abs(force)), force) if self._turns else force
 
     def _lagged_end(self, i: int) -> float:
-        """Return the lagged force at the end of a span."""
+        """Return what lags at the end of a span."""
         return self._lagged_in(i, self._times[i + 1] - self._times[i])
 
     def _lagged_in(self, i: int, elapsed: float) -> float:
-        """Return the lagged force [s] after the start of a span."""
+        """Return what lags [s] after the start of a span."""
+        if self._turns:
+            steady = self._steady(self._means[i])
+            return steady + (self._lagged[i] - steady) * math.exp(-elapsed / self._lag)
         # behind a line it follows a line that is late by the lag
         late = self._slopes[i] * self._lag
         start = self._means[i] - 0.5 * self._slopes[i] * (self._times[i + 1] - self._times[i])
@@ -135,14 +148,14 @@ class DelayedForce:
             self._lagged[i] - start + late) * math.exp(-elapsed / self._lag)
 
     def _lagged_at(self, time: float) -> float:
-        """Return the lagged force at any time [s]."""
+        """Return what lags at any time [s]."""
         if time <= self._times[0]:
             return self._lagged[0]
         newest = len(self._means) - 1
         after = time - self._times[newest + 1]
         if after >= 0.0:
-            mean = self._means[newest]
-            return mean + (self._lagged_end(newest) - mean) * math.exp(-after / self._lag)
+            steady = self._steady(self._means[newest])
+            return steady + (self._lagged_end(newest) - steady) * math.exp(-after / self._lag)
         i = self._span(time)
         return self._lagged_in(i, time - self._times[i])
 
@@ -185,12 +198,35 @@ class DelayedForce:
             return 0.0, 0.0, 0.0, 0.0
         if not self._lag:
             return self._asked(start, end)
+        if self._turns:
+            return self._of_turns(start, end)
         impulse, moment, _, _ = self._asked(start, end)
         first, last = self._lagged_at(start), self._lagged_at(end)
         # L = F - lag L', once and twice integrated
         impulse -= self._lag * (last - first)
         moment += self._lag * (first * (end - start) - impulse)
         return impulse, moment, first, last
+
+    def _of_turns(self, start: float, end: float) -> tuple[float, float, float, float]:
+        """Return the same of propellers whose turns lag; what is asked for goes in stairs."""
+        times, newest = self._times, len(self._means) - 1
+        turns = first = self._lagged_at(start)
+        impulse = moment = 0.0
+        if start < times[0]:
+            stop = min(times[0], end)
+            impulse = turns * abs(turns) * (stop - start)
+            moment = impulse * (end - 0.5 * (start + stop))
+            start = stop
+        i = self._span(start)
+        while start < end:
+            stop = end if i == newest or times[i + 1] > end else times[i + 1]
+            push, way, turns = _spun(
+                turns, self._steady(self._means[i]), stop - start, self._lag)
+            impulse += push
+            moment += way + push * (end - stop)
+            i += 1
+            start = stop
+        return impulse, moment, first * abs(first), turns * abs(turns)
 
     def _asked(self, start: float, end: float) -> tuple[float, float, float, float]:
         """Return the same of the force that was asked for, without delay or lag."""
@@ -240,7 +276,9 @@ class DelayedForce:
             force = means[i]
             if slopes[i]:
                 force += slopes[i] * (middle - 0.5 * (times[i] + times[i + 1]))
-            if self._lag:
+            if self._turns:
+                force = self._of_turns(start, stop)[0] / length if length > 0.0 else 0.0
+            elif self._lag:
                 gained = self._lagged_at(stop) - self._lagged_at(start)
                 force -= self._lag * gained / length if length > 0.0 else 0.0
             left = end - middle
@@ -329,3 +367,30 @@ class DelayedForce:
         self._times, self._means, self._slopes, self._lagged = times, means, slopes, lagged
         self._each = each
         self._held, self._near = bool(state['held']), 0
+
+
+def _spun(turns: float, steady: float, length: float, lag: float) -> tuple[float, float, float]:
+    """
+    Return what propellers give while they go from some turns to steady ones, in roots of a force.
+
+    Impulse and moment over a length [s], as of ``DelayedForce.over``, and the turns at its end.
+    """
+    off = turns - steady
+    end = steady + off * math.exp(-length / lag)
+    if turns * end >= 0.0:
+        impulse, moment = _one_way(steady, off, length, lag)
+        return math.copysign(impulse, turns + end), math.copysign(moment, turns + end), end
+    still = min(lag * math.log(-off / steady), length)  # [s] after which they stand still
+    before, way = _one_way(steady, off, still, lag)
+    after, way_after = _one_way(steady, -steady, length - still, lag)
+    sign = math.copysign(1.0, end)
+    return (sign * (after - before),
+            sign * (way_after - way - before * (length - still)), end)
+
+
+def _one_way(steady: float, off: float, length: float, lag: float) -> tuple[float, float]:
+    """Return the integral of the square of turns that keep their sign, and its moment."""
+    gone, twice = -lag * math.expm1(-length / lag), -0.5 * lag * math.expm1(-2.0 * length / lag)
+    return (steady * steady * length + 2.0 * steady * off * gone + off * off * twice,
+            0.5 * steady * steady * length * length + 2.0 * steady * off * lag * (length - gone)
+            + 0.5 * off * off * lag * (length - twice))

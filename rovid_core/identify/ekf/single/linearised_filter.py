@@ -22,6 +22,7 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
+from rovid_core.identify.ekf.single.watched_lag import WatchedLag
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.dofs import EACH, Three
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
@@ -36,11 +37,9 @@ POSITION: Final = 0
 VELOCITY: Final = 1
 """What can be measured."""
 
-CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', 'lag', 'thrust_loss')
+CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', 'lag', 'turns_lag',
+              'thrust_loss')
 """Regressors that are watched: what a vehicle often has and the model has not."""
-
-LAG: Final = 0.15
-"""[s] of the thruster lag that is looked for."""
 
 NONE_OWN: Final = (-1, -1)
 """No parameters of a DOF's own reverse thrust and drag."""
@@ -160,7 +159,7 @@ class LinearisedFilter:
         self._couplings, self._delay = self._parameters[4:-1], self._parameters[-1]
         known = len(CANDIDATES) + (len(EACH) if shares else 0)
         candidates = [Regressor() for _ in range(known + watched)]
-        (self._reverse, self._reverse_drag, self._cut, self._lag,
+        (self._reverse, self._reverse_drag, self._cut, self._lag, self._turns_lag,
          self._loss) = candidates[:len(CANDIDATES)]
         self._each = candidates[len(CANDIDATES):known]
         self._watched = candidates[known:]
@@ -172,6 +171,7 @@ class LinearisedFilter:
         self._own_thrust, self._own_drag = own
         self._has_own = own != NONE_OWN
         self._thrusters = thrusters
+        self._watched_lag = WatchedLag()
         p = len(theta)
         self.theta_covariance = [
             [variances[i] if i == j else 0.0 for j in range(p)] for i in range(p)]
@@ -218,7 +218,7 @@ class LinearisedFilter:
         for one in self._columns:
             one.path = one.velocity = one.force = 0.0
         self._pushed = self._columns[:self._always]
-        self._lagged = 0.0
+        self._watched_lag.restart()
         self._force = math.nan  # at the end of the last step, where there was one
 
     def move(self, recent: DelayedForce, start: float, end: float,
@@ -305,9 +305,9 @@ class LinearisedFilter:
             of_reverse, reverse_way = felt(reverse[0], reverse[1], h, rate, s)
             of_cut, cut_way = felt(cut[0], cut[1], h, rate, s)
         drag = w * size
-        spun = 1.0 - math.exp(-h / LAG)
-        self._lag.push = (force - self._lagged) * spun * LAG / h
-        self._lagged += spun * (force - self._lagged)
+        self._watched_lag.move(force, h)
+        self._lag.push, self._turns_lag.push = (
+            self._watched_lag.of_force, self._watched_lag.of_turns)
         self._alpha.push = of_alpha - slowing(force) * w
         self._beta.push, self._gamma.push = drag, w
         self._delay.push, self._reverse.push, self._cut.push = -of_delay, of_reverse, of_cut
@@ -600,7 +600,7 @@ class LinearisedFilter:
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'theta': self.theta, 'motion': list(self.motion),
-                'covariance': list(self.covariance), 'lagged': self._lagged,
+                'covariance': list(self.covariance), 'lagged': self._watched_lag.state(),
                 'force': None if math.isnan(self._force) else self._force,
                 'sensitivities': self.sensitivities, 'theta_covariance': self.theta_covariance}
 
@@ -612,7 +612,7 @@ class LinearisedFilter:
         self.motion = (x, v, f)
         a, b, c, d, e, f = floats(state['covariance'], 6)
         self.covariance = (a, b, c, d, e, f)
-        self._lagged, = floats([state['lagged']], 1)
+        self._watched_lag.restore(floats(state['lagged'], 2))
         self._force = math.nan if state['force'] is None else floats([state['force']], 1)[0]
         xs, vs, fs = state['sensitivities']
         self.sensitivities = [floats(x, q) for x in (xs, vs, fs)]

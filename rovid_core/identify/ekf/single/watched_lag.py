@@ -1,0 +1,51 @@
+"""How a force would differ if the thrusters lagged, which a filter watches that has no lag."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+LAG: Final = 0.15
+"""[s] of the thruster lag that is looked for."""
+
+
+class WatchedLag:
+    """
+    What a lag of ``LAG`` takes of a force: one of the force, and one of the propellers' turns.
+
+    The force of a propeller goes with n |n| of its turns n.
+
+    Attributes
+    ----------
+    of_force, of_turns : float
+        What either takes of the mean force of the last step.
+
+    """
+
+    def __init__(self) -> None:
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin at rest."""
+        self._lagged = self._turns = self.of_force = self.of_turns = 0.0
+
+    def move(self, force: float, h: float) -> None:
+        """Go on over ``h`` [s] with a mean force."""
+        gone = 1.0 - math.exp(-h / LAG)
+        off, late = force - self._lagged, gone * LAG / h
+        self.of_force = off * late
+        self._lagged += gone * off
+        steady = math.copysign(math.sqrt(abs(force)), force)
+        off = steady - self._turns
+        mean, moved = steady - off * late, gone * off
+        self._turns += moved
+        # the mean square of what goes straight from one end to the other
+        self.of_turns = force - mean * abs(mean) - math.copysign(moved * moved / 12.0, mean)
+
+    def state(self) -> list[float]:
+        """Return all that is needed to go on from here."""
+        return [self._lagged, self._turns]
+
+    def restore(self, values: list[float]) -> None:
+        """Go on from two numbers."""
+        self._lagged, self._turns = values

@@ -1,0 +1,179 @@
+"""The search for what the thrusters have besides what the configuration says of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, Final, Generic
+
+import numpy as np
+from rovid_core.identify.ekf.batch_start import BatchStart, PASSES, PERIOD
+from rovid_core.identify.ekf.filter_bank import FilterBank, M, MARGIN
+from rovid_core.identify.ekf.normalised_model import DELAYS
+from rovid_core.model.thrusters import Thrusters
+
+SIZES: Final = 5
+"""How many lags of a kind are tried."""
+
+BEYOND: Final = 1.5
+"""By which the lag is larger or smaller that is tried beyond those that were."""
+
+NEAR: Final = 0.03
+"""Share of a lag by which another one is no other."""
+
+
+class ThrusterSearch(Generic[M]):
+    """
+    What makes all data so far likelier: what the blocks name of the thrusters.
+
+    Parameters
+    ----------
+    bank : FilterBank
+        Its members, which become those with what is found.
+    start : BatchStart
+        The data.
+    use : callable
+        Takes other thrusters for all members that are made from then on, and returns
+        parameters of the best one whose delay is shorter by the lag.
+
+    """
+
+    def __init__(self, bank: FilterBank[M], start: BatchStart[M],
+                 use: Callable[[Any], list[float]]) -> None:
+        self._bank, self._start, self._use = bank, start, use
+
+    def succeeds(self) -> bool:
+        """
+        Take the thrusters to be as the blocks say, if that is likelier; tell if it is.
+
+        Clearly so, for something new; of what was found the size may become a better one.
+        """
+        bank, start = self._bank, self._start
+        if not self._named or start.duration < start.failed + PERIOD:
+            return False
+        before, back = bank.best.thrusters, bank.way_back()
+        if self._is_better(before):
+            return True
+        start.failed = start.duration
+        self._use(before)
+        back()
+        return False
+
+    @property
+    def _named(self) -> list[Any]:
+        """
+        Return thrusters that have what the best member says, and what the first one says.
+
+        Where an unknown force follows what is missing, hardly any of the error is left to say it.
+        """
+        named: list[Any] = []
+        for member in (self._bank.best, self._bank.members[0]):
+            better = member.better_thrusters
+            if better is not None and better not in named:
+                named.append(better)
+        return named
+
+    def _is_better(self, before: Any) -> bool:
+        """Go through all data with what is named; tell whether it is better."""
+        bank = self._bank
+        # compared are members that went through all the same data at parameters that fit them
+        if not bank.go_through_again(self._start, (), False):
+            return False
+        least, found, back = bank.least, bank.best.blocks.found, bank.way_back()
+        taken, there = None, back
+        for better in self._named:
+            if self._solve(before, better):
+                value = bank.least
+                if bank.best.blocks.found != found:
+                    value += _margin(bank.best)
+                if value < least:
+                    least, taken, there = value, bank.best.thrusters, bank.way_back()
+            self._use(before)
+            back()
+        if taken is None:
+            return False
+        self._use(taken)
+        there()
+        return True
+
+    def _solve(self, before: Any, better: Any) -> bool:
+        """Go through all data with what is named; tell if it went well."""
+        bank, start = self._bank, self._start
+        if _lag(better) and _kind(better) != _kind(before):
+            better = self._likeliest_lag(before, better)
+            if better == before:
+                return False
+        # twice: where fixes come fast there are few passes
+        return (bank.solve(start, [self._use(better)], PASSES, True, False)
+                and bank.go_through_again(start, (), False))
+
+    def _likeliest_lag(self, before: Any, better: Any) -> Any:
+        """Return thrusters that lag in the way, and by as much, as is likeliest."""
+        if _lag(before):  # it is of the other kind, if it is
+            return self._sized(before, better)[0]
+        force, least, _ = self._sized(before, _with(better, turns=False))
+        of_turns, likelier, margin = self._sized(before, _with(better, turns=True))
+        return of_turns if likelier < least - margin else force
+
+    def _sized(self, before: Any, better: Any) -> tuple[Any, float, float]:
+        """Return thrusters with the likeliest lag of a kind, how likely it is, and its margin."""
+        bank, back, lag = self._bank, self._bank.way_back(), _lag(better)
+        best, least, margin = before, bank.members[0].innovations.likelihood, 0.0
+        tried = {} if _lag(before) else {0.0: least}
+        with suppress(ArithmeticError, np.linalg.LinAlgError):
+            for _ in range(SIZES):
+                # by the first member: an unknown force of the others follows what is missing
+                bank.members[0] = one = self._start.solve(
+                    bank.members[0], [self._use(_with(better, lag=lag))])
+                bank.number = 0
+                tried[lag] = value = one.innovations.likelihood
+                if value < least:
+                    best, least, margin = _with(better, lag=lag), value, _margin(one)
+                lag = _next(tried)
+                if best is before or lag in tried:
+                    break
+        self._use(before)
+        back()
+        return best, least, margin
+
+
+def _margin(member: Any) -> float:
+    """Return by how much data have to be likelier with something new."""
+    # where the blocks scatter more than the model says, the data are worth less
+    return 0.0 if member.verdict is None else MARGIN * member.verdict.unexplained
+
+
+def _next(tried: dict[float, float]) -> float:
+    """Return the lag to try next, one that was tried where the best is found."""
+    lags = sorted(tried)
+    i = lags.index(min(lags, key=lambda lag: tried[lag]))
+    best = lags[i]
+    if i == len(lags) - 1:
+        return min(BEYOND * best, DELAYS[1])
+    if i == 0:
+        return best / BEYOND if best else 0.5 * lags[1]
+    (a, b, c), (fa, fb, fc) = lags[i - 1:i + 2], [tried[lag] for lag in lags[i - 1:i + 2]]
+    one, other = (b - a) * (fb - fc), (b - c) * (fb - fa)
+    lowest = b - 0.5 * ((b - a) * one - (b - c) * other) / (one - other)
+    return best if abs(lowest - best) < NEAR * best else lowest
+
+
+def _both(thrusters: Any) -> list[Thrusters]:
+    """Return those of one DOF or of two as a list."""
+    return [thrusters] if isinstance(thrusters, Thrusters) else list(thrusters)
+
+
+def _lag(thrusters: Any) -> float:
+    return max(one.lag for one in _both(thrusters))
+
+
+def _kind(thrusters: Any) -> str:
+    """Return what lags, '' if nothing does."""
+    one = _both(thrusters)[0]
+    return '' if not one.lag else 'turns' if one.turns else 'force'
+
+
+def _with(thrusters: Any, **changes: Any) -> Any:
+    """Return thrusters of one DOF or of two that differ in something."""
+    changed = [one._replace(**changes) for one in _both(thrusters)]
+    return changed[0] if isinstance(thrusters, Thrusters) else tuple(changed)

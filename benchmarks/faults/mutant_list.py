@@ -665,16 +665,31 @@ MUTANTS = [
          'what_loses_the_vehicle_before_there_is_a_verdict_counts_after_a_change_only',
          ('after a change losses do not count',
           'self.changed_at > 0.0 if member', 'False if member')),
-    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
-         'a_lag_of_the_thrusters_is_found_and_said a_lag_that_no_thruster_has_is_not_taken',
-         ('nothing is ever found of the thrusters', 'self._least < least', 'False')),
-    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
+    *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
+         'a_lag_of_the_thrusters_is_found_and_said a_lag_that_no_thruster_has_is_not_taken '
+         'turns_that_lag_are_told_from_a_force_that_does',
+         ('nothing is ever found of the thrusters', 'if value < least:\n                    '
+          'least, taken', 'if False:\n                    least, taken'),
+         ('a force lags', 'likelier < least - margin', 'False'),
+         ('turns lag', 'likelier < least - margin', 'True'),
+         ('a lag is never longer than the first', 'return min(BEYOND * best, DELAYS[1])',
+          'return best')),
+    *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
+         'the_force_of_propellers_whose_turns_lag_is_that_of_short_steps',
+         ('propellers never turn back', 'if turns * end >= 0.0:', 'if True:'),
+         ('those that turn back did nothing before', '- way - before', '- 0.0 * way - before'),
+         ('of turns the force in reverse has no lag', 'if self._turns:\n                force',
+          'if False:\n                force')),
+    *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
+         'turns_that_lag_are_told_from_a_force_that_does',
+         ('what lags in turns may be the measurement', '0.0 if thrusters.turns else ', '')),
+    *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
          'nothing_is_found_of_the_thrusters_that_they_do_not_have '
          'what_the_thrusters_lose_is_found_and_said '
          'what_follows_another_axis_is_not_taken_for_the_thrusters',
-         ('what is hardly likelier is found', 'least -= MARGIN', 'least += 1e9'),
+         ('what is hardly likelier is found', 'value += _margin(bank.best)', 'value -= 1e9'),
          ('what a wrong model scatters makes nothing less likely',
-          'MARGIN * verdict.unexplained', 'MARGIN')),
+          'MARGIN * member.verdict.unexplained', 'MARGIN')),
     *_of('rovid_core/identify/ekf/single/linearised_filter.py',
          'test/core/test_linearised_filter.py '
          'thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays',
@@ -693,21 +708,20 @@ MUTANTS = [
          'test/core/test_planar_filter.py '
          'thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays',
          ('so it does in surge and sway', 'math.sqrt(abs(force)) * w', 'w')),
-    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
+    *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
          'what_the_thrusters_lose_is_found_and_said',
          ('what an unknown force follows is not found of the thrusters',
-          'self.members[0].better_thrusters if better is None else better', 'better')),
-    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_ekf_honesty.py '
+          '(self._bank.best, self._bank.members[0])', '(self._bank.best,)')),
+    *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
          'thrusters_that_are_no_better_are_not_tried_again_at_once',
          ('thrusters are tried again and again', 'start.duration < start.failed + PERIOD',
           'False')),
     *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
-         'a_lag_that_no_thruster_has_is_not_taken '
-         'a_lag_is_no_longer_than_all_that_makes_the_motion_late '
+         'a_lag_that_no_thruster_has_is_not_taken a_lag_gets_longer_or_is_one_of_something_else '
          'what_the_thrusters_lose_is_found_and_said',
          ('a lag that no thruster has is taken', 'if lag > DELAYS[1]:', 'if False:'),
-         ('a lag is longer than all that makes the motion late', 'min(lag, max(now.lag + delay, '
-          '0.0))', 'lag'),
+         ('a lag begins anew', 'now.lag * now.lag + ', ''),
+         ('what lags is never something else', 'if now.lag and now.turns != turns:', 'if False:'),
          ('a dead band is half as wide', 'now.dead_band - share *',
           'now.dead_band - 0.5 * share *'),
          ('reverse thrust begins anew', 'now.reverse * (1.0 + share)', '1.0 + share')),
@@ -772,8 +786,8 @@ MUTANTS = [
           'AS_CONFIGURED')),
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'what_is_found_of_the_thrusters_goes_on_with_the_same_bits',
-         ('surge and sway find nothing of the thrusters', 'self._bank.follow_thrusters(',
-          'False and bool(')),
+         ('surge and sway find nothing of the thrusters', ').succeeds():',
+          ').succeeds() and False:')),
     *_of('rovid_core/model/thrusters.py', 'test/core/test_reverse.py '
          'what_is_found_of_the_thrusters_is_in_every_result',
          ('forward thrust is never the weaker one', 'min(1.0, 1.0 / self.reverse)', '1.0'),

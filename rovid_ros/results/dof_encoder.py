@@ -51,7 +51,8 @@ _MOTION: Final = [
 _TIME: Final = [string('time')]
 _STALE_FOR: Final = string('age')
 _OPTIONAL: Final = [string(name) for name in ('delay', 'delay_std', 'W')]
-_THRUSTERS: Final = [string(name) for name in ('lag', 'dead_band', 'reverse', 'loss', 'lag_of_turns')]
+_THRUSTERS: Final = [
+    string(name) for name in ('lag', 'dead_band', 'reverse', 'loss', 'lag_of_turns')]
 _UPDATED: Final = pair('updated', 'false'), pair('updated', 'true')
 _FIXED = 4 + 4 + 4 + 6 + 4  # pairs that are always there: these, and status, reasons and time
 

@@ -242,7 +242,7 @@ def test_another_configuration_is_refused(
 @pytest.mark.parametrize('content, says', [
     ('', 'is damaged: Expecting value'), ('[]', 'is not a saved state'),
     ('{"rovid_replay": 1}', 'is not a saved state'),
-    ('{"rovid_checkpoint": 1}', 'has version 1, this program reads 3'),
+    ('{"rovid_checkpoint": 1}', 'has version 1, this program reads 4'),
     ('[' * 100_000, 'is damaged')])
 def test_another_file_is_refused(content: str, says: str, call: Call, dives: list[Path],
                                  capsys: pytest.CaptureFixture[str]) -> None:

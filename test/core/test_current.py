@@ -360,6 +360,16 @@ def test_what_is_found_of_the_thrusters_goes_on_with_the_same_bits():
     assert all(masses_held(ends[0]))
 
 
+def test_turns_that_lag_are_those_of_surge_and_of_sway():
+    run = Run(duration=140.0, lag=0.25, turns=True)
+    last = followed(Stream(settings(run)), run)[-1]
+    for dof in last.dofs[:2]:
+        assert dof.thrusters.found == ['turns_lag']
+        assert dof.thrusters.lag == pytest.approx(0.25, abs=0.03)
+        assert "the thrusters' turns lag by about 0.2" in ' '.join(dof.reasons)
+        assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.03)
+
+
 def test_a_state_without_the_filter_of_both_is_refused():
     stream, row = Stream(settings(FIXES)), Stream(replace(
         settings(FIXES), current=CurrentSettings(prior=0.0)))

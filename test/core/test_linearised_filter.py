@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, GAMMA, LinearisedFilter
+from rovid_core.identify.ekf.single.watched_lag import WatchedLag
 from rovid_core.model.dofs import EACH
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 from scipy.signal import lfilter
@@ -100,6 +101,57 @@ def test_the_force_behind_a_lag_is_that_of_short_steps(held):
                 assert astern == pytest.approx(impulse, abs=3e-3 * (end - start))
 
 
+def test_the_force_of_propellers_whose_turns_lag_is_that_of_short_steps():
+    """Also of those that turn the other way in between, and with a lag that is found later."""
+    random, lag, dt = np.random.default_rng(1), 0.13, 1e-4
+    known, later = DelayedForce(False, Thrusters(lag, turns=True)), DelayedForce(False)
+    asked = random.normal(size=40)
+    for force in asked.tolist():
+        known.add([(0.1, force)], True)
+        later.add([(0.1, force)], True)
+    later.set_thrusters(Thrusters(lag, turns=True))
+    steady = np.repeat(np.sign(asked) * np.sqrt(np.abs(asked)), round(0.1 / dt))
+    turns = lfilter([-np.expm1(-dt / lag)], [1.0, -np.exp(-dt / lag)], steady,
+                    zi=[steady[0] * np.exp(-dt / lag)])[0]
+    force, times = turns * np.abs(turns), dt * np.arange(len(turns))
+    changes_sign = np.flatnonzero(force[1:] * force[:-1] < 0.0)
+    assert len(changes_sign) > 10
+    for start, end in ((0.0, 0.4), (1.03, 1.31), (2.004, 2.007), (3.5, 3.95),
+                       *[(dt * (k - 300), dt * (k + 300)) for k in changes_sign[3:8].tolist()]):
+        inside = slice(round(start / dt), round(end / dt))
+        impulse = force[inside].sum() * dt
+        moment = (force[inside] * (end - times[inside] - 0.5 * dt)).sum() * dt
+        for one in (known, later):
+            found = one.over(start + 0.02, end + 0.02, 0.02)
+            assert found[:2] == pytest.approx((impulse, moment), abs=3e-3 * (end - start))
+            assert found[2:] == pytest.approx((force[inside.start], force[inside.stop]), abs=0.02)
+            parts = [one.over(a, b)[0] for a, b in zip(times[inside], times[inside] + dt)]
+            assert found[0] == pytest.approx(sum(parts), abs=1e-9)
+            if force[inside].max() < 0.0:
+                assert one.bent(start, end)[0][0] == pytest.approx(impulse, abs=1e-5)
+    early, late = known.over(-1.0, -0.5), known.over(9.0, 9.5)
+    assert early[0] == pytest.approx(0.5 * asked[0])
+    assert late[0] == pytest.approx(0.5 * asked[-1])
+    assert known.over(-0.5, 0.0)[0] + known.over(0.0, 0.3)[0] == pytest.approx(
+        known.over(-0.5, 0.3)[0])
+
+
+def test_what_a_lag_takes_of_a_force_that_is_watched_goes_as_it_stays():
+    one, dt, lag = WatchedLag(), 0.01, 0.15
+    taken, force = np.zeros(2), 0.7
+    for _ in range(300):
+        one.move(-force, dt)
+        taken += -dt * np.array([one.of_force, one.of_turns])
+    assert taken[0] == pytest.approx(force * lag, rel=1e-6)
+    assert taken[1] == pytest.approx(force * lag * 1.5, rel=1e-3)  # of 1 - (1 - e)^2
+    assert one.of_force == pytest.approx(0.0, abs=1e-6)
+    same = WatchedLag()
+    same.restore(one.state())
+    for each in (one, same):
+        each.move(0.2, dt)
+    assert (same.of_force, same.of_turns) == (one.of_force, one.of_turns)
+
+
 @pytest.mark.parametrize('held', [True, False])
 def test_the_force_that_there_is_is_less_by_a_dead_band_and_backwards(held):
     """Also where that is found later, but for what was asked for in the dead band before."""
@@ -126,7 +178,7 @@ def test_what_thrusters_give_of_many_forces_is_what_they_give_of_each():
     for force, given in zip(forces.tolist(), each):
         if given:
             assert thrusters.asked(given) == pytest.approx(force)
-    assert thrusters.in_units(10.0, 2.0) == (0.1, 2.0, 0.7, 0.0)
+    assert thrusters.in_units(10.0, 2.0) == (0.1, 2.0, 0.7, 0.0, False)
 
 
 @pytest.mark.parametrize('force', [-3.0, -0.2, 0.0, 0.4, 5.0])

@@ -53,6 +53,7 @@ class Run:
     weak: tuple[float, float] = (math.inf, 1.0)  # from when [s] thrust is how much of itself
     runs_down: float = 0.0  # [1/s] share of the thrust at the beginning that is lost per time
     lag: float = 0.0  # [s] of the thrusters of surge and sway
+    turns: bool = False  # whether it is their turns that lag
     reverse: float = 1.0  # thrust of surge backwards, relative to one forwards
     apart: bool = False  # one axis is driven after the other
     current: tuple[float, float] = CURRENT  # of the water [m/s]
@@ -84,8 +85,9 @@ def _advanced(run: Run) -> Callable[..., list[float]]:
             surge *= run.reverse
         if run.lag:
             for k, force in enumerate((surge, sway)):
-                lagged[k] -= math.expm1(-dt / run.lag) * (force - lagged[k])
-            surge, sway = lagged
+                asked = math.copysign(math.sqrt(abs(force)), force) if run.turns else force
+                lagged[k] -= math.expm1(-dt / run.lag) * (asked - lagged[k])
+            surge, sway = [x * abs(x) if run.turns else x for x in lagged]
         return advance(plant, attitude, [surge + x, sway + y, *rest], dt)
 
     return advanced

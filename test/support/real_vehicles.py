@@ -42,9 +42,10 @@ class Vehicle:
         What else accelerates it: '', ``unknown`` (a force of 1 N rms), ``coupled`` (v r of
         sway and yaw that follow commands of their own), ``zigzag`` (v r that follows this
         command), or ``tether``.
-    reverse_drag, lag, closed_loop, change
-        Factor of the drag in reverse, time constant of the thruster [s], whether a controller
-        follows a lawn-mower track, and the time [s] and factor of a change of the mass.
+    reverse_drag, lag, turns, closed_loop, change
+        Factor of the drag in reverse, time constant of the thruster [s], whether that is one of
+        its turns, whose square is the force, whether a controller follows a lawn-mower track,
+        and the time [s] and factor of a change of the mass.
     fades : float
         [m/s] Speed at which a full command pushes no more; lower ones lose it sooner.
     runs_down : float
@@ -138,12 +139,7 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
         if vehicle.disturbance == 'zigzag':
             turning[k] = 0.2 * held / FORCE * abs(side[k])**0.5
         real = vehicle.thrust(held) * (1.0 - vehicle.runs_down * time[k])
-        if not vehicle.lag:
-            force = real
-        elif vehicle.turns:
-            force = _turned(force, real, vehicle.lag)
-        else:
-            force += (real - force) * STEP / vehicle.lag
+        force = _lagged(vehicle, force, real)
         if time[k] >= vehicle.change[0]:
             mass = MASS * vehicle.change[1]
         drift = keep * drift + (1.0 - keep**2)**0.5 * white[k]
@@ -160,9 +156,14 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
     return _smooth(path[::FIX] + noise[:n // FIX + 1], vehicle.smoothing), logged, turning
 
 
-def _turned(force: float, real: float, lag: float) -> float:
+def _lagged(vehicle: Vehicle, force: float, real: float) -> float:
+    """Return the force after one ``STEP``, where there would be another one without a lag."""
+    if not vehicle.lag:
+        return real
+    if not vehicle.turns:
+        return force + (real - force) * STEP / vehicle.lag
     turns = copysign(abs(force)**0.5, force)
-    turns += (copysign(abs(real)**0.5, real) - turns) * STEP / lag
+    turns += (copysign(abs(real)**0.5, real) - turns) * STEP / vehicle.lag
     return turns * abs(turns)
 
 
@@ -226,12 +227,6 @@ def _felt(vehicle: Vehicle, logged: Array) -> Array:
     """Return the real force of the commands per ``STEP`` [N]."""
     force, felt = 0.0, np.empty(len(logged))
     for k, command in enumerate(logged):
-        real = vehicle.thrust(float(command))
-        if not vehicle.lag:
-            force = real
-        elif vehicle.turns:
-            force = _turned(force, real, vehicle.lag)
-        else:
-            force += (real - force) * STEP / vehicle.lag
+        force = _lagged(vehicle, force, vehicle.thrust(float(command)))
         felt[k] = force
     return felt

@@ -196,7 +196,7 @@ class Member:
         """Return thrusters that have what is named besides, None where that is something else."""
         better, verdict, theta = self.thrusters, self.verdict, self.filter.theta
         for missing in [] if verdict is None else verdict.to_find:
-            better = better_thrusters(better, missing, theta[ALPHA], theta[-1])
+            better = better_thrusters(better, missing, theta[ALPHA])
         return None if better == self.thrusters else better
 
     @property

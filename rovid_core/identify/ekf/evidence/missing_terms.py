@@ -224,11 +224,11 @@ def remarks(verdict: Verdict | None, missing: Missing | None, theta: Sequence[fl
             if name.startswith(prefix)]
 
 
-def better_thrusters(now: Thrusters, missing: Missing, alpha: float, delay: float) -> Thrusters:
+def better_thrusters(now: Thrusters, missing: Missing, alpha: float) -> Thrusters:
     """
     Return thrusters that also have what is missing, the same where that is something else.
 
-    ``alpha`` and ``delay`` [s] are those of the filter, which lacks it.
+    ``alpha`` is that of the filter, which lacks it.
     """
     if not missing.alpha > 0.0:
         return now
@@ -241,7 +241,6 @@ def better_thrusters(now: Thrusters, missing: Missing, alpha: float, delay: floa
             now.lag * now.lag + _square_of_lag(missing.coefficient / alpha), 0.0))
         if lag > DELAYS[1]:
             return now
-        # a delay makes the motion late, too, and there is no thrust before it is asked for
         return now._replace(lag=lag, turns=turns)
     if missing.name == 'dead_band':
         return now._replace(dead_band=max(now.dead_band - share * DEAD_BAND, 0.0))

@@ -400,11 +400,12 @@ class PlanarMember:
         for missing in [] if verdict is None else verdict.to_find:
             dof, name = missing.name.split()
             k = DOFS.index(dof)
-            if name in ('lag', 'turns_lag') and better[k].lag != self.thrusters[k].lag:
+            if name in ('lag', 'turns_lag') and (better[k].lag, better[k].turns) != (
+                    self.thrusters[k].lag, self.thrusters[k].turns):
                 continue  # that of both is known better from the other DOF
             row = self._rows[k]
-            better[k] = better_thrusters(better[k], replace(missing, name=name), float(
-                theta[row.first + ALPHA]), float(theta[row.end - 1]))
+            better[k] = better_thrusters(
+                better[k], replace(missing, name=name), float(theta[row.first + ALPHA]))
             better[1 - k] = better[1 - k]._replace(lag=better[k].lag, turns=better[k].turns)
         one, other = better
         return None if (one, other) == self.thrusters else (one, other)

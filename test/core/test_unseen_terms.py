@@ -151,7 +151,8 @@ def test_the_interval_is_that_of_the_average_over_vehicles_with_and_without():
 def test_the_sizes_are_those_of_thrusters_and_hulls():
     sizes = expected([2.0, -1.0, -0.5, 0.0, 0.0])
     assert sizes == {'reverse_thrust': (0.5, 0), 'reverse_drag': (pytest.approx(0.45), 0),
-                     'dead_band': (2.0, -1), 'lag': (2.0, -1), 'thrust_loss': (0.5, -1)}
+                     'dead_band': (2.0, -1), 'lag': (2.0, -1), 'turns_lag': (2.0, -1),
+                     'thrust_loss': (0.5, -1)}
 
 
 def test_a_force_that_bends_is_taken_of_each_command():

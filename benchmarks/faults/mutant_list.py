@@ -667,7 +667,8 @@ MUTANTS = [
           'self.changed_at > 0.0 if member', 'False if member')),
     *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
          'a_lag_of_the_thrusters_is_found_and_said a_lag_that_no_thruster_has_is_not_taken '
-         'turns_that_lag_are_told_from_a_force_that_does',
+         'turns_that_lag_are_told_from_a_force_that_does '
+         'the_likeliest_lag_is_found_wherever_the_first_one_is',
          ('nothing is ever found of the thrusters', 'if value < least:\n                    '
           'least, taken', 'if False:\n                    least, taken'),
          ('a force lags', 'likelier < least - margin', 'False'),
@@ -680,9 +681,6 @@ MUTANTS = [
          ('those that turn back did nothing before', '- way - before', '- 0.0 * way - before'),
          ('of turns the force in reverse has no lag', 'if self._turns:\n                force',
           'if False:\n                force')),
-    *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
-         'turns_that_lag_are_told_from_a_force_that_does',
-         ('what lags in turns may be the measurement', '0.0 if thrusters.turns else ', '')),
     *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
          'nothing_is_found_of_the_thrusters_that_they_do_not_have '
          'what_the_thrusters_lose_is_found_and_said '
@@ -786,8 +784,9 @@ MUTANTS = [
           'AS_CONFIGURED')),
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'what_is_found_of_the_thrusters_goes_on_with_the_same_bits',
-         ('surge and sway find nothing of the thrusters', ').succeeds():',
-          ').succeeds() and False:')),
+         ('surge and sway find nothing of the thrusters',
+          'self._start is not None and ThrusterSearch(',
+          'False and ThrusterSearch(')),
     *_of('rovid_core/model/thrusters.py', 'test/core/test_reverse.py '
          'what_is_found_of_the_thrusters_is_in_every_result',
          ('forward thrust is never the weaker one', 'min(1.0, 1.0 / self.reverse)', '1.0'),

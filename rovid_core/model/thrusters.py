@@ -108,6 +108,11 @@ class Thrusters(NamedTuple):
 AS_CONFIGURED: Final = Thrusters()
 
 
+def turns_of(force: float) -> float:
+    """Return the turns of propellers that give a force, in the root of its unit."""
+    return math.copysign(math.sqrt(abs(force)), force)
+
+
 def read_thrusters(values: object) -> Thrusters:
     """Return thrusters of five numbers; raises ValueError if there are none such."""
     if not isinstance(values, (list, tuple)) or len(values) != 5:
@@ -116,4 +121,4 @@ def read_thrusters(values: object) -> Thrusters:
     if not (0.0 <= lag < math.inf and 0.0 <= dead_band < math.inf and 0.0 < reverse < math.inf
             and 0.0 <= loss < math.inf):
         raise ValueError('thrusters out of range')
-    return Thrusters(lag, dead_band, reverse, loss, turns != 0.0)
+    return Thrusters(lag, dead_band, reverse, loss, turns != 0.0 and lag > 0.0)

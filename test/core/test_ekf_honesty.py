@@ -21,6 +21,7 @@ from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member, stands_at_bound
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, KEPT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
+from rovid_core.identify.ekf.thruster_search import next_lag
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
@@ -196,6 +197,20 @@ def test_a_velocity_that_was_smoothed_is_no_lag_that_is_trusted(smoothing):
 def test_a_lag_gets_longer_or_is_one_of_something_else(now, name, better):
     found = better_thrusters(now, Missing(name, -0.7, 0.1, 0.7), 0.7)  # of 0.15 s
     assert found == better._replace(lag=pytest.approx(better.lag))
+
+
+@pytest.mark.parametrize('first', [0.05, 0.15, 0.4])
+@pytest.mark.parametrize('likeliest', [0.1, 0.3])
+def test_the_likeliest_lag_is_found_wherever_the_first_one_is(first, likeliest):
+    def unlikely(lag):
+        return (lag - likeliest)**2 + 0.5 * abs(lag - likeliest)**3
+
+    tried, lag = {0.0: unlikely(0.0)}, first
+    while lag not in tried:
+        tried[lag] = unlikely(lag)
+        lag = next_lag(tried)
+    assert lag == pytest.approx(likeliest, rel=0.03)
+    assert len(tried) <= 9
 
 
 def test_a_lag_that_no_thruster_has_is_not_taken():

@@ -73,6 +73,25 @@ def test_the_force_ends_where_the_step_begins():
     assert filter.covariance[0] > 0.0
 
 
+def behind_a_lag(values, first, lag, dt):
+    """Return what follows values, each of them held for ``dt``, from a steady one on."""
+    keep = np.exp(-dt / lag)
+    return lfilter([1.0 - keep], [1.0, -keep], values, zi=[first * keep])[0]
+
+
+def check_over(one, force, dt, start, end):
+    """Compare what is felt, and what of it in reverse, with a force in short steps."""
+    inside = slice(round(start / dt), round(end / dt))
+    left = end - dt * (np.arange(inside.start, inside.stop) + 0.5)
+    impulse, moment = force[inside].sum() * dt, (force[inside] * left).sum() * dt
+    found = one.over(start + 0.02, end + 0.02, 0.02)
+    assert found[:2] == pytest.approx((impulse, moment), abs=3e-3 * (end - start))
+    assert found[2:] == pytest.approx((force[inside.start], force[inside.stop]), abs=0.02)
+    if end < one.end and force[inside].max() < 0.0:
+        (astern, _), _ = one.bent(start + 0.02, end + 0.02, 0.02)
+        assert astern == pytest.approx(impulse, abs=3e-3 * (end - start))
+
+
 @pytest.mark.parametrize('held', [True, False])
 def test_the_force_behind_a_lag_is_that_of_short_steps(held):
     random, lag, dt = np.random.default_rng(1), 0.13, 1e-4
@@ -83,22 +102,11 @@ def test_the_force_behind_a_lag_is_that_of_short_steps(held):
         for one in (asked, known, later):
             one.add([span], held)
     later.set_thrusters(Thrusters(lag))
-    times = dt * np.arange(41_000)
-    force = np.array([asked.over(t, t + dt)[0] / dt for t in times])
-    lagged = lfilter([-np.expm1(-dt / lag)], [1.0, -np.exp(-dt / lag)], force,
-                     zi=[asked.over(-1.0, 0.0)[2] * np.exp(-dt / lag)])[0]
+    force = np.array([asked.over(t, t + dt)[0] / dt for t in dt * np.arange(41_000)])
+    lagged = behind_a_lag(force, asked.over(-1.0, 0.0)[2], lag, dt)
     for start, end in ((0.0, 0.4), (1.03, 1.31), (2.004, 2.007), (3.9, 4.05)):
-        inside = slice(round(start / dt), round(end / dt))
-        impulse = lagged[inside].sum() * dt
-        moment = (lagged[inside] * (end - times[inside] - 0.5 * dt)).sum() * dt
         for one in (known, later):
-            found = one.over(start + 0.02, end + 0.02, 0.02)
-            assert found[:2] == pytest.approx((impulse, moment), abs=3e-3 * (end - start))
-            assert found[2:] == pytest.approx(
-                (lagged[inside.start], lagged[inside.stop]), abs=0.02)
-            (astern, _), _ = one.bent(start + 0.02, end + 0.02, 0.02)
-            if end < known.end and lagged[inside].max() < 0.0:
-                assert astern == pytest.approx(impulse, abs=3e-3 * (end - start))
+            check_over(one, lagged, dt, start, end)
 
 
 def test_the_force_of_propellers_whose_turns_lag_is_that_of_short_steps():
@@ -106,29 +114,22 @@ def test_the_force_of_propellers_whose_turns_lag_is_that_of_short_steps():
     random, lag, dt = np.random.default_rng(1), 0.13, 1e-4
     known, later = DelayedForce(False, Thrusters(lag, turns=True)), DelayedForce(False)
     asked = random.normal(size=40)
-    for force in asked.tolist():
-        known.add([(0.1, force)], True)
-        later.add([(0.1, force)], True)
+    for one in (known, later):
+        one.add([(0.1, force) for force in asked.tolist()], True)
     later.set_thrusters(Thrusters(lag, turns=True))
     steady = np.repeat(np.sign(asked) * np.sqrt(np.abs(asked)), round(0.1 / dt))
-    turns = lfilter([-np.expm1(-dt / lag)], [1.0, -np.exp(-dt / lag)], steady,
-                    zi=[steady[0] * np.exp(-dt / lag)])[0]
-    force, times = turns * np.abs(turns), dt * np.arange(len(turns))
+    turns = behind_a_lag(steady, steady[0], lag, dt)
+    force = turns * np.abs(turns)
     changes_sign = np.flatnonzero(force[1:] * force[:-1] < 0.0)
     assert len(changes_sign) > 10
     for start, end in ((0.0, 0.4), (1.03, 1.31), (2.004, 2.007), (3.5, 3.95),
                        *[(dt * (k - 300), dt * (k + 300)) for k in changes_sign[3:8].tolist()]):
-        inside = slice(round(start / dt), round(end / dt))
-        impulse = force[inside].sum() * dt
-        moment = (force[inside] * (end - times[inside] - 0.5 * dt)).sum() * dt
         for one in (known, later):
-            found = one.over(start + 0.02, end + 0.02, 0.02)
-            assert found[:2] == pytest.approx((impulse, moment), abs=3e-3 * (end - start))
-            assert found[2:] == pytest.approx((force[inside.start], force[inside.stop]), abs=0.02)
-            parts = [one.over(a, b)[0] for a, b in zip(times[inside], times[inside] + dt)]
-            assert found[0] == pytest.approx(sum(parts), abs=1e-9)
-            if force[inside].max() < 0.0:
-                assert one.bent(start, end)[0][0] == pytest.approx(impulse, abs=1e-5)
+            check_over(one, force, dt, start, end)
+            edges = np.linspace(start, end, 1 + round((end - start) / 1e-3))
+            parts = np.array([one.over(a, b)[0] for a, b in zip(edges, edges[1:])])
+            assert one.over(start, end)[:2] == pytest.approx(
+                (parts.sum(), parts @ (end - 0.5 * (edges[:-1] + edges[1:]))), abs=2e-7)
     early, late = known.over(-1.0, -0.5), known.over(9.0, 9.5)
     assert early[0] == pytest.approx(0.5 * asked[0])
     assert late[0] == pytest.approx(0.5 * asked[-1])

@@ -98,7 +98,7 @@ class Member:
         self.blocks = ScoreBlocks(
             theta, variances, (*CANDIDATES, *(EACH if shares else ()), *watched),
             configured=[name for name, i in zip(OWN, own) if i >= 0], found=thrusters.found,
-            lags={'lag': share_of_lag(thrusters)})
+            lags={'lag': share_of_lag(thrusters.lag)})
         self.prediction = FreePrediction(own, thrusters)
         self._verdict: Verdict | None = None
         self._is_judged = True
@@ -357,7 +357,7 @@ class FilterBank(Generic[M]):
         return went_well
 
     def solve(self, start: BatchStart[M], guesses: Sequence[Sequence[float]], passes: int,
-               from_best: bool, from_own: bool) -> bool:
+              from_best: bool, from_own: bool) -> bool:
         """Let the best member begin at guesses, and the others where it ends or at their own."""
         best, members = self.best, self.members
         self.confirmed = False

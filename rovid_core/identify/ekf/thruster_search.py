@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, Final, Generic
 
@@ -129,7 +129,7 @@ class ThrusterSearch(Generic[M]):
                 tried[lag] = value = one.innovations.likelihood
                 if value < least:
                     best, least, margin = _with(better, lag=lag), value, _margin(one)
-                lag = _next(tried)
+                lag = next_lag(tried)
                 if best is before or lag in tried:
                     break
         self._use(before)
@@ -143,8 +143,16 @@ def _margin(member: Any) -> float:
     return 0.0 if member.verdict is None else MARGIN * member.verdict.unexplained
 
 
-def _next(tried: dict[float, float]) -> float:
-    """Return the lag to try next, one that was tried where the best is found."""
+def next_lag(tried: Mapping[float, float]) -> float:
+    """
+    Return the lag to try next [s], the best one where that is found.
+
+    Parameters
+    ----------
+    tried : mapping of float to float
+        -2 log of the likelihood of each lag that was tried, of one above 0 at least.
+
+    """
     lags = sorted(tried)
     i = lags.index(min(lags, key=lambda lag: tried[lag]))
     best = lags[i]

@@ -13,7 +13,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     CANDIDATES,
     GAMMA,
 )
-from rovid_core.identify.ekf.single.watched_lag import LAG
+from rovid_core.identify.ekf.single.watched_lag import LAG, LAGS
 from rovid_core.identify.last_minute import KEYS, lacking, UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import EACH, Four
 from rovid_core.model.thrusters import DEAD_BAND, Thrusters
@@ -27,9 +27,8 @@ UNTOLD = {
     'reverse_thrust': 'weaker thrust in reverse cannot be told from the mass yet: push both ways',
     'reverse_drag': 'other drag in reverse cannot be told from the mass yet: move both ways',
     'dead_band': UNTOLD_DEAD_BAND,
-    'lag': 'a lag of the thrusters cannot be told from the mass yet: change the thrust more often',
-    'turns_lag': "a lag of the thrusters' turns cannot be told from the mass yet: change the "
-                 'thrust more often',
+    **dict.fromkeys(LAGS, 'a lag of the thrusters cannot be told from the mass yet: change the '
+                          'thrust more often'),
     LAG_SHAPE: 'whether the thrusters lag or what measures the motion cannot be told, which '
                'leaves the mass open: if it is the thrusters, set thrusters.time_constant',
     'thrust_loss': 'thrust that falls with speed cannot be told from the drag yet: coast now and '
@@ -39,8 +38,7 @@ UNTOLD = {
 ODD = {
     'dead_band': 'small commands, which push more than the model of the thrusters says',
     'dead_band_of_each': 'small commands, which push more than the model of each thruster says',
-    'lag': 'quick changes of the thrust, which move it more than the model says',
-    'turns_lag': 'quick changes of the thrust, which move it more than the model says',
+    **dict.fromkeys(LAGS, 'quick changes of the thrust, which move it more than the model says'),
     'thrust_loss': 'fast motion under thrust, which is faster than the model says',
     'thrust_loss_of_each': 'fast motion under thrust, which is faster than the model says'}
 """What the error follows where a term has the sign that no thruster gives it."""
@@ -233,15 +231,15 @@ def better_thrusters(now: Thrusters, missing: Missing, alpha: float) -> Thruster
     if not missing.alpha > 0.0:
         return now
     share = missing.coefficient / missing.alpha
-    if missing.name in ('lag', 'turns_lag'):
-        turns = missing.name == 'turns_lag'
+    if missing.name in LAGS:
+        turns = missing.name == LAGS[1]
         if now.lag and now.turns != turns:
             return now._replace(turns=turns)
         lag = math.sqrt(max(
             now.lag * now.lag + _square_of_lag(missing.coefficient / alpha), 0.0))
         if lag > DELAYS[1]:
             return now
-        return now._replace(lag=lag, turns=turns)
+        return now._replace(lag=lag, turns=turns and lag > 0.0)
     if missing.name == 'dead_band':
         return now._replace(dead_band=max(now.dead_band - share * DEAD_BAND, 0.0))
     if missing.name == 'thrust_loss':
@@ -262,13 +260,9 @@ def _square_of_lag(share: float) -> float:
     return LAG * LAG * (late * (2.0 - late) if late < 1.0 else late * late)
 
 
-def share_of_lag(thrusters: Thrusters) -> float:
-    """
-    Return the share of alpha that their lag has as a coefficient, the delay taken off.
-
-    That of turns is none of what measures the motion, and is left out.
-    """
-    late = 0.0 if thrusters.turns else thrusters.lag / LAG
+def share_of_lag(lag: float) -> float:
+    """Return the share of alpha that a lag [s] has as a coefficient, the delay taken off."""
+    late = lag / LAG
     return late if late > 1.0 else 1.0 - math.sqrt(1.0 - late * late)
 
 

@@ -39,6 +39,7 @@ from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, SPAN
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, Bounds, floats
 from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL, Resolution
+from rovid_core.identify.ekf.single.watched_lag import LAGS
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
@@ -277,7 +278,7 @@ class PlanarMember:
              for name, i in zip(OWN, row.own) if i >= 0], dict.fromkeys(LATE, DOUBTED_LATENCY),
             [f'{dof} {name}' for dof, one in zip(DOFS, thrusters) if dof in identified
              for name in one.found],
-            {f'{dof} lag': share_of_lag(one) for dof, one in zip(DOFS, thrusters)})
+            {f'{dof} lag': share_of_lag(one.lag) for dof, one in zip(DOFS, thrusters)})
         self._rows = rows
         self._verdict: Verdict | None = None
         self._alternative = NOT_JUDGED
@@ -400,7 +401,7 @@ class PlanarMember:
         for missing in [] if verdict is None else verdict.to_find:
             dof, name = missing.name.split()
             k = DOFS.index(dof)
-            if name in ('lag', 'turns_lag') and (better[k].lag, better[k].turns) != (
+            if name in LAGS and (better[k].lag, better[k].turns) != (
                     self.thrusters[k].lag, self.thrusters[k].turns):
                 continue  # that of both is known better from the other DOF
             row = self._rows[k]

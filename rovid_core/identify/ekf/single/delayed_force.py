@@ -8,7 +8,7 @@ import math
 from typing import Any, Final
 
 from rovid_core.model.dofs import Three
-from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
+from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters, turns_of
 
 KEPT: Final = 4.0
 """[s] that are kept, at least."""
@@ -61,7 +61,7 @@ class DelayedForce:
 
     def _work_as(self, thrusters: Thrusters) -> None:
         self._thrusters, self._lag = thrusters, thrusters.lag
-        self._is_curved, self._turns = thrusters.is_curved, thrusters.turns and self._lag > 0.0
+        self._is_curved, self._turns = thrusters.is_curved, thrusters.turns
 
     def add(self, spans: Sequence[tuple[float, float]], held: bool = False,
             unit: float = 1.0, each: Sequence[Three] = ()) -> None:
@@ -130,7 +130,7 @@ class DelayedForce:
 
     def _steady(self, force: float) -> float:
         """Return what lags as it is while a force is held."""
-        return math.copysign(math.sqrt(abs(force)), force) if self._turns else force
+        return turns_of(force) if self._turns else force
 
     def _lagged_end(self, i: int) -> float:
         """Return what lags at the end of a span."""

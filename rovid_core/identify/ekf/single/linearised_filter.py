@@ -22,6 +22,7 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
+from rovid_core.identify.ekf.single.regressors import Parameter, Regressor
 from rovid_core.identify.ekf.single.watched_lag import WatchedLag
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.dofs import EACH, Three
@@ -63,61 +64,6 @@ Bounds = list[tuple[int, float, float]]
 """Index, lowest and highest value of the parameters that are bounded."""
 
 Matrix = list[list[float]]
-
-
-class Regressor:
-    """
-    How the motion moves with the coefficient of a regressor.
-
-    Attributes
-    ----------
-    path, velocity, force : float
-        Derivatives of path, velocity and unknown acceleration.
-    push : float
-        The regressor over a step: the derivative of the acceleration.
-
-    """
-
-    __slots__ = ('path', 'velocity', 'force', 'push')
-
-    def __init__(self) -> None:
-        self.path = self.velocity = self.force = self.push = 0.0
-
-
-class Parameter(Regressor):
-    """
-    The coefficient of a regressor of the model.
-
-    Attributes
-    ----------
-    value : float
-        What it is.
-    gain : float
-        Its covariance with the measurement that is looked at.
-    alpha, beta, gamma, delta, delay : float
-        Its covariances with these.
-    couplings : list of m floats
-        Those with the parameters of the couplings.
-
-    """
-
-    __slots__ = ('value', 'gain', 'alpha', 'beta', 'gamma', 'delta', 'delay', 'couplings')
-
-    def __init__(self, value: float) -> None:
-        super().__init__()
-        self.value, self.gain = value, 0.0
-        self.alpha = self.beta = self.gamma = self.delta = self.delay = 0.0
-        self.couplings: list[float] = []
-
-    @property
-    def row(self) -> list[float]:
-        """Return its row of the covariance, the delay at the end."""
-        return [self.alpha, self.beta, self.gamma, self.delta, *self.couplings, self.delay]
-
-    @row.setter
-    def row(self, covariances: Sequence[float]) -> None:
-        self.alpha, self.beta, self.gamma, self.delta = covariances[:4]
-        self.couplings, self.delay = list(covariances[4:-1]), covariances[-1]
 
 
 class LinearisedFilter:
@@ -297,33 +243,50 @@ class LinearisedFilter:
         of_delay, delay_way = alpha / s * (rise + rate * way), alpha * way
         of_alpha, alpha_way = felt(impulse, moment, h, rate, s)
         if first == last and abs(force - first) < STEADY:
-            of_reverse, reverse_way = (of_alpha, alpha_way) if force < 0.0 else (0.0, 0.0)
+            backwards = (of_alpha, alpha_way) if force < 0.0 else (0.0, 0.0)
             share = DEAD_BAND / max(abs(force), recent.bend)
-            of_cut, cut_way = share * of_alpha, share * alpha_way
+            small = share * of_alpha, share * alpha_way
         else:
             reverse, cut = recent.bent(start, end, delay)
-            of_reverse, reverse_way = felt(reverse[0], reverse[1], h, rate, s)
-            of_cut, cut_way = felt(cut[0], cut[1], h, rate, s)
+            backwards = felt(reverse[0], reverse[1], h, rate, s)
+            small = felt(cut[0], cut[1], h, rate, s)
         drag = w * size
-        self._watched_lag.move(force, h)
-        self._lag.push, self._turns_lag.push = (
-            self._watched_lag.of_force, self._watched_lag.of_turns)
         self._alpha.push = of_alpha - slowing(force) * w
-        self._beta.push, self._gamma.push = drag, w
-        self._delay.push, self._reverse.push, self._cut.push = -of_delay, of_reverse, of_cut
-        self._reverse_drag.push = drag if w < 0.0 else 0.0
-        self._loss.push = math.sqrt(abs(force)) * w
+        self._beta.push, self._gamma.push, self._delay.push = drag, w, -of_delay
+        self._alpha.path += alpha_way - b * of_alpha
+        self._delay.path -= delay_way - b * of_delay
+        self._push_watched(h, b, force, w, backwards, small)
         if self._each:
             self._push_by_each(recent.each(start, end, delay), h, rate, (s, b), w)
         if self._has_own:
-            self._push_by_own(of_reverse, reverse_way - b * of_reverse,
+            self._push_by_own(backwards[0], backwards[1] - b * backwards[0],
                               drag if goes_back else 0.0)
-        self._alpha.path += alpha_way - b * of_alpha
-        self._delay.path -= delay_way - b * of_delay
-        # what is told apart by where in a step it acts has to act where alpha's force does
-        self._reverse.path += reverse_way - b * of_reverse
-        self._cut.path += cut_way - b * of_cut
         self._carry(h, (x, v, f), (s, b, keep))
+
+    def _push_watched(self, h: float, b: float, force: float, w: float,
+                      backwards: tuple[float, float], small: tuple[float, float]) -> None:
+        """
+        Let the regressors of ``CANDIDATES`` push over a step, under a mean force.
+
+        Parameters
+        ----------
+        h, b : float
+            Length of the step, and what a push makes of the path.
+        force, w : float
+            Mean force, and the velocity in the middle of the step.
+        backwards, small : tuple of 2 floats
+            What the force in reverse, and what a dead band takes, adds to velocity and path.
+
+        """
+        self._watched_lag.move(force, h)
+        self._lag.push, self._turns_lag.push = (
+            self._watched_lag.of_force, self._watched_lag.of_turns)
+        self._reverse_drag.push = w * abs(w) if w < 0.0 else 0.0
+        self._loss.push = math.sqrt(abs(force)) * w
+        # what is told apart by where in a step it acts has to act where alpha's force does
+        self._reverse.push, self._cut.push = backwards[0], small[0]
+        self._reverse.path += backwards[1] - b * backwards[0]
+        self._cut.path += small[1] - b * small[0]
 
     def _carry(self, h: float, motion: Three, transition: Three) -> None:
         """

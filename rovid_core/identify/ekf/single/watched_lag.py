@@ -5,8 +5,13 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from rovid_core.model.thrusters import turns_of
+
 LAG: Final = 0.15
 """[s] of the thruster lag that is looked for."""
+
+LAGS: Final = ('lag', 'turns_lag')
+"""Names of the regressors: a lag of the force, and one of the turns."""
 
 
 class WatchedLag:
@@ -35,7 +40,7 @@ class WatchedLag:
         off, late = force - self._lagged, gone * LAG / h
         self.of_force = off * late
         self._lagged += gone * off
-        steady = math.copysign(math.sqrt(abs(force)), force)
+        steady = turns_of(force)
         off = steady - self._turns
         mean, moved = steady - off * late, gone * off
         self._turns += moved

@@ -116,9 +116,16 @@ class Peer:
         self.until(lambda: all(
             p.get_subscription_count() for p in self.publishers.values()))
         # an endpoint may be found before its node has a name, and one of a node that has just
-        # ended be known a little longer
-        self.until(lambda: all(map(self._is_there, self._others(types))))
-        for name in self._others(types):
+        # ended be known a little longer, at last without its name
+        hearers: set[str] = set()
+
+        def named() -> bool:
+            hearers.clear()
+            hearers.update(self._others(types))
+            return all(map(self._is_there, hearers))
+
+        self.until(named)
+        for name in hearers:
             self._greet(name)
 
     def publish(self, messages: Iterable[Raw]) -> None:
@@ -135,9 +142,11 @@ class Peer:
         self.publishers[topic].publish(message)
 
     def call(self, service: type[Any], name: str, request: Any = None) -> Any:
+        owner = name.rpartition('/')[0]
+        self.until(lambda: self._is_there(owner))
         for _ in range(CLIENTS):
             client = self.node.create_client(service, name)
-            self._greet(name.rpartition('/')[0])  # which then has found this client, too
+            self._greet(owner)  # which then has found this client, too
             if self._waited(client.service_is_ready, PATIENCE / CLIENTS):
                 break
             self.node.destroy_client(client)
@@ -150,14 +159,13 @@ class Peer:
 
     def _greet(self, name: str) -> None:
         """
-        Wait until a node has found all that this one has, or is gone.
+        Wait until a node that was found has found all that this one has, or is gone.
 
         A node may find a client seconds after the client found the node, and until then it throws
         its answers away. What a process has is told in the order in which it was made: who
         answers a client has found all that is older. The question can be asked again. The client
         stays, because a late answer that reaches nobody is a warning in the output of the node.
         """
-        self.until(lambda: self._is_there(name))
         client = self.node.create_client(ListParameters, f'{name}/list_parameters')
         self.until(lambda: client.service_is_ready() or not self._is_there(name))
         answers: list[Any] = []

@@ -206,6 +206,7 @@ MUTANTS = [
           'round(settings.delay / NS)', '-round(settings.delay / NS)'),
          ('there is no lag',
           'self._lag = settings.time_constant', 'self._lag = 0.0'),
+         ('turns never lag', 'settings.lag_of_turns and self._lag > 0.0', 'False'),
          ('one topic of several may be silent',
           'oldest = min(', 'oldest = max('),
          ('a delayed command is stale too early',
@@ -675,10 +676,31 @@ MUTANTS = [
          ('turns lag', 'likelier < least - margin', 'True'),
          ('a lag is never longer than the first', 'return min(BEYOND * best, DELAYS[1])',
           'return best')),
-    *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
+    *_of('rovid_core/model/lag.py', 'test/core/test_linearised_filter.py '
          'the_force_of_propellers_whose_turns_lag_is_that_of_short_steps',
          ('propellers never turn back', 'if turns * end >= 0.0:', 'if True:'),
-         ('those that turn back did nothing before', '- way - before', '- 0.0 * way - before'),
+         ('those that turn back did nothing before', '- way - before', '- 0.0 * way - before')),
+    *_of('rovid_core/model/lag.py', 'test/core/test_score.py '
+         'the_thrust_lags_as_the_method_says',
+         ('in scores a lag is forgotten from block to block',
+          'added[..., :1] += decay[:1] * begin', 'added[..., :1] += decay[:1] * steady[..., :1]')),
+    *_of('rovid_core/model/lag.py', 'test/core/test_thrust.py '
+         'propellers_give_the_same_in_many_spans_at_once',
+         ('in scores propellers never turn back', 'turns * end < 0.0', 'turns * end < -1e9')),
+    *_of('rovid_core/trials/scored_run.py', 'test/core/test_score.py '
+         'the_thrust_lags_as_the_method_says',
+         ('scores have a lag as a delay, too', 'delay - thrusters.lag)', 'delay)'),
+         ('scores know no turns', 'if thrusters.turns else (', 'if False else (')),
+    *_of('rovid_core/trials/tuning/timing.py', 'test/core/test_tuning.py '
+         'tells_propellers_whose_turns_lag_from_a_force_that_does',
+         ('the other kind of lag is never taken',
+          'not choice.is_better or choice.contradicted:\n        return timing',
+          'True:\n        return timing'),
+         ('the other kind of lag is always taken',
+          'not choice.is_better or choice.contradicted:\n        return timing',
+          'False:\n        return timing')),
+    *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
+         'the_force_of_propellers_whose_turns_lag_is_that_of_short_steps',
          ('of turns the force in reverse has no lag', 'if self._turns:\n                force',
           'if False:\n                force')),
     *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '

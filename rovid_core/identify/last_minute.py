@@ -37,7 +37,8 @@ KEYS = {'dead_band': ': see thrusters.dead_zone', 'reverse_thrust': ': see thrus
         'dead_band_of_each': ': see thrusters.dead_zone',
         'reverse_of_each': ': see thrusters.reverse',
         'thrust_loss_of_each': ': drive one axis at a time',
-        'lag': ': see thrusters.time_constant', 'turns_lag': '', 'thrust_loss': '',
+        'lag': ': see thrusters.time_constant', 'turns_lag': ': see thrusters.lag_of_turns',
+        'thrust_loss': '',
         'current': ': see current.prior'}
 LAG: Final = 0.15  # [s] of the thruster lag that is looked for
 # A candidate is named from this share of the squared error that it explains, and from this share

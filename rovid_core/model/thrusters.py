@@ -108,11 +108,6 @@ class Thrusters(NamedTuple):
 AS_CONFIGURED: Final = Thrusters()
 
 
-def turns_of(force: float) -> float:
-    """Return the turns of propellers that give a force, in the root of its unit."""
-    return math.copysign(math.sqrt(abs(force)), force)
-
-
 def read_thrusters(values: object) -> Thrusters:
     """Return thrusters of five numbers; raises ValueError if there are none such."""
     if not isinstance(values, (list, tuple)) or len(values) != 5:

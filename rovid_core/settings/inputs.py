@@ -72,6 +72,7 @@ class ThrusterSettings:
     table_force: tuple[float, ...] = ()
     delay: float = 0.0
     time_constant: float = 0.0
+    lag_of_turns: bool = False  # whether that is the propellers' turns', else the force's
     hold: str = 'previous'  # previous | linear
     timeout: float = 1.0
     allocation: tuple[tuple[float, ...], ...] = ()  # 6 rows (surge..yaw) x thrusters
@@ -123,6 +124,10 @@ class ThrusterSettings:
         if self.hold == 'linear' and len(self.topics) > 1:
             raise SettingsError(
                 'thrusters.hold', 'linear takes one topic for all thrusters; takes previous here')
+        if self.hold == 'linear' and self.lag_of_turns:
+            raise SettingsError(
+                'thrusters.hold', 'linear takes a lag of the force; takes previous with '
+                                  'thrusters.lag_of_turns')
         if self.model == 'polynomial' and not self.polynomial:
             raise SettingsError(
                 'thrusters.polynomial', 'takes at least one coefficient for model polynomial')

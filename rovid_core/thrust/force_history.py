@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Mapping, Sequence
 import math
+from operator import mul
 from typing import Any, Final, NamedTuple
 
 from rovid_core.inputs.units_and_signs import (
@@ -13,10 +14,16 @@ from rovid_core.inputs.units_and_signs import (
     TwoSendersCheck,
     UnsignedCommandCheck,
 )
-from rovid_core.model.dofs import EACH, Three
+from rovid_core.model.dofs import DOFS, EACH, Three
+from rovid_core.model.lag import spun, turns_of
 from rovid_core.model.samples import equal_parts, NS
 from rovid_core.settings.run import Settings, ThrusterSettings
-from rovid_core.thrust.thruster_curve import are_commands, thruster_model, wrench_model
+from rovid_core.thrust.thruster_curve import (
+    are_commands,
+    thruster_model,
+    thruster_models,
+    wrench_model,
+)
 
 MAX_FORCE: Final = 1e12
 """[N or N m] Beyond any vehicle in any unit, and far from overflow."""
@@ -63,8 +70,9 @@ class ForceHistory:
 
     Commands are held (or joined by straight lines), shifted by ``delay`` and passed
     through a first-order lag. Lag and allocation are linear in the thrusters' forces, so the
-    lag works on the body forces. ``integrals`` are those of the result in closed form, hence
-    the mean over any span has no discretisation error.
+    lag works on the body forces; one of the turns works on each propeller's, of which the
+    forces are summed. ``integrals`` are those of the result in closed form, hence the mean
+    over any span has no discretisation error.
 
     Parameters
     ----------
@@ -95,6 +103,9 @@ class ForceHistory:
                       for d in dofs]
         self._delay = round(settings.delay / NS)
         self._lag = settings.time_constant
+        turn = settings.lag_of_turns and self._lag > 0.0
+        self._propellers = thruster_models(settings) if turn else []
+        self._rows = [settings.allocation[DOFS.index(dof)] for dof in dofs]
         self._linear = settings.hold == 'linear'
         self._timeout = round(settings.timeout / NS)
         self.restart()
@@ -111,7 +122,8 @@ class ForceHistory:
         parts = len(self._settings.topics)
         self._raw: list[float | None] = [None] * n
         self._part_times: list[int | None] = [None] * parts
-        # one node per command: its time, force, lagged force and integral so far, per DOF
+        # one node per command: its time, force, lagged force and integral so far, per DOF, and
+        # behind them each propeller's turns, where these lag
         self._times: list[int] = []
         self._forces: list[tuple[float, ...]] = []
         self._lagged: list[tuple[float, ...]] = []
@@ -150,6 +162,8 @@ class ForceHistory:
             return True  # some thruster has not been heard yet
         oldest = min(t for t in self._part_times if t is not None)
         tau = self._wrench(raw)
+        if self._propellers:
+            tau += tuple([turns_of(force(u)) for force, u in zip(self._propellers, raw)])
         if not all(-MAX_FORCE < f < MAX_FORCE for f in tau):
             return False
         self.raw = tuple(raw)
@@ -197,7 +211,17 @@ class ForceHistory:
             lagged.append(f + s * (x - lag) + transient * decay)
             integrals.append(self._integrals[i][j] + f * x + s * x * (0.5 * x - lag)
                             + transient * lag * (1.0 - decay))
+        if self._propellers:
+            self._spin(i, x, integrals)
         return tuple(lagged), tuple(integrals)
+
+    def _spin(self, i: int, elapsed: float, integrals: list[float]) -> None:
+        """Take the integrals of propellers' forces, so long [s] after node ``i``."""
+        first = len(integrals) - len(self._propellers)
+        pushes = [spun(turns, steady, elapsed, self._lag)[0] for turns, steady in zip(
+            self._lagged[i][first:], self._forces[i][first:])]
+        for j, row in enumerate(self._rows):
+            integrals[j] = self._integrals[i][j] + math.fsum(map(mul, row, pushes))
 
     def known(self, time: int) -> bool:
         """Tell whether the force up to ``time`` [ns] needs no command that is still to come."""

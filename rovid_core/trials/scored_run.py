@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
+from rovid_core.model.lag import all_spun, all_turns_of, follow
 from rovid_core.model.lowpass import filtered
 from rovid_core.model.plant import Array, trajectory
 from rovid_core.model.samples import NS
@@ -129,8 +130,10 @@ class ScoredRun:
         blocks = self.table.blocks(self.first, self.first + self.count)
         if thrusters.is_curved:
             blocks = _given(blocks, thrusters)
-        if delay and math.isfinite(delay):
-            blocks = _delayed(blocks, start, delay)
+        if delay - thrusters.lag and math.isfinite(delay):
+            blocks = _delayed(blocks, start, delay - thrusters.lag)
+        if thrusters.lag:
+            blocks = _lagging(blocks, start, thrusters)
         for times, values in blocks:
             nodes = _nodes(start, times)
             water = np.zeros(len(nodes))
@@ -271,6 +274,24 @@ def _delayed(blocks: Iterator[tuple[Times, Array]], start: int,
             length > 0.0, felt / np.where(length > 0.0, length, 1.0), 0.0).reshape(-1, 2)
         yield now[0], values
         start, before, now = int(own[-1]), now, after
+
+
+def _lagging(blocks: Iterator[tuple[Times, Array]], start: int,
+             thrusters: Thrusters) -> Iterator[tuple[Times, Array]]:
+    """Yield the rows of a run with mean forces that lag; before it the first one was held."""
+    lag, at = thrusters.lag, math.nan
+    for times, values in blocks:
+        lengths = np.diff(_nodes(start, times)) * NS
+        forces = values[:, :2].ravel()
+        steady = all_turns_of(forces) if thrusters.turns else forces
+        lagged = follow(steady, lengths, lag, float(steady[0]) if math.isnan(at) else at)
+        impulses = all_spun(lagged[:-1], steady, lengths, lag) if thrusters.turns else (
+            forces * lengths - lag * np.diff(lagged))
+        values = values.copy()
+        values[:, :2] = np.where(lengths > 0.0, impulses / np.where(
+            lengths > 0.0, lengths, 1.0), 0.0).reshape(-1, 2)
+        yield times, values
+        start, at = int(times[-1, 1]), float(lagged[-1])
 
 
 def _nodes(start: int, times: Times) -> Times:

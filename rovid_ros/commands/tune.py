@@ -162,14 +162,18 @@ def _keys(tuned: Tuned) -> list[list[str]]:
     rows = [['', 'before', 'after', 'as good']]
     for stage in tuned.stages:
         for key, change in stage.keys.items():
-            after = number(change.after) if change.after != change.before else _STAYS
+            after = _value(change.after) if change.after != change.before else _STAYS
             known = math.isfinite(change.low) and change.low < change.high
-            rows.append([_with_unit(key), number(change.before), after,
+            rows.append([_with_unit(key), _value(change.before), after,
                          f'{number(change.low)} .. {number(change.high)}' if known else NONE])
     for names in tuned.lists:
         after = ' '.join(names.after) if names.after != names.before else _STAYS
         rows.append([names.key, ' '.join(names.before) or 'none', after, NONE])
     return rows
+
+
+def _value(value: float) -> str:
+    return str(value).lower() if isinstance(value, bool) else number(value)
 
 
 def _with_unit(key: str) -> str:

@@ -237,6 +237,8 @@ def _thrusters() -> list[Key]:
         key('table_force', 'forces of the table, times k', 'N'),
         key('delay', 'dead time from the command to the force', 's', 0.0, 10.0),
         key('time_constant', 'first-order lag of the force; 0: none', 's', 0.0, LONGEST_LAG),
+        key('lag_of_turns', "true: that is the lag of the propellers' turns, whose force goes "
+            'with their square'),
         key('hold', 'force between two commands: the previous one, or linear between both',
             choices=('previous', 'linear')),
         key('timeout', 'an older command is stale; 0: it holds for ever', 's', 0.0, 3600.0,

@@ -380,7 +380,9 @@ def edited(path: Path, changes: Mapping[str, float | tuple[str, ...]]) -> str:
 
 
 def _as_yaml(value: float | tuple[str, ...]) -> str:
-    return f'[{", ".join(value)}]' if isinstance(value, tuple) else repr(float(value))
+    if isinstance(value, tuple):
+        return f'[{", ".join(value)}]'
+    return str(value).lower() if isinstance(value, bool) else repr(float(value))
 
 
 def _section_nodes(node: yaml.Node | None) -> Iterator[yaml.MappingNode]:

@@ -22,8 +22,8 @@ from rovid_ros.files.whole_files import before, create_unused, FileLock, prepare
 VERSION = 4
 
 _FORCE = ('names', 'offset', 'scale', 'deadband', 'dead_zone', 'limit', 'model', 'gain', 'reverse',
-          'polynomial', 'table_command', 'table_force', 'delay', 'time_constant', 'hold',
-          'allocation', 'sign.topic')
+          'polynomial', 'table_command', 'table_force', 'delay', 'time_constant',
+          'lag_of_turns', 'hold', 'allocation', 'sign.topic')
 _UNITS = ('dofs', 'identifier.method', 'frames', 'depth.scale', 'attitude.unit',
           'attitude.heading', *(f'{sensor}.{name}' for name in ('frames', 'mounting')
                                 for sensor in ('velocity', 'attitude', 'angular_velocity')),

@@ -7,8 +7,10 @@ import os
 
 import numpy as np
 import pytest
+from rovid_core.model.lag import turns_of
 from rovid_core.model.plant import advance
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import Thrusters
 from rovid_core.settings.run import Settings
 from rovid_core.trials.score import Score, ScoreLog
 from rovid_core.trials.spilling_table import SpillingTable
@@ -196,6 +198,36 @@ def test_a_reference_is_met_between_two_times() -> None:
     log.add_reference(first + 60_000_000_001, (9.0, *still, 0.0))
     log.add_reference(first, (math.nan, *still, 0.0))
     assert log.score('surge', SURGE_TRUTH).mae < 1e-10
+
+
+@pytest.mark.parametrize('turns', [False, True])
+@pytest.mark.parametrize('block', [BLOCK, 100_000])
+def test_the_thrust_lags_as_the_method_says(block: int, turns: bool) -> None:
+    """In what a method finds, the delay has the lag in it."""
+    fine, lag, delay, seconds = 0.01, 0.3, 0.1, 40.0
+    time = np.arange(round(seconds / fine)) * fine
+    asked = 100.0 * np.sin(np.maximum(np.floor((time - delay + 1e-9) / 0.1), 0.0) * 0.3)
+    follows = turns_of(asked[0]) if turns else float(asked[0])
+    felt = []
+    for one in asked.tolist():
+        before = follows
+        follows += (fine / lag) * ((turns_of(one) if turns else one) - follows)
+        middle = 0.5 * (before + follows)
+        felt.append(middle * abs(middle) if turns else middle)
+    v = one_by_one(SURGE_TRUTH, 0.0, np.full(len(time), fine), np.array(felt))
+    log = ScoreLog(SETTINGS, block)
+    log.begin_run('surge', 0, float(v[0]))
+    for k in range(round(seconds / 0.1)):
+        force = 100.0 * math.sin(k * 0.3)
+        end = (k + 1) * PERIOD
+        log.add_step('surge', (end - PERIOD, end - PERIOD // 2, end), Step(
+            0.1, (0.0,) * 3, (0.0,) * 3, 0.0, 0.1, (0.05, 0.05), (force, force)))
+        if 0.5 < k * 0.1 < seconds - 0.5:
+            log.add_reference(end, (float(v[(k + 1) * 10]), *[math.nan] * 5))
+    found = (Thrusters(lag, turns=turns), Thrusters(lag, turns=not turns), Thrusters())
+    right, *others = [log.score('surge', SURGE_TRUTH, delay + lag, one).mae for one in found]
+    assert right < 2e-3
+    assert min(others) > 2.0 * right
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.137, -0.26])

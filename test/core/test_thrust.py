@@ -6,6 +6,7 @@ import math
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
+from rovid_core.model.lag import all_spun, spun
 from rovid_core.settings.run import (
     DofSettings,
     InputSettings,
@@ -34,15 +35,16 @@ def chain(**changes):
     return thrust
 
 
-def brute_force(hold, delay, lag, start, end):
+def brute_force(hold, delay, lag, start, end, turns=False):
     """Integrate surge and yaw with 10 us steps."""
     dt = 1e-5
     times = np.array([t / 1000 + delay for t, _ in COMMANDS])
-    surge = np.array([40 * a - 20 * b for _, (a, b) in COMMANDS])
-    yaw = np.array([0.25 * 40 * a + 0.25 * 20 * b for _, (a, b) in COMMANDS])
+    left, right = np.array([(40 * a, -20 * b) for _, (a, b) in COMMANDS]).T
     grid = np.arange(times[0], end, dt) + dt / 2
     out = []
-    for f in (surge, yaw):
+    for f in (left, right):
+        if turns:
+            f = np.copysign(np.sqrt(abs(f)), f)
         if hold == 'linear':
             u = np.interp(grid, times, f)
         else:
@@ -53,18 +55,24 @@ def brute_force(hold, delay, lag, start, end):
                 y[i] = state + (x - state) * k / 2  # at the middle of the step
                 state += (x - state) * k
             u = y
+        if turns:
+            u = u * abs(u)
         out.append(u[(grid > start) & (grid < end)].sum() * dt)
-    return out
+    return [out[0] + out[1], 0.25 * (out[0] - out[1])]
 
 
 @pytest.mark.parametrize('hold', ['previous', 'linear'])
 @pytest.mark.parametrize('delay', [0.0, 0.03])
-@pytest.mark.parametrize('lag', [0.0, 0.08])
-def test_impulse_is_the_exact_integral(hold, delay, lag):
-    thrust = chain(hold=hold, delay=delay, time_constant=lag)
+@pytest.mark.parametrize(('lag', 'turns'), [(0.0, False), (0.08, False), (0.08, True)])
+def test_impulse_is_the_exact_integral(hold, delay, lag, turns):
+    if turns and hold == 'linear':
+        with pytest.raises(SettingsError, match='takes previous with thrusters.lag_of_turns'):
+            chain(hold=hold, lag_of_turns=True)
+        return
+    thrust = chain(hold=hold, delay=delay, time_constant=lag, lag_of_turns=turns)
     for start, end in ((0.05, 0.12), (0.11, 0.3), (0.05, 0.5)):
         a, b = thrust.integrals((round(start * 1e9),))[0], thrust.integrals((round(end * 1e9),))[0]
-        expected = brute_force(hold, delay, lag, start, end)
+        expected = brute_force(hold, delay, lag, start, end, turns)
         assert [y - x for x, y in zip(a, b)] == pytest.approx(expected, abs=5e-3)
 
 
@@ -84,7 +92,8 @@ def test_a_held_force_comes_in_pieces_that_add_up_to_its_integral():
     assert chain(time_constant=0.1).pieces(50 * MS, 120 * MS, (0,)) == [NO_PIECES]
 
 
-@pytest.mark.parametrize('timing', [{}, {'time_constant': 0.1}, {'hold': 'linear'}])
+@pytest.mark.parametrize('timing', [
+    {}, {'time_constant': 0.1}, {'time_constant': 0.1, 'lag_of_turns': True}, {'hold': 'linear'}])
 def test_a_smooth_force_over_a_long_span_comes_in_means_over_parts(timing):
     """Two means over a span of seconds would put the force where it was not."""
     thrust = ForceHistory(replace(TWO, **timing), ('surge', 'yaw'), {'surge': 80.0})
@@ -271,12 +280,22 @@ def test_a_direction_is_stale_after_its_timeout():
     assert both.add_commands(1001 * MS, (1.0, 1.0), 0) == 'stale_sign'
 
 
-def test_forgetting_changes_no_span():
+def test_propellers_give_the_same_in_many_spans_at_once():
+    random = np.random.default_rng(2)
+    turns, steady = random.normal(size=(2, 200)) * (random.random((2, 200)) > 0.2)
+    lengths = random.uniform(0.0, 1.0, 200)
+    pushes = [spun(*one, 0.3)[0] for one in zip(turns.tolist(), steady.tolist(), lengths.tolist())]
+    np.testing.assert_allclose(all_spun(turns, steady, lengths, 0.3), pushes, atol=1e-14)
+
+
+@pytest.mark.parametrize('turns', [False, True])
+def test_forgetting_changes_no_span(turns):
     def span(thrust):
         a, b = thrust.integrals((9_000_500_000,))[0], thrust.integrals((9_100_000_000,))[0]
         return [y - x for x, y in zip(a, b)]
 
-    thrust = ForceHistory(replace(TWO, time_constant=0.1), ('surge', 'yaw'))
+    thrust = ForceHistory(
+        replace(TWO, time_constant=0.1, lag_of_turns=turns), ('surge', 'yaw'))
     for k in range(1000):
         thrust.add_commands(k * 10 * MS, (math.sin(0.1 * k), math.cos(0.1 * k)))
     before = span(thrust)

@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS
+from rovid_core.model.lag import all_spun, all_turns_of, follow
 from rovid_core.model.plant import Array, linear_recurrence
 from rovid_core.model.samples import Event, NS
 from rovid_core.settings.run import Settings, ThrusterSettings
@@ -24,17 +25,23 @@ class CommandedForce:
     The force that was commanded on each DOF, before delay and lag.
 
     ``impulse`` is that of ``ForceHistory``, for all times of a log at once. The times of the
-    commands [ns] increase; ``forces`` has shape (dofs, n) [N or N m]. ``linear`` lets the force go
-    in a straight line from one command to the next.
+    commands [ns] increase; ``propellers`` are the forces of the thrusters, of shape
+    (thrusters, n), and ``rows`` what the DOFs have of these, of shape (dofs, thrusters).
+    ``linear`` lets the force go in a straight line from one command to the next. With ``of_turns``
+    a lag is that of the propellers' turns.
     """
 
-    def __init__(self, times: NDArray[np.int64], forces: Array, linear: bool) -> None:
+    def __init__(self, times: NDArray[np.int64], propellers: Array, rows: Array, linear: bool,
+                 of_turns: bool = False) -> None:
+        forces = rows @ propellers
         self._origin = int(times[0])
         self._at = np.concatenate([[-BEFORE], (times - times[0]) * NS])
         self._forces = np.concatenate([forces[:, :1], forces], axis=1)
         rise = np.diff(self._forces) / np.diff(self._at)
         # after the last command its force stays
         self._slopes = np.concatenate([rise * linear, np.zeros((len(forces), 1))], axis=1)
+        self._rows = rows if of_turns else None
+        self._turns = all_turns_of(np.concatenate([propellers[:, :1], propellers], axis=1))
 
     def impulse(self, dof: int, times: NDArray[np.int64], delay: float, lag: float) -> Array:
         """
@@ -44,14 +51,17 @@ class CommandedForce:
         """
         at, force, slope = self._at, self._forces[dof], self._slopes[dof]
         step = np.diff(at)
+        x = (times - self._origin) * NS - delay
+        i = np.maximum(np.searchsorted(at, x, 'right') - 1, 0)
+        if self._rows is not None and lag > 0.0:
+            return np.asarray(sum(share * _of_turns(turns, step, i, x - at[i], lag)
+                                  for share, turns in zip(self._rows[dof], self._turns) if share))
         decay = np.exp(-step / lag) if lag > 0.0 else np.zeros_like(step)
         # what the lagged force is behind its steady response to the ramp
         ends = force[:-1] + slope[:-1] * (step - lag) - force[1:] + slope[1:] * lag
         behind = np.concatenate([[0.0], linear_recurrence(decay, ends)]) if lag > 0.0 else 0.0 * at
         spans = _span(force[:-1], slope[:-1], behind[:-1], step, lag)
         total = np.concatenate([[0.0], np.cumsum(spans)])
-        x = (times - self._origin) * NS - delay
-        i = np.maximum(np.searchsorted(at, x, 'right') - 1, 0)
         return np.asarray(total[i] + _span(force[i], slope[i], behind[i], x - at[i], lag))
 
 
@@ -59,6 +69,13 @@ def _span(force: Array, slope: Array, behind: Array, x: Array, lag: float) -> Ar
     """Return the impulse over ``x`` [s] from a command on."""
     transient = -behind * lag * np.expm1(-x / lag) if lag > 0.0 else 0.0
     return np.asarray(force * x + slope * x * (0.5 * x - lag) + transient)
+
+
+def _of_turns(steady: Array, step: Array, i: NDArray[np.intp], x: Array, lag: float) -> Array:
+    """Return the impulse of a propeller so long after each of some commands [s]."""
+    turns = follow(steady[:-1], step, lag, float(steady[0]))
+    total = np.concatenate([[0.0], np.cumsum(all_spun(turns[:-1], steady[:-1], step, lag))])
+    return np.asarray(total[i] + all_spun(turns[i], steady[i], x, lag))
 
 
 @dataclass(frozen=True)
@@ -146,9 +163,9 @@ class TuningLog(ScoreLog):
         for raw, model in zip(self.commands().T, thruster_models(thrusters)):
             told, where = np.unique(raw, return_inverse=True)  # of pulses there are few
             each.append(np.array([model(one) for one in told.tolist()])[where])
-        forces = np.array([thrusters.allocation[DOFS.index(dof)]
-                           for dof in self._settings.dofs]) @ np.array(each)
-        return CommandedForce(np.array(self._times), forces, thrusters.hold == 'linear')
+        rows = np.array([thrusters.allocation[DOFS.index(dof)] for dof in self._settings.dofs])
+        return CommandedForce(np.array(self._times), np.array(each), rows,
+                              thrusters.hold == 'linear', thrusters.lag_of_turns)
 
     def heading(self, times: NDArray[np.int64]) -> Array:
         """Return the heading of the vehicle at some times [ns], without jumps [rad]."""

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from rovid_core.model.plant import Array
-from rovid_core.settings.run import LEAST_WAIT, Settings
+from rovid_core.settings.run import LEAST_WAIT, Settings, ThrusterSettings
 from rovid_core.trials.tuning.cross_validation import (
     Change,
+    Choice,
     choose,
     gain_of,
     ParallelMap,
     Stage,
 )
 from rovid_core.trials.tuning.dof_fit import Dof
-from rovid_core.trials.tuning.log import CommandedForce
+from rovid_core.trials.tuning.log import CommandedForce, TuningLog
 
 # [s] where the search begins; below 0 commands are stamped later than the motion that they cause
 DELAYS = (-0.6, -0.35, -0.2, -0.1, 0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
 LAGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0)
+OF_TURNS = 'thrusters.lag_of_turns'
 LARGEST_EARLY = 0.1  # [s] of the lags that are tried first with a delay below 0
 # Around the best so far the grid is refined to this share of its spacing.
 FINER = (0.5, 0.125)
@@ -82,6 +85,7 @@ class Timing:
 
     stage: Stage
     pair: Pair  # both, as they are to be used
+    of_turns: bool  # whether the lag is that of the propellers' turns
     # which input comes later than the others say, where one does; shown by the delays of the DOFs
     late: Stage | None
 
@@ -110,21 +114,67 @@ def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settin
         choice = choose(errors, 0)
     # a delay that one DOF clearly does not have is that of an input, and none of the thrust
     better = choice.is_better and not choice.contradicted
-    delay, lag = after = pairs[choice.index] if better else present
-    good = np.array([after, *[pairs[i] for i in choice.as_good]])
+    after = pairs[choice.index] if better else present
+    sources = [settings.source(dof.name) for dof in dofs]
+    return Timing(
+        _stage(choice, after, [pairs[i] for i in choice.as_good], settings), after,
+        settings.thrusters.lag_of_turns,
+        late_input(sources, pairs, errors, choice.index, settings, scores))
+
+
+def _stage(choice: Choice, after: Pair, as_good: Sequence[Pair], settings: Settings) -> Stage:
+    """Return what changes with other delay and lag."""
+    present = (settings.thrusters.delay, settings.thrusters.time_constant)
+    good = np.array([after, *as_good])
     low, high = np.maximum(good.min(axis=0), 0.0), np.maximum(good.max(axis=0), 0.0)
     total = good.sum(axis=1)
     note = ''
     if np.ptp(total) < 0.5 * (high - low).min():
         note = (f'only the sum of delay and time_constant is well determined: '
                 f'{total.min():.3f} to {total.max():.3f} s')
+    delay, lag = after
     keys = {name: Change(present[i], value, float(low[i]), float(high[i])) for i, (name, value) in
             enumerate((('thrusters.delay', max(delay, 0.0)), ('thrusters.time_constant', lag)))}
     if delay < 0.0:
         keys.update(latencies(settings, {'thrusters': -delay}))
-    sources = [settings.source(dof.name) for dof in dofs]
-    return Timing(Stage(keys, choice.gain, choice.spread, note), after, late_input(
-        sources, pairs, errors, choice.index, settings, scores))
+    return Stage(keys, choice.gain, choice.spread, note)
+
+
+def with_other_lag(timing: Timing, dofs: Sequence[Dof], log: TuningLog,
+                   thrusters: ThrusterSettings, settings: Settings, each: ParallelMap) -> Timing:
+    """
+    Return the timing with a lag of the other kind, where that clearly predicts better.
+
+    The force lags, or the propellers' turns do. The ``timing`` was found with ``thrusters``; the
+    other kind takes about the same delay and lag.
+    """
+    if thrusters.hold == 'linear':  # only of commands that are held the turns are known
+        return timing
+    of_turns = not timing.of_turns
+    present, other = log.commanded(thrusters), log.commanded(
+        replace(thrusters, lag_of_turns=of_turns))
+
+    def scores(force: CommandedForce, pairs: Sequence[Pair]) -> Sequence[Array]:
+        return each(lambda k: dofs[k].fit(force, pairs).errors, range(len(dofs)))
+
+    delay, lag = timing.pair
+    near = [(a, b) for a in _near(delay, DELAYS, 1.0) for b in _near(lag, LAGS, 1.0)
+            if a >= min(delay, 0.0)]
+    pairs, errors = search_pairs(timing.pair, near, (DELAYS, LAGS), partial(scores, other),
+                                 lambda share: None)
+
+    def against(pair: Pair) -> Choice:
+        return choose([np.concatenate(both) for both in zip(
+            scores(present, [pair]), errors)], 0)
+
+    choice = against(timing.pair)
+    if not choice.is_better or choice.contradicted:
+        return timing
+    after = pairs[choice.index - 1]
+    stage = _stage(against((settings.thrusters.delay, settings.thrusters.time_constant)), after,
+                   [pairs[i - 1] for i in choice.as_good if i], settings)
+    keys = {**stage.keys, OF_TURNS: Change(timing.of_turns, of_turns)}
+    return Timing(replace(stage, keys=keys), after, of_turns, None)
 
 
 def late_input(sources: Sequence[str], pairs: list[Pair], errors: list[Array], shared: int,

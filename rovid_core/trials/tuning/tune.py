@@ -46,7 +46,7 @@ from rovid_core.trials.tuning.searches import (
     tune_curve,
     tune_terms,
 )
-from rovid_core.trials.tuning.timing import Pair, Timing, tune_thrust
+from rovid_core.trials.tuning.timing import Pair, Timing, tune_thrust, with_other_lag
 
 UNUSED = DofSettings(1.0)  # a DOF that is only looked at
 DIGITS = 4  # what is written of a value; the data never tell more
@@ -146,10 +146,13 @@ def tune(read: Callable[[Settings], TuningLog], settings: Settings,
             latest = [one for one in latest if _changes(one)] + [stage]
             turns = stage
     stages += latest
-    stages.append(_rounded(timed.timing.stage))
+    done(0.6)
+    timing = with_other_lag(timed.timing, timed.dofs, now.log, rough, now.settings, each)
+    stages.append(_rounded(timing.stage))
     done(0.7)
-    coupled, pair = timed.dofs, timed.timing.pair
-    found, thrusters = tune_curve(now.log, coupled, settings.thrusters, pair)
+    coupled, pair = timed.dofs, timing.pair
+    thrusters = replace(settings.thrusters, lag_of_turns=timing.of_turns)
+    found, thrusters = tune_curve(now.log, coupled, thrusters, pair)
     done(0.8)
     # what the thrusters lacked hid some couplings, or looked like one
     first = _Models(now, thrusters, pair, each)
@@ -294,6 +297,6 @@ def _unchanged(stage: Stage) -> Stage:
 def _rounded(stage: Stage) -> Stage:
     """Return a stage whose new values are written with few digits."""
     return replace(stage, keys={
-        key: change if change.after == change.before else
+        key: change if change.after == change.before or isinstance(change.after, bool) else
         replace(change, after=float(f'{change.after:.{DIGITS}g}'))
         for key, change in stage.keys.items()})

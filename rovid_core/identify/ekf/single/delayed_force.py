@@ -8,7 +8,8 @@ import math
 from typing import Any, Final
 
 from rovid_core.model.dofs import Three
-from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters, turns_of
+from rovid_core.model.lag import spun, turns_of
+from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 
 KEPT: Final = 4.0
 """[s] that are kept, at least."""
@@ -220,7 +221,7 @@ class DelayedForce:
         i = self._span(start)
         while start < end:
             stop = end if i == newest or times[i + 1] > end else times[i + 1]
-            push, way, turns = _spun(
+            push, way, turns = spun(
                 turns, self._steady(self._means[i]), stop - start, self._lag)
             impulse += push
             moment += way + push * (end - stop)
@@ -367,30 +368,3 @@ class DelayedForce:
         self._times, self._means, self._slopes, self._lagged = times, means, slopes, lagged
         self._each = each
         self._held, self._near = bool(state['held']), 0
-
-
-def _spun(turns: float, steady: float, length: float, lag: float) -> tuple[float, float, float]:
-    """
-    Return what propellers give while they go from some turns to steady ones, in roots of a force.
-
-    Impulse and moment over a length [s], as of ``DelayedForce.over``, and the turns at its end.
-    """
-    off = turns - steady
-    end = steady + off * math.exp(-length / lag)
-    if turns * end >= 0.0:
-        impulse, moment = _one_way(steady, off, length, lag)
-        return math.copysign(impulse, turns + end), math.copysign(moment, turns + end), end
-    still = min(lag * math.log(-off / steady), length)  # [s] after which they stand still
-    before, way = _one_way(steady, off, still, lag)
-    after, way_after = _one_way(steady, -steady, length - still, lag)
-    sign = math.copysign(1.0, end)
-    return (sign * (after - before),
-            sign * (way_after - way - before * (length - still)), end)
-
-
-def _one_way(steady: float, off: float, length: float, lag: float) -> tuple[float, float]:
-    """Return the integral of the square of turns that keep their sign, and its moment."""
-    gone, twice = -lag * math.expm1(-length / lag), -0.5 * lag * math.expm1(-2.0 * length / lag)
-    return (steady * steady * length + 2.0 * steady * off * gone + off * off * twice,
-            0.5 * steady * steady * length * length + 2.0 * steady * off * lag * (length - gone)
-            + 0.5 * off * off * lag * (length - twice))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rovid_core.model.thrusters import turns_of
+from rovid_core.model.lag import turns_of
 
 LAG: Final = 0.15
 """[s] of the thruster lag that is looked for."""

@@ -1,0 +1,108 @@
+"""
+First-order lag of thrusters: of the force, or of the turns of propellers.
+
+The force of a propeller goes with n |n| of its turns n, so that a lag of its turns is none of its
+force: it gives way fast, and comes up slowly from rest. All here is exact where a force is held.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from rovid_core.model.plant import Array, linear_recurrence
+
+
+def turns_of(force: float) -> float:
+    """Return the turns of propellers that give a force, in the root of its unit."""
+    return math.copysign(math.sqrt(abs(force)), force)
+
+
+def spun(turns: float, steady: float, length: float, lag: float) -> tuple[float, float, float]:
+    """
+    Return what propellers give while they go from some turns to steady ones, in roots of a force.
+
+    Parameters
+    ----------
+    turns, steady : float
+        At the start, and those that are asked for.
+    length, lag : float
+        [s]
+
+    Returns
+    -------
+    impulse, moment, end : float
+        The integral of the force, that of the force times the time that is left, and the turns
+        at the end.
+
+    """
+    off = turns - steady
+    end = steady + off * math.exp(-length / lag)
+    if turns * end >= 0.0:
+        impulse, moment = _one_way(steady, off, length, lag)
+        return math.copysign(impulse, turns + end), math.copysign(moment, turns + end), end
+    still = min(lag * math.log(-off / steady), length)  # [s] after which they stand still
+    before, way = _one_way(steady, off, still, lag)
+    after, way_after = _one_way(steady, -steady, length - still, lag)
+    sign = math.copysign(1.0, end)
+    return (sign * (after - before),
+            sign * (way_after - way - before * (length - still)), end)
+
+
+def _one_way(steady: float, off: float, length: float, lag: float) -> tuple[float, float]:
+    """Return the integral of the square of turns that keep their sign, and its moment."""
+    gone, twice = -lag * math.expm1(-length / lag), -0.5 * lag * math.expm1(-2.0 * length / lag)
+    return (steady * steady * length + 2.0 * steady * off * gone + off * off * twice,
+            0.5 * steady * steady * length * length + 2.0 * steady * off * lag * (length - gone)
+            + 0.5 * off * off * lag * (length - twice))
+
+
+def all_turns_of(forces: Array) -> Array:
+    """Return ``turns_of`` many forces."""
+    return np.copysign(np.sqrt(np.abs(forces)), forces)
+
+
+def all_spun(turns: Array, steady: Array, lengths: Array, lag: float) -> Array:
+    """Return the impulses of ``spun`` for many spans at once."""
+    off = turns - steady
+    end = steady + off * np.exp(-lengths / lag)
+    reverses = turns * end < 0.0
+    ratio = np.where(reverses, -off / np.where(reverses, steady, 1.0), 1.0)
+    still = np.where(reverses, np.minimum(lag * np.log(ratio), lengths), 0.0)
+    before = _squares(steady, off, still, lag)
+    after = _squares(steady, np.where(reverses, -steady, off), lengths - still, lag)
+    return np.copysign(after, np.where(reverses, end, turns + end)) + np.copysign(before, turns)
+
+
+def _squares(steady: Array, off: Array, lengths: Array, lag: float) -> Array:
+    """Return the integrals of the squares of turns that keep their sign."""
+    return (steady * steady * lengths - 2.0 * lag * steady * off * np.expm1(-lengths / lag)
+            - 0.5 * lag * off * off * np.expm1(-2.0 * lengths / lag))
+
+
+def follow(steady: Array, lengths: Array, lag: float, begin: float) -> Array:
+    """
+    Return what follows with a lag what is held.
+
+    Parameters
+    ----------
+    steady : ndarray, shape (..., n)
+        What is held over each span.
+    lengths : ndarray, shape (n,)
+        Of the spans [s].
+    lag : float
+        [s], above 0.
+    begin : float
+        Where it is before the first span.
+
+    Returns
+    -------
+    ndarray, shape (..., n + 1)
+        Where it is at the start of each span, and at the end of the last one.
+
+    """
+    decay = np.exp(-lengths / lag)
+    added = -steady * np.expm1(-lengths / lag)
+    added[..., :1] += decay[:1] * begin
+    return np.concatenate([np.full((*steady.shape[:-1], 1), begin),
+                           linear_recurrence(decay, added)], axis=-1)

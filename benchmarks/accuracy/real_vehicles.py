@@ -47,6 +47,7 @@ NAMES = {
     'reverse drag x 1.3': 'reverse drag', 'lag 0.15 s': ' lag ',
     'turns lag 0.15 s': 'turns lag', 'turns lag 0.3 s': 'turns lag',
     'turns lag 0.2 s, closed loop': 'turns lag',
+    'thrust that swings in at 6 rad/s, piloted': 'otherwise',
     'thrust that fades at 3 m/s': 'with speed', 'battery: thrust -15 % in 300 s': 'battery',
     'coupled': 'follows v r', 'zig-zag': 'follows v r'}
 """What is missing, in the words of the notes."""

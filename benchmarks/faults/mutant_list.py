@@ -431,6 +431,15 @@ MUTANTS = [
          ('the covariance of the blocks is halved',
           'self.c @ (mixed + self.prior)', '0.5 * self.c @ (mixed + self.prior)')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
+         'thrust_that_comes_otherwise_than_with_a_lag_leaves_the_mass_open',
+         ('all thrust comes and goes as a delay and a lag say',
+          'found.t_squared) > OTHERWISE_POWER', 'found.t_squared) > 1e9'),
+         ('it is not said that thrust comes otherwise', 'untold.append(begin + OTHERWISE)',
+          'pass')),
+    *_of('rovid_core/identify/ekf/single/watched_lag.py', 'test/core/test_linearised_filter.py '
+         'what_a_lag_takes_of_a_force_that_is_watched_goes_as_it_stays',
+         ('a second lag is as the first', '- off * left * h / LAG', '')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'what_is_found_missing_first_does_not_hide_the_rest',
          ('what is found missing hides the rest',
           'whole = self._with(left.pop(missing.name))', 'left.clear()')),
@@ -747,8 +756,8 @@ MUTANTS = [
          ('reverse thrust begins anew', 'now.reverse * (1.0 + share)', '1.0 + share')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'a_lag_of_the_thrusters_is_found_and_said',
-         ('a lag that was found is known exactly', 'for name in found if name in left}',
-          'for name in found if False}')),
+         ('a lag that was found is known exactly', 'for name in watched.found if name in left}',
+          'for name in watched.found if False}')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'what_the_thrusters_lose_is_found_and_said',
          ('what was found keeps its first size', 'if self.missing else self.rest',

@@ -175,6 +175,17 @@ def test_nothing_is_found_of_the_thrusters_that_they_do_not_have(name, there):
         assert driven(name, seed).one.thrusters.found == there
 
 
+@pytest.mark.parametrize(('name', 'comes_otherwise'), [
+    ('thrust that swings in at 6 rad/s, piloted', True), ('exact', False), ('closed loop', False)])
+def test_thrust_that_comes_otherwise_than_with_a_lag_leaves_the_mass_open(name, comes_otherwise):
+    for seed in range(2):
+        drive = driven(name, seed, 300.0)
+        low, high = intervals(drive.one.parameters, drive.one.covariance)['mass']
+        assert low < MASS < high
+        assert ('comes and goes otherwise' in drive.notes[-1]) is comes_otherwise
+        assert (high > 1.1 * low) is comes_otherwise
+
+
 def test_what_follows_another_axis_is_not_taken_for_the_thrusters():
     """It pushes more one way in this drive, and no regressor that is watched says why."""
     drive = Drive(Scales.of(GUESS)).go(pieces(VEHICLES['coupled'], 3, 130.0))

@@ -139,18 +139,26 @@ def test_the_force_of_propellers_whose_turns_lag_is_that_of_short_steps():
 
 def test_what_a_lag_takes_of_a_force_that_is_watched_goes_as_it_stays():
     one, dt, lag = WatchedLag(), 0.01, 0.15
-    taken, force = np.zeros(2), 0.7
+    taken, force = np.zeros(3), 0.7
     for _ in range(300):
         one.move(-force, dt)
-        taken += -dt * np.array([one.of_force, one.of_turns])
+        taken += -dt * np.array([one.of_force, one.of_turns, one.of_second])
     assert taken[0] == pytest.approx(force * lag, rel=1e-6)
     assert taken[1] == pytest.approx(force * lag * 1.5, rel=1e-3)  # of 1 - (1 - e)^2
+    assert taken[2] == pytest.approx(force * lag, rel=1e-6)
     assert one.of_force == pytest.approx(0.0, abs=1e-6)
+    # of a second lag behind the first: 1 - e = 1 - (1 + t / T) exp(-t / T) of the force is there
+    one.restart()
+    one.move(force, lag)
+    one.move(force, 0.5 * lag)
+    left = [(1.0 + t) * np.exp(-t) for t in (1.0, 1.5)]
+    assert one.of_second == pytest.approx(2.0 * force * (left[0] - left[1]))
     same = WatchedLag()
     same.restore(one.state())
     for each in (one, same):
         each.move(0.2, dt)
-    assert (same.of_force, same.of_turns) == (one.of_force, one.of_turns)
+    assert (same.of_force, same.of_turns, same.of_second) == (
+        one.of_force, one.of_turns, one.of_second)
 
 
 @pytest.mark.parametrize('held', [True, False])

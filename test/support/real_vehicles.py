@@ -52,6 +52,11 @@ class Vehicle:
         [1/s] Share of the thrust at the beginning that is lost per time.
     smoothing : float
         [s] Time constant of each of two low-passes behind each other on what is measured.
+    swings : float
+        [rad/s] Natural frequency with which the force swings in, damped by a half of what
+        would keep it from that; 0 for none.
+    piloted : bool
+        Whether it is driven by commands that are held for 1 to 6 s.
     size : float
         Of a command that only changes its sign [N]; 0 for one that has all sizes.
 
@@ -68,6 +73,8 @@ class Vehicle:
     fades: float = inf
     runs_down: float = 0.0
     smoothing: float = 0.0
+    swings: float = 0.0
+    piloted: bool = False
 
 
 def _offset_dead(force: float) -> float:
@@ -88,6 +95,7 @@ VEHICLES = {
     'turns lag 0.15 s': Vehicle(lag=0.15, turns=True),
     'turns lag 0.3 s': Vehicle(lag=0.3, turns=True),
     'turns lag 0.2 s, closed loop': Vehicle(lag=0.2, turns=True, closed_loop=True),
+    'thrust that swings in at 6 rad/s, piloted': Vehicle(swings=6.0, piloted=True),
     'thrust that fades at 3 m/s': Vehicle(fades=3.0),
     'battery: thrust -15 % in 300 s': Vehicle(runs_down=0.15 / 300.0),
     'coupled': Vehicle(disturbance='coupled'),
@@ -108,18 +116,27 @@ def _sines(random: np.random.Generator, time: Array, low: float, high: float) ->
         2 * pi * hz * time[:, None] + random.uniform(0.0, 2 * pi, 5)).sum(axis=1))
 
 
+def _piloted(random: np.random.Generator, count: int) -> Array:
+    """Return commands of a pilot who holds each for some seconds [N]."""
+    held = random.uniform(1.0, 6.0, count)
+    forces = 0.8 * FORCE * random.choice([-1.0, -0.5, -0.3, 0.0, 0.0, 0.5, 0.7, 1.0], count)
+    return np.repeat(forces, (held / STEP).astype(int))[:count]
+
+
 def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, Array]:
     """Return the fixes [m], and per ``STEP`` the logged force [N] and v r [m/s rad/s]."""
     random = np.random.default_rng(seed)
     n = round(duration / STEP)
     time = np.arange(n) * STEP
     command = np.clip(17.0 * _sines(random, time, 0.02, 0.2), -FORCE, FORCE)
+    if vehicle.piloted:
+        command = _piloted(np.random.default_rng([seed, 1]), n)
     if vehicle.size:
         command = vehicle.size * np.sign(command)
     side = 0.25 * _sines(random, time, 0.02, 0.1) * 0.35 * _sines(random, time, 0.02, 0.1)
     white, noise = random.normal(size=n), random.normal(0.0, NOISE, n // FIX + 1)
     logged, path, turning = np.empty(n), np.empty(n + 1), np.array(side)
-    x = v = force = drift = 0.0
+    x = v = force = rate = drift = 0.0
     mass, measured, last = MASS, float(noise[0]), float(noise[0])
     keep = np.exp(-STEP / 2.0)
     for k in range(n):
@@ -139,7 +156,7 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
         if vehicle.disturbance == 'zigzag':
             turning[k] = 0.2 * held / FORCE * abs(side[k])**0.5
         real = vehicle.thrust(held) * (1.0 - vehicle.runs_down * time[k])
-        force = _lagged(vehicle, force, real)
+        force, rate = _lagged(vehicle, force, rate, real)
         if time[k] >= vehicle.change[0]:
             mass = MASS * vehicle.change[1]
         drift = keep * drift + (1.0 - keep**2)**0.5 * white[k]
@@ -156,15 +173,22 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
     return _smooth(path[::FIX] + noise[:n // FIX + 1], vehicle.smoothing), logged, turning
 
 
-def _lagged(vehicle: Vehicle, force: float, real: float) -> float:
-    """Return the force after one ``STEP``, where there would be another one without a lag."""
+def _lagged(vehicle: Vehicle, force: float, rate: float, real: float) -> tuple[float, float]:
+    """
+    Return the force after one ``STEP``, where there would be another one without a lag.
+
+    Its rate [N/s] is needed, and returned, where it swings.
+    """
+    if vehicle.swings:
+        rate += STEP * vehicle.swings * (vehicle.swings * (real - force) - rate)
+        return force + STEP * rate, rate
     if not vehicle.lag:
-        return real
+        return real, 0.0
     if not vehicle.turns:
-        return force + (real - force) * STEP / vehicle.lag
+        return force + (real - force) * STEP / vehicle.lag, 0.0
     turns = copysign(abs(force)**0.5, force)
     turns += (copysign(abs(real)**0.5, real) - turns) * STEP / vehicle.lag
-    return turns * abs(turns)
+    return turns * abs(turns), 0.0
 
 
 def _smooth(fixes: Array, smoothing: float) -> Array:
@@ -225,8 +249,8 @@ def pieces(vehicle: Vehicle, seed: int, duration: float,
 
 def _felt(vehicle: Vehicle, logged: Array) -> Array:
     """Return the real force of the commands per ``STEP`` [N]."""
-    force, felt = 0.0, np.empty(len(logged))
+    force, rate, felt = 0.0, 0.0, np.empty(len(logged))
     for k, command in enumerate(logged):
-        force = _lagged(vehicle, force, vehicle.thrust(float(command)))
+        force, rate = _lagged(vehicle, force, rate, vehicle.thrust(float(command)))
         felt[k] = force
     return felt

@@ -44,6 +44,15 @@ from which the data say anything of it; less is what rounding and the steps of t
 """
 
 
+OTHERWISE = 'otherwise'
+"""
+Name of the doubt whether thrust comes and goes by a delay and a lag at all: where the lags that
+are watched say together that it does not, the mass is open by what they would move it.
+"""
+
+OTHERWISE_POWER = 22.0
+"""From which they do: chi-squared of three that is as unlikely as ``NAMED_T`` squared of one."""
+
 BLOCK = 10.0
 """[s] of a block."""
 
@@ -164,7 +173,8 @@ class Verdict:
     theta : list of p floats
         The parameters that fit all of them best, also beyond their bounds.
     untold : tuple of str
-        The term of each DOF that it may have and that makes most of its alpha's variance.
+        The term of each DOF that it may have and that makes most of its alpha's variance, and
+        before it ``OTHERWISE`` where that does.
     rest : tuple of Missing
         By how much terms whose size was found are off, the most significant first; none where
         something else is missing.
@@ -193,6 +203,31 @@ class Verdict:
     def to_find(self) -> tuple[Missing, ...]:
         """Return what may be found of the thrusters: what is missing, or the sizes of the rest."""
         return (self.missing,) if self.missing else self.rest
+
+
+@dataclass(frozen=True)
+class Watched:
+    """
+    What is watched besides the parameters, and what it is taken to be.
+
+    Attributes
+    ----------
+    candidates : mapping
+        Where the regressors stand that may be missing, by name.
+    considered, rows, doubted, found, lags
+        As of ``ScoreBlocks``.
+    dynamics : sequence of sequences of int
+        Of each row, where those stand that tell how thrust comes and goes.
+
+    """
+
+    candidates: Mapping[str, list[int]]
+    considered: Mapping[int, float]
+    rows: Sequence[tuple[str, int]]
+    doubted: Mapping[int, float]
+    found: Sequence[str]
+    lags: Mapping[str, float]
+    dynamics: Sequence[Sequence[int]]
 
 
 class BlockFit:
@@ -255,18 +290,14 @@ class BlockFit:
         known = float(np.trace(self.c @ self.known))
         return float(np.trace(self.c @ self.v)) / max(known, 1.0)
 
-    def verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
-                considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
-                doubted: Mapping[int, float], found: Sequence[str],
-                lags: Mapping[str, float]) -> Verdict:
-        """Return what the blocks say; the arguments are those of ``ScoreBlocks``."""
-        own = self._verdict(counts, wrong_model, candidates, considered, rows, doubted, found,
-                            lags)
+    def verdict(self, counts: Array, wrong_model: bool, watched: Watched) -> Verdict:
+        """Return what the blocks of so many measurements say."""
+        own = self._verdict(counts, wrong_model, watched)
         whole = self
         if own.missing is not None:  # what it lacks is no drift
-            whole = self._with(candidates[own.missing.name])
+            whole = self._with(watched.candidates[own.missing.name])
             whole.scatter()
-        drift = drift_of(self, self.information, self.score, counts, rows)
+        drift = drift_of(self, self.information, self.score, counts, watched.rows)
         seen = whole.regressed(drift.to[:, whole.active, None], drift.own[:, None, None],
                                drift.score[:, None])
         if seen is None:
@@ -275,15 +306,14 @@ class BlockFit:
         if not (seen.is_significant and -2.0 < seen.kappa.item() <= -MATTERS):
             return replace(own, covariance=self._with_drift(own.covariance, seen, drift, counts))
         whole = self._with([len(drift.thrust)], *drift.beside(self.information, self.score))
-        verdict = whole._verdict(counts, wrong_model, candidates, considered, rows, doubted,
-                                 found, lags)
+        verdict = whole._verdict(counts, wrong_model, watched)
         # what the parameters are is what they are at any time, from the first to the last
         share = whole.theta.item(-1)
         begin, gained = whole.all_parameters()[:self._p], share * drift.thrust[:self._p]
         middle = own.theta - (begin + 0.5 * gained)
         covariance = np.array(verdict.covariance)[:self._p, :self._p] + (
             np.outer(middle, middle) + np.outer(gained, gained) / 12.0)
-        first = rows[0][1]
+        first = watched.rows[0][1]
         return replace(verdict, covariance=covariance.tolist(), theta=own.theta,
                        drift=float(gained[first] / begin[first]), begin=begin)
 
@@ -305,11 +335,9 @@ class BlockFit:
         own = np.array(covariance)[self._rows, self.active]
         return self._full(own + averaged(ways, own))
 
-    def _verdict(self, counts: Array, wrong_model: bool, candidates: Mapping[str, list[int]],
-                 considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
-                 doubted: Mapping[int, float], found: Sequence[str],
-                 lags: Mapping[str, float]) -> Verdict:
-        """Return what the blocks say where thrust stays the same; the arguments are as above."""
+    def _verdict(self, counts: Array, wrong_model: bool, watched: Watched) -> Verdict:
+        """Return what the blocks say where thrust stays the same."""
+        candidates, rows, doubted = watched.candidates, watched.rows, watched.doubted
         n, a, scatter = self.n, self.active, self.scatter()
         known, seen = scatter * self.known, n / max(n - len(a), 0.5) * self.v
         # how far what is seen lies from what the model says, and how far chance alone puts it;
@@ -337,26 +365,39 @@ class BlockFit:
         covariance = covariance + np.outer(moved, moved)
         # they are there, of sizes that are not quite known
         there = {name: whole._judged(alone[left.pop(name)[0]], 1.0, sizes[name], 0)
-                 for name in found if name in left}
+                 for name in watched.found if name in left}
         covariance = covariance + summed(list(there.values()), len(a), True)
         more, untold = np.zeros_like(covariance), []
-        for begin, first in rows:
+        for (begin, first), columns in zip(rows, watched.dynamics):
+            otherwise = whole._moved_otherwise(columns)[:len(a)]
+            alpha = a.index(first)
+            if otherwise[alpha]**2 > covariance[alpha, alpha]:
+                untold.append(begin + OTHERWISE)
+            covariance = covariance + np.outer(otherwise, otherwise)
             questions = by_question(whole._unseen(left, alone, 1.0, begin, first))
             if begin + 'lag' in there:
                 # nor is it known what it is that lags
-                std = lags[begin + 'lag'] * whole.alpha(begin, rows)
+                std = watched.lags[begin + 'lag'] * whole.alpha(begin, rows)
                 questions.append({begin + LAG_SHAPE: UnseenTerm(
                     there[begin + 'lag'].leaning, 0.0, 0.0, std * std)})
             for terms in questions:
-                added, alpha = averaged(list(terms.values()), covariance), a.index(first)
+                added = averaged(list(terms.values()), covariance)
                 if added[alpha, alpha] > covariance[alpha, alpha]:
                     untold.append(foremost(terms, alpha))
                 more = more + added
         for k, std in doubted.items():
             more = more + averaged([whole._judged(alone[k], 1.0, std, 0)], covariance)
-        covariance = covariance + more + self._leaning_on(considered)
+        covariance = covariance + more + self._leaning_on(watched.considered)
         return Verdict(self._full(covariance), scatter, missing, n, self.all_parameters(),
                        tuple(untold), () if missing else self._off(there, rows), unexplained)
+
+    def _moved_otherwise(self, columns: Sequence[int]) -> Array:
+        """Return what regressors that together are significant move the parameters by, else 0."""
+        left = [k for k in columns if k not in self.active]
+        found = self.regression(left) if left else None
+        if found is None or not min(found.power, found.t_squared) > OTHERWISE_POWER:
+            return np.zeros(len(self.active))
+        return found.moved
 
     def _leaning_on(self, considered: Mapping[int, float]) -> Array:
         """Return what parameters that are not known add (S. F. Schmidt): they move the others."""
@@ -422,9 +463,7 @@ class BlockFit:
         return BlockFit([*self.active, *columns], theta.tolist(), variances.tolist(),
                         information, score)
 
-    def unseen(self, candidates: Mapping[str, list[int]],
-               considered: Mapping[int, float], rows: Sequence[tuple[str, int]],
-               doubted: Mapping[int, float]) -> list[list[float]]:
+    def unseen(self, watched: Watched) -> list[list[float]]:
         """
         Return what terms that nothing tells yet add to the covariance.
 
@@ -433,11 +472,13 @@ class BlockFit:
         excess = self._excess()
         # one block alone tells nothing of the scatter
         scatter = max(1.0, excess * self.n / (self.n - 1)) if self.n > 1 else math.inf
+        candidates, doubted = watched.candidates, watched.doubted
         alone = self._remainders([*_single(candidates), *doubted])
-        terms = [term for begin, first in rows
+        terms = [term for begin, first in watched.rows
                  for term in self._unseen(candidates, alone, scatter, begin, first).values()]
         terms += [self._judged(alone[k], scatter, std, 0) for k, std in doubted.items()]
-        return self._full(summed(terms, len(self.active)) + self._leaning_on(considered))
+        return self._full(summed(terms, len(self.active)) + self._leaning_on(
+            watched.considered))
 
     def _unseen(self, candidates: Mapping[str, list[int]], alone: Mapping[int, Remainder],
                 scatter: float, begin: str, first: int) -> dict[str, UnseenTerm]:

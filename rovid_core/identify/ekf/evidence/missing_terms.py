@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 import math
 
-from rovid_core.identify.ekf.evidence.block_fit import LAG_SHAPE, Missing, Verdict
+from rovid_core.identify.ekf.evidence.block_fit import (
+    LAG_SHAPE,
+    Missing,
+    OTHERWISE,
+    Verdict,
+)
 from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.identify.ekf.single.linearised_filter import (
     ALPHA,
@@ -31,6 +36,8 @@ UNTOLD = {
                           'thrust more often'),
     LAG_SHAPE: 'whether the thrusters lag or what measures the motion cannot be told, which '
                'leaves the mass open: if it is the thrusters, set thrusters.time_constant',
+    OTHERWISE: 'the thrust comes and goes otherwise than with a delay and a lag, which leaves the '
+               'mass open: take measured turns or currents in place of commands',
     'thrust_loss': 'thrust that falls with speed cannot be told from the drag yet: coast now and '
                    'then'}
 """What to do about a term that a log does not tell, by its name."""

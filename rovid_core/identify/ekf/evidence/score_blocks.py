@@ -16,10 +16,12 @@ from rovid_core.identify.ekf.evidence.block_fit import (
     LEAST_COUNT,
     Regression,
     Verdict,
+    Watched,
 )
 from rovid_core.identify.ekf.evidence.unseen_terms import expected
 from rovid_core.identify.ekf.evidence.vehicle_change import contradicts
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, CANDIDATES, floats
+from rovid_core.identify.ekf.single.watched_lag import LAGS, SECOND_LAG
 from rovid_core.model.dofs import HEADING
 
 Array = NDArray[np.float64]
@@ -70,17 +72,18 @@ class ScoreBlocks:
                  doubted: Mapping[int, float] | None = None,
                  found: Sequence[str] = (), lags: Mapping[str, float] | None = None) -> None:
         p = len(theta)
-        self._lags = lags or {}
-        self._rows, self.found = rows, found
-        self._considered = considered or {}
         self._q = p + len(watched) + further
-        self._doubted = {k % self._q: std for k, std in (doubted or {}).items()}
-        self._candidates = {name: [p + k] for k, name in enumerate(watched)
-                            if name not in configured}
+        columns = {name: p + k for k, name in enumerate(watched)}
+        candidates = {name: [k] for name, k in columns.items()
+                      if name not in configured and not name.endswith(SECOND_LAG)}
         if all(name in watched for name in HEADING):
             # a current pushes in any direction
-            self._candidates['current'] = [
-                k for name in HEADING for k in self._candidates.pop(name)]
+            candidates['current'] = [k for name in HEADING for k in candidates.pop(name)]
+        self._watched = Watched(
+            candidates, considered or {}, rows,
+            {k % self._q: std for k, std in (doubted or {}).items()}, found, lags or {},
+            [[columns[begin + name] for name in (*LAGS, SECOND_LAG) if begin + name in columns]
+             for begin, _ in rows])
         self.clear(theta, variances)
 
     def clear(self, theta: Sequence[float], variances: Sequence[float]) -> None:
@@ -101,6 +104,11 @@ class ScoreBlocks:
         self._open = np.zeros((q, q)), np.zeros(q)
         self._count = 0
         self._pending: list[float] = []  # of each measurement: information, what it told, psi
+
+    @property
+    def found(self) -> Sequence[str]:
+        """Return the names of watched regressors whose effect is in the model already."""
+        return self._watched.found
 
     @property
     def count(self) -> int:
@@ -173,9 +181,7 @@ class ScoreBlocks:
         """Return what the blocks say; None while there are too few."""
         if self.count < LEAST_COUNT:
             return None
-        return self._fit(self.count).verdict(
-            self._counts, wrong_model, self._candidates, self._considered, self._rows,
-            self._doubted, self.found, self._lags)
+        return self._fit(self.count).verdict(self._counts, wrong_model, self._watched)
 
     def regressions(self, places: Sequence[Sequence[int]]) -> list[Regression | None]:
         """
@@ -195,7 +201,7 @@ class ScoreBlocks:
         """Return what terms that nothing tells yet add to the covariance; empty for nothing."""
         if self.count != self._unseen_of:
             self._unseen, self._unseen_of = self._fit(self.count).unseen(
-                self._candidates, self._considered, self._rows, self._doubted), self.count
+                self._watched), self.count
         return self._unseen
 
     def _fit(self, count: int) -> BlockFit:
@@ -245,7 +251,8 @@ class ScoreBlocks:
                                largest_scatter):
                 continue
             blocks = self._information, self._score
-            information, score = drift_of(fit, *blocks, self._counts, self._rows).beside(*blocks)
+            drift = drift_of(fit, *blocks, self._counts, self._watched.rows)
+            information, score = drift.beside(*blocks)
             whole = self._with_all_that_may_be_missing(fit, information[:older], score[:older])
             if contradicts(information[older:], score[older:], whole, largest_scatter):
                 return True
@@ -260,10 +267,10 @@ class ScoreBlocks:
         """
         variances = [*self._variances, *[0.0] * (self._q - len(self._variances)), DRIFT**2]
         known = fit.total.diagonal().tolist()
-        for begin, first in self._rows:
+        for begin, first in self._watched.rows:
             theta = fit.all_parameters()[first:]
             sizes = expected(theta)
-            for name, columns in self._candidates.items():
+            for name, columns in self._watched.candidates.items():
                 if not name.startswith(begin):
                     continue
                 term = name[len(begin):]

@@ -428,7 +428,7 @@ class PlanarFilter:
                 -scale * slope,
                 scale * backwards, scale * drag if w < 0.0 else 0.0, scale * small,
                 scale * given.lag.of_force, scale * given.lag.of_turns,
-                scale * math.sqrt(abs(force)) * w, *each, *watched,
+                scale * given.lag.of_second, scale * math.sqrt(abs(force)) * w, *each, *watched,
                 per_newton * piece[2 * k], per_newton * piece[2 * k + 1],
                 scale * (push_way - b * push), scale * (b * slope - delayed),
                 scale * (back_way - b * backwards), scale * (small_way - b * small),
@@ -571,7 +571,7 @@ class PlanarFilter:
         self.motion[:] = floats(state['motion'], SIZE)
         forces = [math.nan if x is None else float(x) for x in state['force']]
         for push, lagged, force in zip(self._pushes, state['lagged'], forces):
-            push.lag.restore(floats(lagged, 2))
+            push.lag.restore(floats(lagged, 3))
             push.last = force
         self.covariance[:] = _matrix(state['covariance'], SIZE, SIZE)
         self.theta_covariance = _matrix(state['theta_covariance'], p, p)

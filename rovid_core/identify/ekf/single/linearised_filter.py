@@ -23,7 +23,7 @@ from typing import Any, Final
 
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.regressors import Parameter, Regressor
-from rovid_core.identify.ekf.single.watched_lag import WatchedLag
+from rovid_core.identify.ekf.single.watched_lag import LAGS, SECOND_LAG, WatchedLag
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.dofs import EACH, Three
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
@@ -38,8 +38,7 @@ POSITION: Final = 0
 VELOCITY: Final = 1
 """What can be measured."""
 
-CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', 'lag', 'turns_lag',
-              'thrust_loss')
+CANDIDATES = ('reverse_thrust', 'reverse_drag', 'dead_band', *LAGS, SECOND_LAG, 'thrust_loss')
 """Regressors that are watched: what a vehicle often has and the model has not."""
 
 NONE_OWN: Final = (-1, -1)
@@ -106,7 +105,7 @@ class LinearisedFilter:
         known = len(CANDIDATES) + (len(EACH) if shares else 0)
         candidates = [Regressor() for _ in range(known + watched)]
         (self._reverse, self._reverse_drag, self._cut, self._lag, self._turns_lag,
-         self._loss) = candidates[:len(CANDIDATES)]
+         self._second_lag, self._loss) = candidates[:len(CANDIDATES)]
         self._each = candidates[len(CANDIDATES):known]
         self._watched = candidates[known:]
         self._always = len(theta) + known
@@ -278,9 +277,10 @@ class LinearisedFilter:
             What the force in reverse, and what a dead band takes, adds to velocity and path.
 
         """
-        self._watched_lag.move(force, h)
-        self._lag.push, self._turns_lag.push = (
-            self._watched_lag.of_force, self._watched_lag.of_turns)
+        lag = self._watched_lag
+        lag.move(force, h)
+        self._lag.push, self._turns_lag.push = lag.of_force, lag.of_turns
+        self._second_lag.push = lag.of_second
         self._reverse_drag.push = w * abs(w) if w < 0.0 else 0.0
         self._loss.push = math.sqrt(abs(force)) * w
         # what is told apart by where in a step it acts has to act where alpha's force does
@@ -575,7 +575,7 @@ class LinearisedFilter:
         self.motion = (x, v, f)
         a, b, c, d, e, f = floats(state['covariance'], 6)
         self.covariance = (a, b, c, d, e, f)
-        self._watched_lag.restore(floats(state['lagged'], 2))
+        self._watched_lag.restore(floats(state['lagged'], 3))
         self._force = math.nan if state['force'] is None else floats([state['force']], 1)[0]
         xs, vs, fs = state['sensitivities']
         self.sensitivities = [floats(x, q) for x in (xs, vs, fs)]

@@ -13,6 +13,12 @@ LAG: Final = 0.15
 LAGS: Final = ('lag', 'turns_lag')
 """Names of the regressors: a lag of the force, and one of the turns."""
 
+SECOND_LAG: Final = 'second_lag'
+"""
+Name of the regressor of another lag behind the first. Thrust that comes and goes in any way at all
+within some tenths of a second is about a sum of a delay, of both lags, and of this.
+"""
+
 
 class WatchedLag:
     """
@@ -22,8 +28,9 @@ class WatchedLag:
 
     Attributes
     ----------
-    of_force, of_turns : float
-        What either takes of the mean force of the last step.
+    of_force, of_turns, of_second : float
+        What either takes of the mean force of the last step, and what another lag of the force
+        takes of what the first leaves.
 
     """
 
@@ -32,13 +39,18 @@ class WatchedLag:
 
     def restart(self) -> None:
         """Begin at rest."""
-        self._lagged = self._turns = self.of_force = self.of_turns = 0.0
+        self._lagged = self._twice = self._turns = 0.0
+        self.of_force = self.of_turns = self.of_second = 0.0
 
     def move(self, force: float, h: float) -> None:
         """Go on over ``h`` [s] with a mean force."""
-        gone = 1.0 - math.exp(-h / LAG)
+        left = math.exp(-h / LAG)
+        gone = 1.0 - left
         off, late = force - self._lagged, gone * LAG / h
         self.of_force = off * late
+        moved = gone * (force - self._twice) - off * left * h / LAG
+        self.of_second = moved * LAG / h
+        self._twice += moved
         self._lagged += gone * off
         steady = turns_of(force)
         off = steady - self._turns
@@ -49,8 +61,8 @@ class WatchedLag:
 
     def state(self) -> list[float]:
         """Return all that is needed to go on from here."""
-        return [self._lagged, self._turns]
+        return [self._lagged, self._twice, self._turns]
 
     def restore(self, values: list[float]) -> None:
-        """Go on from two numbers."""
-        self._lagged, self._turns = values
+        """Go on from three numbers."""
+        self._lagged, self._twice, self._turns = values

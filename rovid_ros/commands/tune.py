@@ -112,7 +112,9 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
     def read(tried: Settings) -> TuningLog:
         water = None
         if tried.sees_current:
-            first = replace(tried, identifier=IdentifierSettings('ekf'))
+            # the others tell nothing of it
+            plane = tuple([dof for dof in tried.dofs if dof in ('surge', 'sway')])
+            first = replace(tried, dofs=plane, identifier=IdentifierSettings('ekf'))
             finder = TuningPlayer(first)
             replay(logs, first, finder, start=start, duration=duration)
             water = finder.log.water

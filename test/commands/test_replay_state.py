@@ -15,7 +15,7 @@ from rovid_core.settings.run import Settings
 from rovid_ros.commands.main import main
 from rovid_ros.config.parameter_file import load as load_parameters
 from rovid_ros.config.parameters import settings_from
-from rovid_ros.files.state_file import load, save, StateError
+from rovid_ros.files.state_file import load, save, StateError, VERSION
 from rovid_ros.files.whole_files import FileLock
 from rovid_ros.logs.log import Log, LogMessage, RECORD
 from rovid_ros.logs.player import PipelinePlayer
@@ -242,7 +242,7 @@ def test_another_configuration_is_refused(
 @pytest.mark.parametrize('content, says', [
     ('', 'is damaged: Expecting value'), ('[]', 'is not a saved state'),
     ('{"rovid_replay": 1}', 'is not a saved state'),
-    ('{"rovid_checkpoint": 1}', 'has version 1, this program reads 4'),
+    ('{"rovid_checkpoint": 1}', f'has version 1, this program reads {VERSION}'),
     ('[' * 100_000, 'is damaged')])
 def test_another_file_is_refused(content: str, says: str, call: Call, dives: list[Path],
                                  capsys: pytest.CaptureFixture[str]) -> None:

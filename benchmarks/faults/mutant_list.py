@@ -703,11 +703,11 @@ MUTANTS = [
     *_of('rovid_core/trials/tuning/timing.py', 'test/core/test_tuning.py '
          'tells_propellers_whose_turns_lag_from_a_force_that_does',
          ('the other kind of lag is never taken',
-          'not choice.is_better or choice.contradicted:\n        return timing',
-          'True:\n        return timing'),
+          'not (choice.index and choice.is_better) or choice.contradicted:',
+          'True:'),
          ('the other kind of lag is always taken',
-          'not choice.is_better or choice.contradicted:\n        return timing',
-          'False:\n        return timing')),
+          'not (choice.index and choice.is_better) or choice.contradicted:',
+          'False:')),
     *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
          'the_force_of_propellers_whose_turns_lag_is_that_of_short_steps',
          ('of turns the force in reverse has no lag', 'if self._turns:\n                force',

@@ -168,7 +168,7 @@ def with_other_lag(timing: Timing, dofs: Sequence[Dof], log: TuningLog,
             scores(present, [pair]), errors)], 0)
 
     choice = against(timing.pair)
-    if not choice.is_better or choice.contradicted:
+    if not (choice.index and choice.is_better) or choice.contradicted:
         return timing
     after = pairs[choice.index - 1]
     stage = _stage(against((settings.thrusters.delay, settings.thrusters.time_constant)), after,

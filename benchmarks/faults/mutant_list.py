@@ -758,7 +758,7 @@ MUTANTS = [
          'a_lag_of_the_thrusters_is_found_and_said',
          ('a lag that was found is known exactly', 'for name in watched.found if name in left}',
           'for name in watched.found if False}')),
-    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
+    *_of('rovid_core/identify/ekf/evidence/verdict.py', 'test/core/test_ekf_honesty.py '
          'what_the_thrusters_lose_is_found_and_said',
          ('what was found keeps its first size', 'if self.missing else self.rest',
           'if self.missing else ()')),

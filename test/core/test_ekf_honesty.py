@@ -7,7 +7,6 @@ import re
 
 import numpy as np
 import pytest
-from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.innovations import Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import (
     better_thrusters,
@@ -17,6 +16,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
 )
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
+from rovid_core.identify.ekf.evidence.verdict import Missing, Verdict
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member, stands_at_bound
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, KEPT, predicted

@@ -8,7 +8,7 @@ import os
 import numpy as np
 import pytest
 from rovid_core.model.lag import turns_of
-from rovid_core.model.plant import advance
+from rovid_core.model.plant import advance, Array
 from rovid_core.model.samples import Step
 from rovid_core.model.thrusters import Thrusters
 from rovid_core.settings.run import Settings
@@ -200,6 +200,26 @@ def test_a_reference_is_met_between_two_times() -> None:
     assert log.score('surge', SURGE_TRUTH).mae < 1e-10
 
 
+def felt_later(felt: Array, fine: float, angle: float, block: int) -> ScoreLog:
+    """
+    Return the log of a vehicle that feels a force each ``fine`` [s].
+
+    At 10 Hz the log has sines of multiples of an angle; its references are the true velocities.
+    """
+    v = one_by_one(SURGE_TRUTH, 0.0, np.full(len(felt), fine), felt)
+    log, each = ScoreLog(SETTINGS, block), round(0.1 / fine)
+    log.begin_run('surge', 0, float(v[0]))
+    count = len(felt) // each
+    for k in range(count):
+        force = 100.0 * math.sin(k * angle)
+        end = (k + 1) * PERIOD
+        log.add_step('surge', (end - PERIOD, end - PERIOD // 2, end), Step(
+            0.1, (0.0,) * 3, (0.0,) * 3, 0.0, 0.1, (0.05, 0.05), (force, force)))
+        if 5 < k < count - 5:
+            log.add_reference(end, (float(v[(k + 1) * each]), *[math.nan] * 5))
+    return log
+
+
 @pytest.mark.parametrize('turns', [False, True])
 @pytest.mark.parametrize('block', [BLOCK, 100_000])
 def test_the_thrust_lags_as_the_method_says(block: int, turns: bool) -> None:
@@ -214,16 +234,7 @@ def test_the_thrust_lags_as_the_method_says(block: int, turns: bool) -> None:
         follows += (fine / lag) * ((turns_of(one) if turns else one) - follows)
         middle = 0.5 * (before + follows)
         felt.append(middle * abs(middle) if turns else middle)
-    v = one_by_one(SURGE_TRUTH, 0.0, np.full(len(time), fine), np.array(felt))
-    log = ScoreLog(SETTINGS, block)
-    log.begin_run('surge', 0, float(v[0]))
-    for k in range(round(seconds / 0.1)):
-        force = 100.0 * math.sin(k * 0.3)
-        end = (k + 1) * PERIOD
-        log.add_step('surge', (end - PERIOD, end - PERIOD // 2, end), Step(
-            0.1, (0.0,) * 3, (0.0,) * 3, 0.0, 0.1, (0.05, 0.05), (force, force)))
-        if 0.5 < k * 0.1 < seconds - 0.5:
-            log.add_reference(end, (float(v[(k + 1) * 10]), *[math.nan] * 5))
+    log = felt_later(np.array(felt), fine, 0.3, block)
     found = (Thrusters(lag, turns=turns), Thrusters(lag, turns=not turns), Thrusters())
     right, *others = [log.score('surge', SURGE_TRUTH, delay + lag, one).mae for one in found]
     assert right < 2e-3
@@ -238,16 +249,7 @@ def test_the_thrust_acts_as_late_as_the_method_says(delay: float, block: int) ->
     time = np.arange(round(seconds / fine)) * fine
     # held for as long as a step of the log, which is cut at other times
     felt = 100.0 * np.sin(np.floor((time - delay + 1e-9) / 0.1) * 0.1)
-    v = one_by_one(SURGE_TRUTH, 0.0, np.full(len(time), fine), felt)
-    log = ScoreLog(SETTINGS, block)
-    log.begin_run('surge', 0, float(v[0]))
-    for k in range(round(seconds / 0.1)):
-        force = 100.0 * math.sin(k * 0.1)
-        end = (k + 1) * PERIOD
-        log.add_step('surge', (end - PERIOD, end - PERIOD // 2, end), Step(
-            0.1, (0.0,) * 3, (0.0,) * 3, 0.0, 0.1, (0.05, 0.05), (force, force)))
-        if 0.5 < k * 0.1 < seconds - 0.5:
-            log.add_reference(end, (float(v[(k + 1) * 5]), *[math.nan] * 5))
+    log = felt_later(felt, fine, 0.1, block)
     errors = {d: log.score('surge', SURGE_TRUTH, d).mae for d in (delay, delay + 0.1)}
     assert errors[delay] < 2e-3 < 5e-3 < errors[delay + 0.1]
     assert log.score('surge', SURGE_TRUTH, math.nan) == log.score('surge', SURGE_TRUTH)

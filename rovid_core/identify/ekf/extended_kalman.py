@@ -24,7 +24,6 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
-from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.innovations import SOON
 from rovid_core.identify.ekf.evidence.missing_terms import (
     clocks_in_doubt,
@@ -34,6 +33,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     of_thrusters,
     remarks,
 )
+from rovid_core.identify.ekf.evidence.verdict import Missing, Verdict
 from rovid_core.identify.ekf.filter_bank import (
     BLOCK,
     FilterBank,

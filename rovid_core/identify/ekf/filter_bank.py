@@ -14,11 +14,11 @@ from rovid_core.identify.ekf.batch_start import (
     LONGEST,
     PASSES,
 )
-from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters, share_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import SCATTERED
+from rovid_core.identify.ekf.evidence.verdict import Verdict
 from rovid_core.identify.ekf.normalised_model import UNMODELLED, Unmodelled
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import FreePrediction

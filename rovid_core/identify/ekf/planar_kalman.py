@@ -25,7 +25,6 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
-from rovid_core.identify.ekf.evidence.block_fit import Missing, Verdict
 from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
     KNOWN_CURRENT,
@@ -41,6 +40,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     of_thrusters,
     remarks,
 )
+from rovid_core.identify.ekf.evidence.verdict import Missing, Verdict
 from rovid_core.identify.ekf.extended_kalman import (
     CORRELATION,
     FIRST_NOISE,

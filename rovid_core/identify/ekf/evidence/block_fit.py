@@ -10,7 +10,7 @@ Econometrica 50(1), 1982).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 import math
 from typing import NamedTuple
 
@@ -25,6 +25,14 @@ from rovid_core.identify.ekf.evidence.unseen_terms import (
     summed,
     UnseenTerm,
 )
+from rovid_core.identify.ekf.evidence.verdict import (
+    LAG_SHAPE,
+    Missing,
+    NAMED_T,
+    OTHERWISE,
+    Regression,
+    Verdict,
+)
 
 Array = NDArray[np.float64]
 
@@ -34,8 +42,8 @@ LEAST_COUNT = 6
 REPEATED = 2.0
 """Excess scatter above which an error repeats from block to block and does not average out."""
 
-NAMED_T, NAMED_GAIN = 4.0, 0.01
-"""Significance, and share of the squared innovations, from which a regressor is named."""
+NAMED_GAIN = 0.01
+"""Share of the squared innovations from which a regressor is named, if it is significant."""
 
 NAMED_LEFT, TOLD = 1e-6, 1e-8
 """
@@ -43,15 +51,11 @@ Share of a regressor that the parameters cannot take the place of, from which it
 from which the data say anything of it; less is what rounding and the steps of the filter make.
 """
 
-
-OTHERWISE = 'otherwise'
-"""
-Name of the doubt whether thrust comes and goes by a delay and a lag at all: where the lags that
-are watched say together that it does not, the mass is open by what they would move it.
-"""
-
 OTHERWISE_POWER = 22.0
-"""From which they do: chi-squared of three that is as unlikely as ``NAMED_T`` squared of one."""
+"""
+From which thrust comes and goes otherwise: chi-squared of three that is as unlikely as ``NAMED_T``
+squared of one.
+"""
 
 BLOCK = 10.0
 """[s] of a block."""
@@ -62,12 +66,6 @@ FALL = 0.25 / 1500.0
 its voltage, and with it a quarter of the thrust or more.
 """
 
-LAG_SHAPE = 'lag_shape'
-"""
-Name of the doubt whether a lag that was found is one of the force. Propellers lag in their turns,
-and a filter in what it measures: that moves the mass by as much as the lag itself does.
-"""
-
 DRIFT = 0.25
 """Share of the thrust that may be lost from the beginning to the end: a battery runs down."""
 
@@ -76,59 +74,6 @@ MATTERS = 0.05
 
 WIDE = 1e6
 """Variance of a regressor that is added, in that with which all blocks tell it."""
-
-
-@dataclass(frozen=True)
-class Missing:
-    """
-    A regressor that the model lacks.
-
-    Attributes
-    ----------
-    name : str
-        One of the watched ones, or ``current``.
-    coefficient : float
-        What it would have, in typical velocities per second; of a current its size.
-    share : float
-        Of the squared innovations that it explains.
-    alpha : float
-        That its DOF has with it; 0 for a regressor of no DOF with thrust.
-
-    """
-
-    name: str
-    coefficient: float
-    share: float
-    alpha: float = 0.0
-
-
-@dataclass(frozen=True)
-class Regression:
-    """
-    What further regressors would explain.
-
-    Attributes
-    ----------
-    kappa : ndarray, shape (k,)
-        Their coefficients.
-    power : float
-        By how much -2 log of the likelihood would fall; chi-squared if there is nothing.
-    t_squared : float
-        The same by the scatter of the blocks, whatever the model says (Hotelling).
-    moved : ndarray, shape (active parameters,)
-        By how much the parameters fall short of what they would be, with the other sign.
-
-    """
-
-    kappa: Array
-    power: float
-    t_squared: float
-    moved: Array
-
-    @property
-    def is_significant(self) -> bool:
-        """Tell whether it is more than chance, by the model and by the scatter of the blocks."""
-        return min(self.power, self.t_squared) > NAMED_T * NAMED_T
 
 
 class Remainder(NamedTuple):
@@ -153,56 +98,6 @@ class Remainder(NamedTuple):
     known: float
     coefficient: float
     spread: float
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """
-    What the blocks say.
-
-    Attributes
-    ----------
-    covariance : p lists of p floats
-        Of the parameters.
-    scatter : float
-        Of the scores, relative to what the model says; 1 where it is right.
-    missing : Missing or None
-        The regressor that explains most of what the model does not.
-    count : int
-        Of the blocks.
-    theta : list of p floats
-        The parameters that fit all of them best, also beyond their bounds.
-    untold : tuple of str
-        The term of each DOF that it may have and that makes most of its alpha's variance, and
-        before it ``OTHERWISE`` where that does.
-    rest : tuple of Missing
-        By how much terms whose size was found are off, the most significant first; none where
-        something else is missing.
-    unexplained : float
-        The scatter that is left when what is missing is added.
-    drift : float
-        By which share the thrust rose from the beginning of the data to their end: below 0, or 0
-        where that cannot be told from no change.
-    begin : list of p floats
-        The parameters with the thrust of the beginning, where it falls.
-
-    """
-
-    covariance: list[list[float]]
-    scatter: float
-    missing: Missing | None
-    count: int
-    theta: list[float]
-    untold: tuple[str, ...]
-    rest: tuple[Missing, ...] = ()
-    unexplained: float = 1.0
-    drift: float = 0.0
-    begin: list[float] = field(default_factory=list)
-
-    @property
-    def to_find(self) -> tuple[Missing, ...]:
-        """Return what may be found of the thrusters: what is missing, or the sizes of the rest."""
-        return (self.missing,) if self.missing else self.rest
 
 
 @dataclass(frozen=True)

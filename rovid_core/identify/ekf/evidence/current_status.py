@@ -17,10 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import PERIOD
-from rovid_core.identify.ekf.evidence.block_fit import Regression, Verdict
 from rovid_core.identify.ekf.evidence.missing_terms import is_coupling
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
+from rovid_core.identify.ekf.evidence.verdict import Regression, Verdict
 from rovid_core.identify.ekf.planar.layout import AXES
 from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.estimate import Current, TURN

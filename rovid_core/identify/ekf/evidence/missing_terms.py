@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 import math
 
-from rovid_core.identify.ekf.evidence.block_fit import (
+from rovid_core.identify.ekf.evidence.verdict import (
     LAG_SHAPE,
     Missing,
     OTHERWISE,

@@ -14,12 +14,11 @@ from rovid_core.identify.ekf.evidence.block_fit import (
     DRIFT,
     drift_of,
     LEAST_COUNT,
-    Regression,
-    Verdict,
     Watched,
 )
 from rovid_core.identify.ekf.evidence.unseen_terms import expected
 from rovid_core.identify.ekf.evidence.vehicle_change import contradicts
+from rovid_core.identify.ekf.evidence.verdict import Regression, Verdict
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, CANDIDATES, floats
 from rovid_core.identify.ekf.single.watched_lag import LAGS, SECOND_LAG
 from rovid_core.model.dofs import HEADING

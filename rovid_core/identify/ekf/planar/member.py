@@ -8,7 +8,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from rovid_core.identify.ekf.evidence.block_fit import Verdict
 from rovid_core.identify.ekf.evidence.current_status import (
     Alternative,
     better_than_a_current,
@@ -24,6 +23,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
     share_of_lag,
 )
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
+from rovid_core.identify.ekf.evidence.verdict import Verdict
 from rovid_core.identify.ekf.filter_bank import BLOCK, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import Unmodelled
 from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter

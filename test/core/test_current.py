@@ -340,14 +340,18 @@ def test_a_saved_state_goes_on_with_the_same_bits():
         assert repr(found[0].current) == repr(found[1].current)
 
 
-def test_what_is_found_of_the_thrusters_goes_on_with_the_same_bits():
+@pytest.mark.parametrize('at', [66.0, 96.0])
+def test_what_is_found_of_the_thrusters_goes_on_with_the_same_bits(at):
+    """While it is looked for, and when it was found."""
     run = Run(duration=140.0, lag=0.2, reverse=0.75)
     stream = Stream(settings(run))
-    followed(stream, run, 100.0)
+    followed(stream, run, at)
     stream.interrupt()
     second = Stream(settings(run))
-    second.restore(json.loads(json.dumps(stream.state())))
-    ends = [followed(one, run, start=101.0)[-1] for one in (stream, second)]
+    state = json.dumps(stream.state())
+    assert ('"gone"' in state) == (at < 90.0)
+    second.restore(json.loads(state))
+    ends = [followed(one, run, start=at + 1.0)[-1] for one in (stream, second)]
     for of_first, of_second in zip(ends[0].dofs, ends[1].dofs):
         assert of_first.parameters == of_second.parameters
         assert of_first.thrusters == of_second.thrusters

@@ -7,6 +7,7 @@ import re
 
 import numpy as np
 import pytest
+from rovid_core.identify.ekf.batch_start import PART
 from rovid_core.identify.ekf.evidence.innovations import Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import (
     better_thrusters,
@@ -17,7 +18,7 @@ from rovid_core.identify.ekf.evidence.missing_terms import (
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.evidence.verdict import Missing, Verdict
-from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
+from rovid_core.identify.ekf.extended_kalman import ExtendedKalman, PACE
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member, stands_at_bound
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, KEPT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
@@ -188,7 +189,9 @@ def test_thrust_that_comes_otherwise_than_with_a_lag_leaves_the_mass_open(name, 
 
 def test_what_follows_another_axis_is_not_taken_for_the_thrusters():
     """It pushes more one way in this drive, and no regressor that is watched says why."""
-    drive = Drive(Scales.of(GUESS)).go(pieces(VEHICLES['coupled'], 3, 130.0))
+    drive = Drive(Scales.of(GUESS)).go(
+        [piece.replaced(watched=()) if isinstance(piece, Step) else piece
+         for piece in pieces(VEHICLES['coupled'], 3, 130.0)])
     assert not drive.one.thrusters.found
     assert drive.judged[-1] == 'converging'
 
@@ -244,16 +247,36 @@ def test_thrusters_that_are_no_better_are_not_tried_again_at_once():
     Vehicle(lag=0.2), VEHICLES['dead-band 3 N'], VEHICLES['reverse thrust x 0.8'],
     VEHICLES['thrust that fades at 3 m/s']])
 def test_what_is_found_of_the_thrusters_goes_on_after_a_restore(vehicle):
+    """While it is looked for, and when it was found."""
     steps = pieces(vehicle, 0, 150.0)
-    drive = Drive().go(steps[:905])
+    drive, at, news = Drive(), 0, []
+    for to in (612, 618, 1000):
+        drive.go(steps[at:to])
+        state, at = drive.one.state(), to
+        assert (state['search'] is None) == (to == 1000)
+        news.append((to, ExtendedKalman(SCALES)))
+        news[-1][1].restore(json.loads(json.dumps(state)))
     assert 'taken into account' in drive.notes[-1]
-    new = ExtendedKalman(SCALES)
-    new.restore(json.loads(json.dumps(drive.one.state())))
-    for one in (drive.one, new):
-        for step in steps[905:]:
-            one.step(step)
-    assert new.state() == drive.one.state()
-    assert (new.note, new.covariance) == (drive.one.note, drive.one.covariance)
+    drive.go(steps[at:])
+    for k, new in news:
+        for step in steps[k:]:
+            new.step(step)
+        assert new.state() == drive.one.state()
+        assert (new.note, new.covariance) == (drive.one.note, drive.one.covariance)
+
+
+def test_a_search_goes_through_little_at_a_time_and_a_log_that_ends_has_all_of_it():
+    drive, gone = Drive(), []
+    for step in pieces(Vehicle(lag=0.2), 0, 150.0)[:820]:
+        drive.go([step])
+        search = drive.one.state()['search']
+        gone.append(0 if search is None else search['gone'])
+    assert gone[-1] > 0 == gone[700]
+    assert 0 < max(np.diff(gone)) * PART <= PACE * 0.1 + PART  # of fixes every 0.1 s
+    assert not drive.one.thrusters.found
+    assert drive.one.conclude()
+    assert drive.one.thrusters.found == ['lag']
+    assert not drive.one.conclude()
 
 
 def test_what_is_found_missing_first_does_not_hide_the_rest():
@@ -648,7 +671,7 @@ def test_thrust_that_goes_on_falling_is_no_change(alphas, changed):
 
 def test_a_dof_with_a_left_out_term_is_honest_too():
     scales = Scales.of(replace(GUESS, terms=('alpha', 'beta', 'delta')))
-    one = ExtendedKalman(scales)
+    one = ExtendedKalman(replace(scales, watched=('vr',)))
     for piece in pieces(VEHICLES['exact'], 0, 150.0):
         one.step(piece) if isinstance(piece, Step) else one.restart(piece)
     assert one.parameters[2] == 0.0

@@ -6,7 +6,7 @@ The steps are kept for that, in a saved state too, which may have anything for n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import suppress
 from math import fsum, inf, log, sqrt
 from statistics import median
@@ -50,6 +50,9 @@ SETTLED = 0.3
 
 BUDGET = 6_000
 """Measurements that are gone through at once; of more there are fewer passes."""
+
+PART: Final = 50
+"""Measurements that are gone through between two places where a pass may be left to wait."""
 
 
 STEPS = (Step, PlanarStep)
@@ -108,6 +111,17 @@ class Clock(Protocol):
 
 
 M = TypeVar('M', bound=Learner)
+T = TypeVar('T')
+
+
+def finish(parts: Generator[int, None, T]) -> T:
+    """Go on with what is done in parts until it is done; return what comes of it."""
+    while True:
+        try:
+            next(parts)
+        except StopIteration as end:
+            result: T = end.value
+            return result
 
 
 class BatchStart(Generic[M]):
@@ -130,7 +144,7 @@ class BatchStart(Generic[M]):
     Attributes
     ----------
     failed : float
-        [s] of motion after which other thrusters were no better, the last time.
+        [s] of motion after which other thrusters were looked for the last time, if in vain.
     was_there : bool
         Whether the last solution is where its guess was: one pass settled it.
 
@@ -158,6 +172,11 @@ class BatchStart(Generic[M]):
             self.duration += piece.dt
 
     @property
+    def may_search(self) -> bool:
+        """Tell whether there is enough new since other thrusters were looked for in vain."""
+        return self.duration >= self.failed + PERIOD
+
+    @property
     def is_new(self) -> bool:
         """Tell whether there is something, of which nothing was gone through again yet."""
         return 0.0 < self.duration < self.next == PERIOD
@@ -182,9 +201,11 @@ class BatchStart(Generic[M]):
                 count -= 1
 
     def solve(self, member: M, guesses: Sequence[Sequence[float]],
-              most: int = PASSES) -> M:
+              most: int = PASSES) -> Generator[int, None, M]:
         """
         Return a member that went through all this at the parameters that fit it best.
+
+        That is done in parts; after each it gives how many measurements it went through in it.
 
         Parameters
         ----------
@@ -210,7 +231,7 @@ class BatchStart(Generic[M]):
             if settled:
                 break
             with suppress(ArithmeticError):
-                found, value, settled = self._iterate(member, theta, passes)
+                found, value, settled = yield from self._iterate(member, theta, passes)
                 if value < least:
                     best, least = found, value
                     self.was_there = settled == 1
@@ -218,14 +239,15 @@ class BatchStart(Generic[M]):
             raise DivergenceError('no pass came to an end')
         return best
 
-    def _iterate(self, member: M, theta: Sequence[float], passes: int) -> tuple[M, float, int]:
+    def _iterate(self, member: M, theta: Sequence[float],
+                 passes: int) -> Generator[int, None, tuple[M, float, int]]:
         """Return a member, how badly it fits, and after how many passes it settled, 0 for none."""
         noise, settled = member.innovations.noise, 0
         for k in range(passes):
             found = self._new(member.unmodelled, theta)
             innovations = found.innovations
             innovations.noise = noise
-            sizes = self._pass(found)
+            sizes = yield from self._pass(found)
             innovations.least = max(innovations.least, LEAST_NOISE)
             level = innovations.scale_noise(_level(sizes))
             noise = innovations.noise
@@ -242,9 +264,11 @@ class BatchStart(Generic[M]):
                 break
         return found, value, settled
 
-    def _pass(self, member: M) -> list[float]:
+    def _pass(self, member: M) -> Generator[int, None, list[float]]:
         sizes: list[float] = []
-        for recent, span, use in self._measured:
+        for k, (recent, span, use) in enumerate(self._measured):
+            if k % PART == 0:
+                yield PART
             if recent is None:
                 member.restart(span)
                 continue

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
 import math
 from typing import Any, Final, Generic, Protocol, TypeVar
@@ -10,6 +10,7 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 import numpy as np
 from rovid_core.identify.ekf.batch_start import (
     BatchStart,
+    finish,
     Learner,
     LONGEST,
     PASSES,
@@ -332,9 +333,11 @@ class FilterBank(Generic[M]):
             self.number = 0
 
     def go_through_again(self, start: BatchStart[M], first_guess: Sequence[float],
-                         early: bool) -> bool:
+                         early: bool) -> Generator[int, None, bool]:
         """
         Replace the members by those that went through all data so far; tell if it went well.
+
+        It is done in parts, as ``BatchStart.solve``.
 
         Parameters
         ----------
@@ -352,23 +355,24 @@ class FilterBank(Generic[M]):
         anew = early or stands_at_bound(
             filter.theta, filter.theta_covariance, self.best.bounds)
         guesses = [filter.theta, *([first_guess] if anew and len(first_guess) else [])]
-        went_well = self.solve(start, guesses, PASSES if early else 2, early, True)
+        went_well = yield from self.solve(
+            start, guesses, PASSES if early else 2, early, True)
         self.confirmed = self.confirmed and not early
         return went_well
 
     def solve(self, start: BatchStart[M], guesses: Sequence[Sequence[float]], passes: int,
-              from_best: bool, from_own: bool) -> bool:
+              from_best: bool, from_own: bool) -> Generator[int, None, bool]:
         """Let the best member begin at guesses, and the others where it ends or at their own."""
         best, members = self.best, self.members
         self.confirmed = False
         with suppress(ArithmeticError, np.linalg.LinAlgError):
-            first = start.solve(best, guesses, passes)
+            first = yield from start.solve(best, guesses, passes)
             noise, was_there = first.innovations.noise, start.was_there
             for k, member in enumerate(members):
                 if member is not best:
                     # one that went astray has taken that for noise
                     member.innovations.noise = min(member.innovations.noise, noise)
-                    members[k] = start.solve(
+                    members[k] = yield from start.solve(
                         member, [*([first.filter.theta] if from_best else []),
                                  *([member.filter.theta] if from_own else [])], passes)
             members[self.number] = first
@@ -399,7 +403,7 @@ class FilterBank(Generic[M]):
     def conclude(self, start: BatchStart[M] | None, first_guess: Sequence[float]) -> bool:
         """Go through data that end before that was done for the first time; as above."""
         return start is not None and start.is_new and (
-            self.go_through_again(start, first_guess, True))
+            finish(self.go_through_again(start, first_guess, True)))
 
     def is_lost_often(self, found: Sequence[int], time: float) -> bool:
         """

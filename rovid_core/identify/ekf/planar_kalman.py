@@ -13,11 +13,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import (
     BatchStart,
+    finish,
     KNOWN,
     LONGEST,
     PERIOD,
@@ -62,7 +63,7 @@ from rovid_core.identify.ekf.planar.member import (
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
 from rovid_core.identify.ekf.single.linearised_filter import floats
-from rovid_core.identify.ekf.thruster_search import ThrusterSearch
+from rovid_core.identify.ekf.thruster_search import named_thrusters, ThrusterSearch
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.plant import Array
@@ -82,6 +83,9 @@ WINDOW = 180.0
 
 BUDGET = 20_000
 """Steps that are gone through at once."""
+
+PACE: Final = 2000.0
+"""Those a second that are gone through to look for the thrusters: most of a core."""
 
 
 class PlanarKalman:
@@ -112,7 +116,7 @@ class PlanarKalman:
     """
 
     def __init__(self, scales: Mapping[str, Scales], settings: CurrentSettings) -> None:
-        self._settings = settings
+        self._scales, self._settings = scales, settings
         self._model = PlanarModel(scales, settings.prior)
         self.newest: int | None = None
         self.rows = {dof: PlanarRow(self, k, self._model.of[k].bounds)
@@ -133,6 +137,7 @@ class PlanarKalman:
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
+        self._search: ThrusterSearch[PlanarMember] | None = None
         self._prediction = PlanarPrediction(self._model.rows, self._model.size, thrusters)
         self._time = 0.0
         self._moving = False
@@ -259,11 +264,12 @@ class PlanarKalman:
             self._note_change(step)
         elif BLOCK in found:
             self._end_blocks(found, step)
+        is_other = self._go_on_with_search(step.dt)
         for row in self.rows.values():
             row.v_hat = self._velocity(row.k, step)
         self.water_velocity = (self._water_velocity(0, step), self._water_velocity(1, step)) if (
             self._is_found) else None
-        if span is not None:
+        if is_other or span is not None:
             self._publish()
         if self.current.status == 'known' and not self._knew_current:
             # one that could as well be none changes nothing
@@ -317,8 +323,9 @@ class PlanarKalman:
         turning = self._turning
         if not self._free and turning.has_turned and not turning.lacks(start.duration):
             self._free = True
-            self._free = self._bank.go_through_again(start, self._theta, True)
+            self._free = finish(self._bank.go_through_again(start, self._theta, True))
             self._is_found |= self._free
+            self._search = None  # it goes on as in still water
             if not self._free:
                 turning.turned_at = start.duration  # what there is has led nowhere
             # once more when there is more of it
@@ -326,6 +333,7 @@ class PlanarKalman:
             return
         if not self._free and start.duration > WINDOW:
             start.clear()
+            self._search = None
             start.next = 2.0 * WINDOW  # not before it turns
             start.add(_start_of(step))
             self._windows += 1
@@ -334,7 +342,8 @@ class PlanarKalman:
         if start.duration < start.next or turning.has_turned and not self._free:
             return
         bank = self._bank
-        self._is_found |= bank.go_through_again(start, self._theta, start.next <= PERIOD)
+        self._is_found |= finish(
+            bank.go_through_again(start, self._theta, start.next <= PERIOD))
         if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
             return
@@ -342,12 +351,12 @@ class PlanarKalman:
         known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in [
             self._model.rows[row.k].first for row in self.rows.values()])
         start.wait(known)
-        if self._free and start.duration > LONGEST:
+        if self._free and start.duration > LONGEST and self._search is None:
             self._start = None
 
     def conclude(self) -> bool:
-        """Go through a log that ends before that was done for the first time."""
-        found = self._bank.conclude(self._start, self._theta)
+        """Go through a log that ends before that was done; tell if it changes the filter."""
+        found = self._bank.conclude(self._start, self._theta) or self._go_on_with_search(math.inf)
         if found:
             self._publish()
         return found
@@ -361,12 +370,34 @@ class PlanarKalman:
         for member in ended:
             member.judge()
         if best in ended:
-            if self._start is not None and ThrusterSearch(
-                    self._bank, self._start, self._use_thrusters).succeeds():
-                self._start.wait(False)
-            best = self._bank.best
+            if self._search is None and self._start is not None and (
+                    self._start.may_search and named_thrusters(self._bank)):
+                self._start.failed = self._start.duration
+                self._begin_search(self.state())
             self._prediction.end_block(best.filter, best.innovations.noise)
             self._judge()
+
+    def _begin_search(self, state: Mapping[str, Any]) -> ThrusterSearch[PlanarMember]:
+        """Let a copy of this filter look for what the thrusters have besides."""
+        copy = PlanarKalman(self._scales, self._settings)
+        copy.restore(state)
+        if copy._start is None:
+            raise ValueError('a search in no data')
+        self._search = ThrusterSearch(
+            copy._bank, copy._start, copy._use_thrusters, state, PACE)
+        return self._search
+
+    def _go_on_with_search(self, duration: float) -> bool:
+        """Search for so much longer [s]; tell if that changes the filter."""
+        search, start = self._search, self._start
+        if search is None or start is None or not search.go_on(duration):
+            return False
+        self._search = None
+        if not search.hand_over(self._bank, start, self._use_thrusters):
+            return False
+        self._prediction.interrupt()  # it goes on with the thrusters that there were
+        self._judge()
+        return True
 
     def _judge(self) -> None:
         """Find whether the model may be used."""
@@ -393,7 +424,7 @@ class PlanarKalman:
         self._theta = [*filter.theta[:-AXES].tolist(), *filter.motion[CURRENT].tolist()]
         self._variances = self._model.variances_after_change(self._theta)
         self._bank.begin_anew(changed_at)
-        self._start = self._new_start()
+        self._start, self._search = self._new_start(), None
         self._idle = 0.0
         self.restart(PlanarStart(velocity, step.axes))
 
@@ -523,6 +554,7 @@ class PlanarKalman:
             'knew_current': self._knew_current, 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
+            'search': None if self._search is None else self._search.state(),
             'prediction': self._prediction.state(), 'time': self._time,
             'moving': self._moving, 'usable': list(self._usable), 'idle': self._idle,
             'windows': self._windows,
@@ -554,6 +586,8 @@ class PlanarKalman:
         self._turning.restore(state['heading'], state['turned_at'])
         self.excitations = floats(state['excitations'], 2)
         self.newest = None if state['newest'] is None else int(state['newest'])
+        if state['search'] is not None:
+            self._begin_search(state['search']['begun']).restore(state['search'])
         self._publish()
 
     def _read(self, values: Any) -> PlanarStep | PlanarStart:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import suppress
 from typing import Any, Final, Generic
 
 import numpy as np
-from rovid_core.identify.ekf.batch_start import BatchStart, PASSES, PERIOD
+from rovid_core.identify.ekf.batch_start import BatchStart, finish, finite_number, PASSES
 from rovid_core.identify.ekf.filter_bank import FilterBank, M, MARGIN
 from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.model.thrusters import Thrusters
@@ -26,63 +26,104 @@ class ThrusterSearch(Generic[M]):
     """
     What makes all data so far likelier: what the blocks name of the thrusters.
 
+    It goes through the data dozens of times, which would hold up a live node for seconds; so it
+    is done on a copy of the filter, in parts, while the filter itself goes on.
+
     Parameters
     ----------
     bank : FilterBank
-        Its members, which become those with what is found.
+        The copy's members, which become those with what is found.
     start : BatchStart
         The data.
     use : callable
         Takes other thrusters for all members that are made from then on, and returns
         parameters of the best one whose delay is shorter by the lag.
+    begun : mapping
+        The state of the filter that was copied.
+    pace : float
+        Measurements a second that are gone through while the filter itself goes on.
 
     """
 
     def __init__(self, bank: FilterBank[M], start: BatchStart[M],
-                 use: Callable[[Any], list[float]]) -> None:
-        self._bank, self._start, self._use = bank, start, use
+                 use: Callable[[Any], list[float]], begun: Mapping[str, Any],
+                 pace: float) -> None:
+        self._bank, self._start, self._use, self._begun = bank, start, use, begun
+        self._pace = pace
+        self._succeeded = False
+        self._parts, self._gone, self._left = self._search(), 0, 0.0
 
-    def succeeds(self) -> bool:
+    def go_on(self, duration: float) -> bool:
         """
-        Take the thrusters to be as the blocks say, if that is likelier; tell if it is.
+        Go on with as much as is due while so much is measured; tell if it is over.
+
+        Parameters
+        ----------
+        duration : float
+            [s], ``math.inf`` for all there is.
+
+        """
+        self._left += self._pace * duration
+        while self._left > 0.0:
+            part = next(self._parts, 0)
+            if not part:
+                return True
+            self._gone += 1
+            self._left -= part
+        return False
+
+    def hand_over(self, bank: FilterBank[M], start: BatchStart[M],
+                  use: Callable[[Any], list[float]]) -> bool:
+        """
+        Let the filter have what was found; tell if there is something.
+
+        Parameters
+        ----------
+        bank, start, use
+            Those of the filter itself.
+
+        """
+        if not self._succeeded:
+            return False
+        before, back = bank.best.thrusters, bank.way_back()
+        bank.members, bank.number = list(self._bank.members), self._bank.number
+        use(bank.best.thrusters)
+        # with what was measured meanwhile
+        if not finish(bank.go_through_again(start, (), False)):
+            use(before)
+            back()
+            return False
+        start.failed = 0.0
+        start.wait(False)
+        return True
+
+    def state(self) -> dict[str, Any]:
+        """Return all that is needed to go on from here."""
+        return {'begun': self._begun, 'gone': self._gone, 'left': self._left}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Do again what was done by ``state``, of a search that begins; raises ValueError."""
+        gone, self._left = int(state['gone']), finite_number(state['left'])
+        while self._gone < gone:
+            if not next(self._parts, 0):
+                raise ValueError('a search that was over sooner')
+            self._gone += 1
+
+    def _search(self) -> Generator[int, None, None]:
+        """
+        Go through all data with what is named, and keep it where it is better.
 
         Clearly so, for something new; of what was found the size may become a better one.
         """
-        bank, start = self._bank, self._start
-        if not self._named or start.duration < start.failed + PERIOD:
-            return False
-        before, back = bank.best.thrusters, bank.way_back()
-        if self._is_better(before):
-            return True
-        start.failed = start.duration
-        self._use(before)
-        back()
-        return False
-
-    @property
-    def _named(self) -> list[Any]:
-        """
-        Return thrusters that have what the best member says, and what the first one says.
-
-        Where an unknown force follows what is missing, hardly any of the error is left to say it.
-        """
-        named: list[Any] = []
-        for member in (self._bank.best, self._bank.members[0]):
-            better = member.better_thrusters
-            if better is not None and better not in named:
-                named.append(better)
-        return named
-
-    def _is_better(self, before: Any) -> bool:
-        """Go through all data with what is named; tell whether it is better."""
         bank = self._bank
         # compared are members that went through all the same data at parameters that fit them
-        if not bank.go_through_again(self._start, (), False):
-            return False
+        if not (yield from bank.go_through_again(self._start, (), False)):
+            return
+        before = bank.best.thrusters
         least, found, back = bank.least, bank.best.blocks.found, bank.way_back()
         taken, there = None, back
-        for better in self._named:
-            if self._solve(before, better):
+        for better in named_thrusters(bank):
+            if (yield from self._solve(before, better)):
                 value = bank.least
                 if bank.best.blocks.found != found:
                     value += _margin(bank.best)
@@ -90,32 +131,31 @@ class ThrusterSearch(Generic[M]):
                     least, taken, there = value, bank.best.thrusters, bank.way_back()
             self._use(before)
             back()
-        if taken is None:
-            return False
-        self._use(taken)
-        there()
-        return True
+        if taken is not None:
+            self._succeeded = True
+            there()
 
-    def _solve(self, before: Any, better: Any) -> bool:
+    def _solve(self, before: Any, better: Any) -> Generator[int, None, bool]:
         """Go through all data with what is named; tell if it went well."""
         bank, start = self._bank, self._start
         if _lag(better) and _kind(better) != _kind(before):
-            better = self._likeliest_lag(before, better)
+            better = yield from self._likeliest_lag(before, better)
             if better == before:
                 return False
         # twice: where fixes come fast there are few passes
-        return (bank.solve(start, [self._use(better)], PASSES, True, False)
-                and bank.go_through_again(start, (), False))
+        return ((yield from bank.solve(start, [self._use(better)], PASSES, True, False))
+                and (yield from bank.go_through_again(start, (), False)))
 
-    def _likeliest_lag(self, before: Any, better: Any) -> Any:
+    def _likeliest_lag(self, before: Any, better: Any) -> Generator[int, None, Any]:
         """Return thrusters that lag in the way, and by as much, as is likeliest."""
         if _lag(before):  # it is of the other kind, if it is
-            return self._sized(before, better)[0]
-        force, least, _ = self._sized(before, _with(better, turns=False))
-        of_turns, likelier, margin = self._sized(before, _with(better, turns=True))
+            return (yield from self._sized(before, better))[0]
+        force, least, _ = yield from self._sized(before, _with(better, turns=False))
+        of_turns, likelier, margin = yield from self._sized(before, _with(better, turns=True))
         return of_turns if likelier < least - margin else force
 
-    def _sized(self, before: Any, better: Any) -> tuple[Any, float, float]:
+    def _sized(self, before: Any,
+               better: Any) -> Generator[int, None, tuple[Any, float, float]]:
         """Return thrusters with the likeliest lag of a kind, how likely it is, and its margin."""
         bank, back, lag = self._bank, self._bank.way_back(), _lag(better)
         best, least, margin = before, bank.members[0].innovations.likelihood, 0.0
@@ -123,7 +163,7 @@ class ThrusterSearch(Generic[M]):
         with suppress(ArithmeticError, np.linalg.LinAlgError):
             for _ in range(SIZES):
                 # by the first member: an unknown force of the others follows what is missing
-                bank.members[0] = one = self._start.solve(
+                bank.members[0] = one = yield from self._start.solve(
                     bank.members[0], [self._use(_with(better, lag=lag))])
                 bank.number = 0
                 tried[lag] = value = one.innovations.likelihood
@@ -135,6 +175,20 @@ class ThrusterSearch(Generic[M]):
         self._use(before)
         back()
         return best, least, margin
+
+
+def named_thrusters(bank: FilterBank[M]) -> list[Any]:
+    """
+    Return thrusters that have what the best member says, and what the first one says.
+
+    Where an unknown force follows what is missing, hardly any of the error is left to say it.
+    """
+    named: list[Any] = []
+    for member in (bank.best, bank.members[0]):
+        better = member.better_thrusters
+        if better is not None and better not in named:
+            named.append(better)
+    return named
 
 
 def _margin(member: Any) -> float:

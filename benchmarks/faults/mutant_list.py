@@ -688,7 +688,10 @@ MUTANTS = [
     *_of('rovid_core/model/lag.py', 'test/core/test_linearised_filter.py '
          'the_force_of_propellers_whose_turns_lag_is_that_of_short_steps',
          ('propellers never turn back', 'if turns * end >= 0.0:', 'if True:'),
-         ('those that turn back did nothing before', '- way - before', '- 0.0 * way - before')),
+         ('those that turn back did nothing before', '- way - before', '- 0.0 * way - before'),
+         ('what a torque stops turns on', 'if x <= still:', 'if True:'),
+         ('a torque has turned nothing before', '- inertia * (way - begin * length)',
+          '- inertia * way')),
     *_of('rovid_core/model/lag.py', 'test/core/test_score.py '
          'the_thrust_lags_as_the_method_says',
          ('in scores a lag is forgotten from block to block',
@@ -699,7 +702,13 @@ MUTANTS = [
     *_of('rovid_core/trials/scored_run.py', 'test/core/test_score.py '
          'the_thrust_lags_as_the_method_says',
          ('scores have a lag as a delay, too', 'delay - thrusters.lag)', 'delay)'),
-         ('scores know no turns', 'if thrusters.turns else (', 'if False else (')),
+         ('scores know no turns', 'if thrusters.turns else (', 'if False else ('),
+         ('scores know no torque', 'if inertia:', 'if False:')),
+    *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
+         'propellers_that_a_torque_drives_are_told_from_those_that_turn_as_asked',
+         ('no torque is looked for', 'if _kind(before) != TORQUE:', 'if False:'),
+         ('each size begins where the passes were last',
+          'ends[min(ends, key=lambda end: abs(end - lag))]', 'ends[list(ends)[-1]]')),
     *_of('rovid_core/trials/tuning/timing.py', 'test/core/test_tuning.py '
          'tells_propellers_whose_turns_lag_from_a_force_that_does',
          ('the other kind of lag is never taken',
@@ -826,8 +835,9 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'what_is_found_of_the_thrusters_goes_on_with_the_same_bits',
          ('surge and sway find nothing of the thrusters',
-          'may_search and named_thrusters(self._bank)', 'may_search and []'),
-         ('a search of surge and sway is forgotten', "if state['search'] is not None:", 'if False:')),
+          'may_search and asks(self._bank)', 'may_search and False'),
+         ('a search of surge and sway is forgotten',
+          "if state['search'] is not None:", 'if False:')),
     *_of('rovid_core/model/thrusters.py', 'test/core/test_reverse.py '
          'what_is_found_of_the_thrusters_is_in_every_result',
          ('forward thrust is never the weaker one', 'min(1.0, 1.0 / self.reverse)', '1.0'),

@@ -8,9 +8,13 @@ force: it gives way fast, and comes up slowly from rest. All here is exact where
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 from rovid_core.model.plant import Array, linear_recurrence
+
+SLOWEST: Final = 1e-9
+"""Steady turns, in the root of a force, that are none."""
 
 
 def turns_of(force: float) -> float:
@@ -57,6 +61,64 @@ def _one_way(steady: float, off: float, length: float, lag: float) -> tuple[floa
             + 0.5 * off * off * lag * (length - twice))
 
 
+def inertia_of(lag: float, force: float) -> float:
+    """Return what ``driven`` takes for propellers that lag so [s] about a force."""
+    return 2.0 * lag * math.sqrt(force)
+
+
+def driven(turns: float, force: float, length: float,
+           inertia: float) -> tuple[float, float, float]:
+    """
+    Return what propellers give while a torque turns them, in roots of a force.
+
+    The torque is told as the force that it ends at. Against it is the drag of the propeller,
+    which goes with n |n| as its force does: inertia n' = F - n |n| (Yoerger, Cooke & Slotine, The
+    Influence of Thruster Dynamics on Underwater Vehicle Behavior, IEEE J. Oceanic Eng. 15(3),
+    1990). The solution is a hyperbolic tangent, a tangent while they still turn the other way.
+
+    Parameters
+    ----------
+    turns, force : float
+        At the start, and what they end at.
+    length : float
+        [s]
+    inertia : float
+        [s times the root of a force]
+
+    Returns
+    -------
+    impulse, moment, end : float
+        As of ``spun``.
+
+    """
+    sign = 1.0 if turns > 0.0 or turns == 0.0 <= force else -1.0
+    begin, steady = abs(turns), sign * force
+    root = math.sqrt(abs(steady))
+    x = root * length / inertia
+    if root < SLOWEST:
+        end = begin / (1.0 + begin * length / inertia)
+        way = inertia * math.log1p(begin * length / inertia)
+    elif steady > 0.0:
+        tanh, ratio = math.tanh(x), begin / root
+        end = root * (ratio + tanh) / (1.0 + ratio * tanh)
+        way = inertia * (x + math.log1p(0.5 * math.expm1(-2.0 * x) * (1.0 - ratio)))
+    else:
+        angle = math.atan2(root, begin)
+        still = 0.5 * math.pi - angle  # as far as it is to rest
+        if x <= still:
+            end = root / math.tan(angle + x)
+            way = inertia * math.log(math.sin(angle + x) / math.sin(angle))
+        else:
+            end = -root * math.tanh(x - still)
+            # ln cosh
+            back = x - still + math.log1p(0.5 * math.expm1(-2.0 * (x - still)))
+            way = -inertia * (math.log(math.sin(angle)) + back)
+    # by n' itself, once and twice integrated
+    impulse = steady * length - inertia * (end - begin)
+    moment = 0.5 * steady * length * length - inertia * (way - begin * length)
+    return sign * impulse, sign * moment, sign * end
+
+
 def all_turns_of(forces: Array) -> Array:
     """Return ``turns_of`` many forces."""
     return np.copysign(np.sqrt(np.abs(forces)), forces)
@@ -78,6 +140,33 @@ def _squares(steady: Array, off: Array, lengths: Array, lag: float) -> Array:
     """Return the integrals of the squares of turns that keep their sign."""
     return (steady * steady * lengths - 2.0 * lag * steady * off * np.expm1(-lengths / lag)
             - 0.5 * lag * off * off * np.expm1(-2.0 * lengths / lag))
+
+
+def all_driven(forces: Array, lengths: Array, inertia: float,
+               begin: float) -> tuple[Array, float]:
+    """
+    Return impulses of propellers that a torque turns, span after span.
+
+    Parameters
+    ----------
+    forces, lengths : ndarray, shape (n,)
+        What the turns end at in each span, and how long that is [s].
+    inertia, begin : float
+        As of ``driven``, and the turns at the start.
+
+    Returns
+    -------
+    impulses : ndarray, shape (n,)
+        Integrals of the force.
+    turns : float
+        At the end.
+
+    """
+    impulses, turns = [], begin
+    for force, length in zip(forces.tolist(), lengths.tolist()):
+        impulse, _, turns = driven(turns, force, length, inertia)
+        impulses.append(impulse)
+    return np.array(impulses), turns
 
 
 def follow(steady: Array, lengths: Array, lag: float, begin: float) -> Array:

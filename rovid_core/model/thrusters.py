@@ -30,6 +30,10 @@ class Thrusters(NamedTuple):
     turns : bool
         Whether the turns of propellers lag, whose force goes with n |n| of their turns n; without
         it the force itself does.
+    lag_at : float
+        Force about which the turns lag so where a torque drives the propellers, which asks for
+        the force that it ends at: the lag goes with the root of 1 / force. 0 where the turns
+        themselves are asked for.
 
     """
 
@@ -38,6 +42,12 @@ class Thrusters(NamedTuple):
     reverse: float = 1.0
     loss: float = 0.0
     turns: bool = False
+    lag_at: float = 0.0
+
+    @property
+    def follows(self) -> tuple[float, bool, float]:
+        """Return how the force follows what it is asked to be."""
+        return self.lag, self.turns, self.lag_at
 
     @property
     def is_curved(self) -> bool:
@@ -102,18 +112,19 @@ class Thrusters(NamedTuple):
     def in_units(self, force: float, velocity: float) -> Thrusters:
         """Return the same in other units, in which these are what was 1."""
         return Thrusters(self.lag, self.dead_band * force, self.reverse,
-                         self.loss * math.sqrt(force) / velocity, self.turns)
+                         self.loss * math.sqrt(force) / velocity, self.turns, self.lag_at * force)
 
 
 AS_CONFIGURED: Final = Thrusters()
 
 
 def read_thrusters(values: object) -> Thrusters:
-    """Return thrusters of five numbers; raises ValueError if there are none such."""
-    if not isinstance(values, (list, tuple)) or len(values) != 5:
+    """Return thrusters of six numbers; raises ValueError if there are none such."""
+    if not isinstance(values, (list, tuple)) or len(values) != 6:
         raise ValueError('thrusters that do not fit')
-    lag, dead_band, reverse, loss, turns = [float(value) for value in values]
+    lag, dead_band, reverse, loss, turns, lag_at = [float(value) for value in values]
     if not (0.0 <= lag < math.inf and 0.0 <= dead_band < math.inf and 0.0 < reverse < math.inf
-            and 0.0 <= loss < math.inf):
+            and 0.0 <= loss < math.inf and 0.0 <= lag_at < math.inf):
         raise ValueError('thrusters out of range')
-    return Thrusters(lag, dead_band, reverse, loss, turns != 0.0 and lag > 0.0)
+    return Thrusters(lag, dead_band, reverse, loss, turns != 0.0 and lag > 0.0,
+                     lag_at if turns != 0.0 and lag > 0.0 else 0.0)

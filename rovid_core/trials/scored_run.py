@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
-from rovid_core.model.lag import all_spun, all_turns_of, follow
+from rovid_core.model.lag import all_driven, all_spun, all_turns_of, follow, inertia_of
 from rovid_core.model.lowpass import filtered
 from rovid_core.model.plant import Array, trajectory
 from rovid_core.model.samples import NS
@@ -279,19 +279,24 @@ def _delayed(blocks: Iterator[tuple[Times, Array]], start: int,
 def _lagging(blocks: Iterator[tuple[Times, Array]], start: int,
              thrusters: Thrusters) -> Iterator[tuple[Times, Array]]:
     """Yield the rows of a run with mean forces that lag; before it the first one was held."""
-    lag, at = thrusters.lag, math.nan
+    lag, at, inertia = thrusters.lag, math.nan, inertia_of(thrusters.lag, thrusters.lag_at)
     for times, values in blocks:
         lengths = np.diff(_nodes(start, times)) * NS
         forces = values[:, :2].ravel()
         steady = all_turns_of(forces) if thrusters.turns else forces
-        lagged = follow(steady, lengths, lag, float(steady[0]) if math.isnan(at) else at)
-        impulses = all_spun(lagged[:-1], steady, lengths, lag) if thrusters.turns else (
-            forces * lengths - lag * np.diff(lagged))
+        at = float(steady[0]) if math.isnan(at) else at
+        if inertia:
+            impulses, at = all_driven(forces, lengths, inertia, at)
+        else:
+            lagged = follow(steady, lengths, lag, at)
+            at = float(lagged[-1])
+            impulses = all_spun(lagged[:-1], steady, lengths, lag) if thrusters.turns else (
+                forces * lengths - lag * np.diff(lagged))
         values = values.copy()
         values[:, :2] = np.where(lengths > 0.0, impulses / np.where(
             lengths > 0.0, lengths, 1.0), 0.0).reshape(-1, 2)
         yield times, values
-        start, at = int(times[-1, 1]), float(lagged[-1])
+        start = int(times[-1, 1])
 
 
 def _nodes(start: int, times: Times) -> Times:

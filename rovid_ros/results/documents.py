@@ -167,8 +167,8 @@ def couplings_document(names: Sequence[str], couplings: Sequence[float],
 
 def thrusters_document(thrusters: Thrusters) -> dict[str, Any]:
     """Return ``thrusters`` as they are found to work; nothing where that is as configured."""
-    return {'thrusters': {**dict(zip(_THRUSTERS, thrusters)), 'lag_of_turns': thrusters.turns}
-            } if thrusters.found else {}
+    return {'thrusters': {**dict(zip(_THRUSTERS, thrusters)), 'lag_of_turns': thrusters.turns,
+                          'lag_at': thrusters.lag_at}} if thrusters.found else {}
 
 
 def _intervals(found: Mapping[str, Interval]) -> dict[str, list[float | None] | None] | None:
@@ -390,7 +390,7 @@ def _thrusters(values: Mapping[str, Any]) -> Thrusters:
     try:
         return read_thrusters([
             *[_number(found.get(name)) for name in _THRUSTERS], found.get('lag_of_turns') is True,
-        ]) if isinstance(found, dict) else AS_CONFIGURED
+            found.get('lag_at', 0.0)]) if isinstance(found, dict) else AS_CONFIGURED
     except ValueError:
         return AS_CONFIGURED
 

@@ -52,7 +52,7 @@ _TIME: Final = [string('time')]
 _STALE_FOR: Final = string('age')
 _OPTIONAL: Final = [string(name) for name in ('delay', 'delay_std', 'W')]
 _THRUSTERS: Final = [
-    string(name) for name in ('lag', 'dead_band', 'reverse', 'loss', 'lag_of_turns')]
+    string(name) for name in ('lag', 'dead_band', 'reverse', 'loss', 'lag_of_turns', 'lag_at')]
 _UPDATED: Final = pair('updated', 'false'), pair('updated', 'true')
 _FIXED = 4 + 4 + 4 + 6 + 4  # pairs that are always there: these, and status, reasons and time
 

@@ -30,7 +30,7 @@ from rovid_core.model.thrusters import Thrusters
 from rovid_core.settings.run import Scales
 import scipy  # of which parts are imported when they are needed
 
-from test.support.real_vehicles import GUESS, MASS, pieces, TRUTH, Vehicle, VEHICLES
+from test.support.real_vehicles import FORCE, GUESS, MASS, pieces, TRUTH, Vehicle, VEHICLES
 
 pytestmark = pytest.mark.long
 
@@ -98,6 +98,19 @@ def test_turns_that_lag_are_told_from_a_force_that_does(lag):
     assert drive.holds_mass
     assert 1.0 / drive.one.parameters[0] / MASS == pytest.approx(1.0, abs=0.02)
     assert drive.one.std[0] / drive.one.parameters[0] < 0.04
+    assert drive.judged[-1] == 'converged'
+
+
+@pytest.mark.parametrize(('lag', 'piloted'), [(0.1, True), (0.2, False)])
+def test_propellers_that_a_torque_drives_are_told_from_those_that_turn_as_asked(lag, piloted):
+    drive = Drive().go(pieces(Vehicle(lag=lag, torque=True, piloted=piloted), 0, 200.0))
+    [found, force] = re.findall(
+        "the thrusters' turns lag by about (0[.][0-9]+) s more than the model says at a force of "
+        '([0-9.]+), and longer at smaller ones', drive.notes[-1])[0]
+    assert float(found) * (float(force) / FORCE)**0.5 == pytest.approx(lag, rel=0.1)
+    assert 'see thrusters.lag_of_turns' not in drive.notes[-1]  # which is of the other kind
+    assert drive.holds_mass
+    assert 1.0 / drive.one.parameters[0] / MASS == pytest.approx(1.0, abs=0.02)
     assert drive.judged[-1] == 'converged'
 
 
@@ -207,7 +220,10 @@ def test_a_velocity_that_was_smoothed_is_no_lag_that_is_trusted(smoothing):
     (Thrusters(), 'lag', Thrusters(0.15)), (Thrusters(), 'turns_lag', Thrusters(0.15, turns=True)),
     (Thrusters(0.08, 0.05, 0.9), 'lag', Thrusters(0.17, 0.05, 0.9)),
     (Thrusters(0.08), 'turns_lag', Thrusters(0.08, turns=True)),
-    (Thrusters(0.08, turns=True), 'lag', Thrusters(0.08))])
+    (Thrusters(0.08, turns=True), 'lag', Thrusters(0.08)),
+    (Thrusters(0.08, turns=True, lag_at=2.0), 'turns_lag',
+     Thrusters(0.17, turns=True, lag_at=2.0)),
+    (Thrusters(0.08, turns=True, lag_at=2.0), 'lag', Thrusters(0.08))])
 def test_a_lag_gets_longer_or_is_one_of_something_else(now, name, better):
     found = better_thrusters(now, Missing(name, -0.7, 0.1, 0.7), 0.7)  # of 0.15 s
     assert found == better._replace(lag=pytest.approx(better.lag))
@@ -542,8 +558,10 @@ def test_what_the_blocks_say_goes_on_after_a_restore():
     ('bank', {'members': [], 'best': 0}),
     ('bank', {'members': [{}, {}], 'best': 0}), ('theta', [1.0]),
     ('bank', {**ExtendedKalman(SCALES).state()['bank'], 'losses': [1e999]}),
-    ('thrusters', [0.1, 0.0]), ('thrusters', [-0.1, 0.0, 1.0]), ('thrusters', [0.0, 0.0, 0.0]),
-    ('thrusters', [0.0, 1e999, 1.0]), ('thrusters', None),
+    ('thrusters', [0.1, 0.0]), ('thrusters', [-0.1, 0.0, 1.0, 0.0, 0.0, 0.0]),
+    ('thrusters', [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+    ('thrusters', [0.1, 0.0, 1.0, 0.0, 1.0, -1.0]),
+    ('thrusters', [0.0, 1e999, 1.0, 0.0, 0.0, 0.0]), ('thrusters', None),
     ('clock', {'recent': {'times': [0.0, 1.0], 'means': [], 'slopes': [], 'held': False},
                'path': 0.0, 'fix': 0.0, 'ahead': 0.0})])
 def test_a_state_that_does_not_fit_is_refused(key, bad):

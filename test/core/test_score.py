@@ -4,6 +4,7 @@ from dataclasses import replace
 from itertools import chain
 import math
 import os
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ SETTINGS = surge_settings()
 WRONG = (0.004, -0.5, -0.1, 0.01)
 PERIOD = 100_000_000  # [ns]
 BLOCK = 64
+KINDS: tuple[dict[str, Any], ...] = {}, {'turns': True}, {'turns': True, 'lag_at': 100.0}
 """Rows that are held in memory."""
 
 
@@ -220,25 +222,30 @@ def felt_later(felt: Array, fine: float, angle: float, block: int) -> ScoreLog:
     return log
 
 
-@pytest.mark.parametrize('turns', [False, True])
+@pytest.mark.parametrize('kind', KINDS)
 @pytest.mark.parametrize('block', [BLOCK, 100_000])
-def test_the_thrust_lags_as_the_method_says(block: int, turns: bool) -> None:
+def test_the_thrust_lags_as_the_method_says(block: int, kind: dict[str, Any]) -> None:
     """In what a method finds, the delay has the lag in it."""
     fine, lag, delay, seconds = 0.01, 0.3, 0.1, 40.0
     time = np.arange(round(seconds / fine)) * fine
     asked = 100.0 * np.sin(np.maximum(np.floor((time - delay + 1e-9) / 0.1), 0.0) * 0.3)
-    follows = turns_of(asked[0]) if turns else float(asked[0])
+    follows = turns_of(asked[0]) if kind else float(asked[0])
     felt = []
     for one in asked.tolist():
         before = follows
-        follows += (fine / lag) * ((turns_of(one) if turns else one) - follows)
+        if 'lag_at' in kind:
+            rate = (one - before * abs(before)) / (2.0 * lag * math.sqrt(kind['lag_at']))
+        else:
+            rate = ((turns_of(one) if kind else one) - before) / lag
+        follows += fine * rate
         middle = 0.5 * (before + follows)
-        felt.append(middle * abs(middle) if turns else middle)
+        felt.append(middle * abs(middle) if kind else middle)
     log = felt_later(np.array(felt), fine, 0.3, block)
-    found = (Thrusters(lag, turns=turns), Thrusters(lag, turns=not turns), Thrusters())
-    right, *others = [log.score('surge', SURGE_TRUTH, delay + lag, one).mae for one in found]
+    right, *others = [log.score('surge', SURGE_TRUTH, delay + lag, Thrusters(lag, **one)).mae
+                      for one in (kind, *[one for one in KINDS if one is not kind])]
     assert right < 2e-3
     assert min(others) > 2.0 * right
+    assert log.score('surge', SURGE_TRUTH, delay + lag, Thrusters()).mae > 2.0 * right
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.137, -0.26])

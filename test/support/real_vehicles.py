@@ -42,10 +42,11 @@ class Vehicle:
         What else accelerates it: '', ``unknown`` (a force of 1 N rms), ``coupled`` (v r of
         sway and yaw that follow commands of their own), ``zigzag`` (v r that follows this
         command), or ``tether``.
-    reverse_drag, lag, turns, closed_loop, change
+    reverse_drag, lag, turns, torque, closed_loop, change
         Factor of the drag in reverse, time constant of the thruster [s], whether that is one of
-        its turns, whose square is the force, whether a controller follows a lawn-mower track,
-        and the time [s] and factor of a change of the mass.
+        its turns, whose square is the force, whether a torque drives these, so that they lag so
+        about a full command, whether a controller follows a lawn-mower track, and the time [s]
+        and factor of a change of the mass.
     fades : float
         [m/s] Speed at which a full command pushes no more; lower ones lose it sooner.
     runs_down : float
@@ -67,6 +68,7 @@ class Vehicle:
     reverse_drag: float = 1.0
     lag: float = 0.0
     turns: bool = False
+    torque: bool = False
     closed_loop: bool = False
     change: tuple[float, float] = (inf, 1.0)
     size: float = 0.0
@@ -95,6 +97,8 @@ VEHICLES = {
     'turns lag 0.15 s': Vehicle(lag=0.15, turns=True),
     'turns lag 0.3 s': Vehicle(lag=0.3, turns=True),
     'turns lag 0.2 s, closed loop': Vehicle(lag=0.2, turns=True, closed_loop=True),
+    'torque, lag 0.1 s, piloted': Vehicle(lag=0.1, torque=True, piloted=True),
+    'torque, lag 0.2 s': Vehicle(lag=0.2, torque=True),
     'thrust that swings in at 6 rad/s, piloted': Vehicle(swings=6.0, piloted=True),
     'thrust that fades at 3 m/s': Vehicle(fades=3.0),
     'battery: thrust -15 % in 300 s': Vehicle(runs_down=0.15 / 300.0),
@@ -131,6 +135,8 @@ def drive(vehicle: Vehicle, seed: int, duration: float) -> tuple[Array, Array, A
     command = np.clip(17.0 * _sines(random, time, 0.02, 0.2), -FORCE, FORCE)
     if vehicle.piloted:
         command = _piloted(np.random.default_rng([seed, 1]), n)
+    if vehicle.torque:
+        command[:200] = 0.0  # at small forces it takes seconds until the turns are those asked for
     if vehicle.size:
         command = vehicle.size * np.sign(command)
     side = 0.25 * _sines(random, time, 0.02, 0.1) * 0.35 * _sines(random, time, 0.02, 0.1)
@@ -177,8 +183,14 @@ def _lagged(vehicle: Vehicle, force: float, rate: float, real: float) -> tuple[f
     """
     Return the force after one ``STEP``, where there would be another one without a lag.
 
-    Its rate [N/s] is needed, and returned, where it swings.
+    Its rate [N/s] is needed, and returned, where it swings, and the turns [root of N] where a
+    torque drives them.
     """
+    if vehicle.torque:
+        inertia = 2.0 * vehicle.lag * FORCE**0.5
+        middle = rate + 0.5 * STEP * (real - rate * abs(rate)) / inertia
+        force = middle * abs(middle)
+        return force, rate + STEP * (real - force) / inertia
     if vehicle.swings:
         rate += STEP * vehicle.swings * (vehicle.swings * (real - force) - rate)
         return force + STEP * rate, rate

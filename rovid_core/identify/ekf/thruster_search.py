@@ -8,18 +8,27 @@ from typing import Any, Final, Generic
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import BatchStart, finish, finite_number, PASSES
+from rovid_core.identify.ekf.evidence.missing_terms import ODD
 from rovid_core.identify.ekf.filter_bank import FilterBank, M, MARGIN
 from rovid_core.identify.ekf.normalised_model import DELAYS
+from rovid_core.identify.ekf.single.watched_lag import LAG
 from rovid_core.model.thrusters import Thrusters
 
-SIZES: Final = 5
-"""How many lags of a kind are tried."""
+TORQUE: Final = 'torque'
+"""The kind of lag that propellers have which a torque turns."""
+
+SIZES: Final = 8
+IN_VAIN: Final = 3
+"""How many lags of a kind are tried, and after how many none is taken to be better."""
 
 BEYOND: Final = 1.5
 """By which the lag is larger or smaller that is tried beyond those that were."""
 
 NEAR: Final = 0.03
 """Share of a lag by which another one is no other."""
+
+WIDE: Final = 0.25
+"""The same within which the likelihood is about a parabola."""
 
 
 class ThrusterSearch(Generic[M]):
@@ -122,7 +131,7 @@ class ThrusterSearch(Generic[M]):
         before = bank.best.thrusters
         least, found, back = bank.least, bank.best.blocks.found, bank.way_back()
         taken, there = None, back
-        for better in named_thrusters(bank):
+        for better in self._proposals(before):
             if (yield from self._solve(before, better)):
                 value = bank.least
                 if bank.best.blocks.found != found:
@@ -135,13 +144,29 @@ class ThrusterSearch(Generic[M]):
             self._succeeded = True
             there()
 
+    def _proposals(self, before: Any) -> list[Any]:
+        """Return what is named, and lags that may look like it."""
+        named, lag = named_thrusters(self._bank), _lag(before)
+        is_first = not any(one.found for one in _both(before))
+        names_lag = any(_lag(better) != lag for better in named)
+        proposals = list(named)
+        if is_first and not names_lag:
+            proposals.append(_with(before, lag=LAG))
+        if _kind(before) != TORQUE and (is_first or names_lag):
+            proposals.append(
+                _with(before, lag=lag or LAG, turns=True, lag_at=1.0, dead_band=0.0))
+        return proposals
+
     def _solve(self, before: Any, better: Any) -> Generator[int, None, bool]:
         """Go through all data with what is named; tell if it went well."""
         bank, start = self._bank, self._start
-        if _lag(better) and _kind(better) != _kind(before):
+        kind = _kind(better)
+        if kind == TORQUE:
+            better, _, _ = yield from self._sized(before, better)
+        elif kind and kind != _kind(before):
             better = yield from self._likeliest_lag(before, better)
-            if better == before:
-                return False
+        if better == before:
+            return False
         # twice: where fixes come fast there are few passes
         return ((yield from bank.solve(start, [self._use(better)], PASSES, True, False))
                 and (yield from bank.go_through_again(start, (), False)))
@@ -158,23 +183,38 @@ class ThrusterSearch(Generic[M]):
                better: Any) -> Generator[int, None, tuple[Any, float, float]]:
         """Return thrusters with the likeliest lag of a kind, how likely it is, and its margin."""
         bank, back, lag = self._bank, self._bank.way_back(), _lag(better)
-        best, least, margin = before, bank.members[0].innovations.likelihood, 0.0
+        # by the first member: an unknown force of the others follows what is missing
+        ends, bank.number = {_lag(before): bank.members[0]}, 0
+        best, least, margin = before, bank.best.innovations.likelihood, 0.0
         tried = {} if _lag(before) else {0.0: least}
         with suppress(ArithmeticError, np.linalg.LinAlgError):
             for _ in range(SIZES):
-                # by the first member: an unknown force of the others follows what is missing
-                bank.members[0] = one = yield from self._start.solve(
-                    bank.members[0], [self._use(_with(better, lag=lag))])
-                bank.number = 0
+                # from far away the passes may lead astray
+                bank.members[0] = one = ends[min(ends, key=lambda end: abs(end - lag))]
+                self._use(one.thrusters)
+                bank.members[0] = ends[lag] = one = yield from self._start.solve(
+                    one, [self._use(_with(better, lag=lag))])
                 tried[lag] = value = one.innovations.likelihood
                 if value < least:
-                    best, least, margin = _with(better, lag=lag), value, _margin(one)
+                    best, least, margin = one.thrusters, value, _margin(one)
                 lag = next_lag(tried)
-                if best is before or lag in tried:
+                if best is before and len(tried) > IN_VAIN or lag in tried:
                     break
         self._use(before)
         back()
         return best, least, margin
+
+
+def asks(bank: FilterBank[M]) -> bool:
+    """Tell whether the blocks name what thrusters may have, or may be behind."""
+    for member in (bank.best, bank.members[0]):
+        if member.better_thrusters is not None:
+            return True
+        missing = None if member.verdict is None else member.verdict.missing
+        if missing is not None and missing.name.split()[-1] in ODD and not any(
+                one.found for one in _both(member.thrusters)):
+            return True
+    return False
 
 
 def named_thrusters(bank: FilterBank[M]) -> list[Any]:
@@ -217,7 +257,11 @@ def next_lag(tried: Mapping[float, float]) -> float:
     (a, b, c), (fa, fb, fc) = lags[i - 1:i + 2], [tried[lag] for lag in lags[i - 1:i + 2]]
     one, other = (b - a) * (fb - fc), (b - c) * (fb - fa)
     lowest = b - 0.5 * ((b - a) * one - (b - c) * other) / (one - other)
-    return best if abs(lowest - best) < NEAR * best else lowest
+    if abs(lowest - best) >= NEAR * best:
+        return lowest
+    # far from it the likelihood is no parabola: the wider side is looked into as well
+    far = c if c - b > b - a else a
+    return best if abs(far - best) < WIDE * best else 0.5 * (best + far)
 
 
 def _both(thrusters: Any) -> list[Thrusters]:
@@ -232,7 +276,7 @@ def _lag(thrusters: Any) -> float:
 def _kind(thrusters: Any) -> str:
     """Return what lags, '' if nothing does."""
     one = _both(thrusters)[0]
-    return '' if not one.lag else 'turns' if one.turns else 'force'
+    return '' if not one.lag else TORQUE if one.lag_at else 'turns' if one.turns else 'force'
 
 
 def _with(thrusters: Any, **changes: Any) -> Any:

@@ -154,13 +154,16 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
         'lag': f'the thrusters lag by about {thrusters.lag:.2f} s more than the model says, or '
                'what measures the motion does',
         'turns_lag': f"the thrusters' turns lag by about {thrusters.lag:.2f} s more than the "
-                     'model says',
+                     'model says' + (
+                         f' at a force of {thrusters.lag_at * force:.2g}, and longer at smaller '
+                         'ones, as a current or torque drives them' if thrusters.lag_at else ''),
         'dead_band': 'the thrusters have a dead band of about '
                      f'{thrusters.dead_band * force:.2g} in units of force',
         'reverse_thrust': f'{weaker} one',
         'thrust_loss': f'thrust falls with speed, by about {100.0 * thrusters.loss:.0f} % at the '
                        'typical one'}
-    return [f'{said[name]}, which is taken into account{KEYS[name]}'
+    return [f'{said[name]}, which is taken into account'
+            + ('' if name == 'turns_lag' and thrusters.lag_at else KEYS[name])
             for name in thrusters.found]
 
 
@@ -241,12 +244,13 @@ def better_thrusters(now: Thrusters, missing: Missing, alpha: float) -> Thruster
     if missing.name in LAGS:
         turns = missing.name == LAGS[1]
         if now.lag and now.turns != turns:
-            return now._replace(turns=turns)
+            return now._replace(turns=turns, lag_at=0.0)
         lag = math.sqrt(max(
             now.lag * now.lag + _square_of_lag(missing.coefficient / alpha), 0.0))
         if lag > DELAYS[1]:
             return now
-        return now._replace(lag=lag, turns=turns and lag > 0.0)
+        return now._replace(lag=lag, turns=turns and lag > 0.0,
+                            lag_at=now.lag_at if lag > 0.0 else 0.0)
     if missing.name == 'dead_band':
         return now._replace(dead_band=max(now.dead_band - share * DEAD_BAND, 0.0))
     if missing.name == 'thrust_loss':

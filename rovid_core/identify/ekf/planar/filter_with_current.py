@@ -71,10 +71,10 @@ class Push:
     __slots__ = ('impulse', 'moment', 'before', 'last', 'lag', 'reverse',
                  'reverse_moment', 'cut', 'cut_moment', 'each', '_shares')
 
-    def __init__(self, shares: bool) -> None:
+    def __init__(self, shares: bool, lag_at: float) -> None:
         self._shares, self.each = shares, (0.0, 0.0, 0.0, 0.0, 0.0)
         self.impulse = self.moment = self.before = 0.0
-        self.lag = WatchedLag()
+        self.lag = WatchedLag(lag_at)
         self.reverse = self.reverse_moment = self.cut = self.cut_moment = 0.0
         self.restart()
 
@@ -131,7 +131,7 @@ class PlanarFilter:
                  current_change: float = 0.0, thrusters: tuple[Thrusters, Thrusters] = (
                      AS_CONFIGURED, AS_CONFIGURED)) -> None:
         self._rows, self.thrusters = rows, thrusters
-        self._pushes = [Push(row.shares) for row in rows]
+        self._pushes = [Push(row.shares, one.lag_at) for row, one in zip(rows, thrusters)]
         p = self._p = len(theta)
         self.theta = np.array(theta, dtype=float)
         self.theta_covariance: Array = np.diag(np.array(variances, dtype=float))

@@ -401,13 +401,13 @@ class PlanarMember:
         for missing in [] if verdict is None else verdict.to_find:
             dof, name = missing.name.split()
             k = DOFS.index(dof)
-            if name in LAGS and (better[k].lag, better[k].turns) != (
-                    self.thrusters[k].lag, self.thrusters[k].turns):
+            if name in LAGS and better[k].follows != self.thrusters[k].follows:
                 continue  # that of both is known better from the other DOF
             row = self._rows[k]
             better[k] = better_thrusters(
                 better[k], replace(missing, name=name), float(theta[row.first + ALPHA]))
-            better[1 - k] = better[1 - k]._replace(lag=better[k].lag, turns=better[k].turns)
+            better[1 - k] = better[1 - k]._replace(
+                lag=better[k].lag, turns=better[k].turns, lag_at=better[k].lag_at)
         one, other = better
         return None if (one, other) == self.thrusters else (one, other)
 

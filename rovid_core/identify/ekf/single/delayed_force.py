@@ -8,7 +8,7 @@ import math
 from typing import Any, Final
 
 from rovid_core.model.dofs import Three
-from rovid_core.model.lag import spun, turns_of
+from rovid_core.model.lag import driven, inertia_of, spun, turns_of
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 
 KEPT: Final = 4.0
@@ -63,6 +63,7 @@ class DelayedForce:
     def _work_as(self, thrusters: Thrusters) -> None:
         self._thrusters, self._lag = thrusters, thrusters.lag
         self._is_curved, self._turns = thrusters.is_curved, thrusters.turns
+        self._inertia = inertia_of(thrusters.lag, thrusters.lag_at)
 
     def add(self, spans: Sequence[tuple[float, float]], held: bool = False,
             unit: float = 1.0, each: Sequence[Three] = ()) -> None:
@@ -139,6 +140,8 @@ class DelayedForce:
 
     def _lagged_in(self, i: int, elapsed: float) -> float:
         """Return what lags [s] after the start of a span."""
+        if self._inertia:
+            return driven(self._lagged[i], self._means[i], elapsed, self._inertia)[2]
         if self._turns:
             steady = self._steady(self._means[i])
             return steady + (self._lagged[i] - steady) * math.exp(-elapsed / self._lag)
@@ -154,6 +157,9 @@ class DelayedForce:
             return self._lagged[0]
         newest = len(self._means) - 1
         after = time - self._times[newest + 1]
+        if after >= 0.0 and self._inertia:
+            return driven(
+                self._lagged_end(newest), self._means[newest], after, self._inertia)[2]
         if after >= 0.0:
             steady = self._steady(self._means[newest])
             return steady + (self._lagged_end(newest) - steady) * math.exp(-after / self._lag)
@@ -221,8 +227,9 @@ class DelayedForce:
         i = self._span(start)
         while start < end:
             stop = end if i == newest or times[i + 1] > end else times[i + 1]
-            push, way, turns = spun(
-                turns, self._steady(self._means[i]), stop - start, self._lag)
+            length, mean = stop - start, self._means[i]
+            push, way, turns = driven(turns, mean, length, self._inertia) if (
+                self._inertia) else spun(turns, self._steady(mean), length, self._lag)
             impulse += push
             moment += way + push * (end - stop)
             i += 1

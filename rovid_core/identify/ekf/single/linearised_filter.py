@@ -116,7 +116,7 @@ class LinearisedFilter:
         self._own_thrust, self._own_drag = own
         self._has_own = own != NONE_OWN
         self._thrusters = thrusters
-        self._watched_lag = WatchedLag()
+        self._watched_lag = WatchedLag(thrusters.lag_at)
         p = len(theta)
         self.theta_covariance = [
             [variances[i] if i == j else 0.0 for j in range(p)] for i in range(p)]

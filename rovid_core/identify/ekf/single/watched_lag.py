@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rovid_core.model.lag import turns_of
+from rovid_core.model.lag import driven, inertia_of, turns_of
 
 LAG: Final = 0.15
 """[s] of the thruster lag that is looked for."""
@@ -26,6 +26,11 @@ class WatchedLag:
 
     The force of a propeller goes with n |n| of its turns n.
 
+    Parameters
+    ----------
+    lag_at : float
+        As of ``Thrusters``.
+
     Attributes
     ----------
     of_force, of_turns, of_second : float
@@ -34,7 +39,8 @@ class WatchedLag:
 
     """
 
-    def __init__(self) -> None:
+    def __init__(self, lag_at: float = 0.0) -> None:
+        self._inertia = inertia_of(LAG, lag_at)
         self.restart()
 
     def restart(self) -> None:
@@ -52,6 +58,10 @@ class WatchedLag:
         self.of_second = moved * LAG / h
         self._twice += moved
         self._lagged += gone * off
+        if self._inertia:
+            impulse, _, self._turns = driven(self._turns, force, h, self._inertia)
+            self.of_turns = force - impulse / h
+            return
         steady = turns_of(force)
         off = steady - self._turns
         mean, moved = steady - off * late, gone * off

@@ -835,7 +835,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'what_is_found_of_the_thrusters_goes_on_with_the_same_bits',
          ('surge and sway find nothing of the thrusters',
-          'may_search and asks(self._bank)', 'may_search and False'),
+          'may_search and named_thrusters(self._bank)', 'may_search and []'),
          ('a search of surge and sway is forgotten',
           "if state['search'] is not None:", 'if False:')),
     *_of('rovid_core/model/thrusters.py', 'test/core/test_reverse.py '

@@ -51,7 +51,7 @@ from rovid_core.identify.ekf.normalised_model import (
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.thruster_search import asks, ThrusterSearch
+from rovid_core.identify.ekf.thruster_search import named_thrusters, ThrusterSearch
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import check_bounds, Identifier
@@ -400,7 +400,7 @@ class ExtendedKalman(Identifier):
             member.judge()
         if bank.best in ended:
             if self._search is None and self._start is not None and (
-                    self._start.may_search and asks(bank)):
+                    self._start.may_search and named_thrusters(bank)):
                 self._start.failed = self._start.duration
                 self._begin_search(self.state())
             self._judge()

@@ -63,7 +63,7 @@ from rovid_core.identify.ekf.planar.member import (
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
 from rovid_core.identify.ekf.single.linearised_filter import floats
-from rovid_core.identify.ekf.thruster_search import asks, ThrusterSearch
+from rovid_core.identify.ekf.thruster_search import named_thrusters, ThrusterSearch
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.plant import Array
@@ -371,7 +371,7 @@ class PlanarKalman:
             member.judge()
         if best in ended:
             if self._search is None and self._start is not None and (
-                    self._start.may_search and asks(self._bank)):
+                    self._start.may_search and named_thrusters(self._bank)):
                 self._start.failed = self._start.duration
                 self._begin_search(self.state())
             self._prediction.end_block(best.filter, best.innovations.noise)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Final, Generic
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import BatchStart, finish, finite_number, PASSES
-from rovid_core.identify.ekf.evidence.missing_terms import ODD
 from rovid_core.identify.ekf.filter_bank import FilterBank, M, MARGIN
 from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.identify.ekf.single.watched_lag import LAG
@@ -18,7 +17,7 @@ TORQUE: Final = 'torque'
 """The kind of lag that propellers have which a torque turns."""
 
 SIZES: Final = 8
-IN_VAIN: Final = 3
+IN_VAIN: Final = 2
 """How many lags of a kind are tried, and after how many none is taken to be better."""
 
 BEYOND: Final = 1.5
@@ -131,8 +130,13 @@ class ThrusterSearch(Generic[M]):
         before = bank.best.thrusters
         least, found, back = bank.least, bank.best.blocks.found, bank.way_back()
         taken, there = None, back
-        for better in self._proposals(before):
-            if (yield from self._solve(before, better)):
+        named = named_thrusters(bank)
+        proposals = []
+        for better in named:
+            proposals.append((yield from self._likeliest_lag(before, better)))
+        proposals.append((yield from self._alternative(before, named)))
+        for better in proposals:
+            if better != before and (yield from self._solve(better)):
                 value = bank.least
                 if bank.best.blocks.found != found:
                     value += _margin(bank.best)
@@ -144,40 +148,40 @@ class ThrusterSearch(Generic[M]):
             self._succeeded = True
             there()
 
-    def _proposals(self, before: Any) -> list[Any]:
-        """Return what is named, and lags that may look like it."""
-        named, lag = named_thrusters(self._bank), _lag(before)
-        is_first = not any(one.found for one in _both(before))
-        names_lag = any(_lag(better) != lag for better in named)
-        proposals = list(named)
-        if is_first and not names_lag:
-            proposals.append(_with(before, lag=LAG))
-        if _kind(before) != TORQUE and (is_first or names_lag):
-            proposals.append(
-                _with(before, lag=lag or LAG, turns=True, lag_at=1.0, dead_band=0.0))
-        return proposals
-
-    def _solve(self, before: Any, better: Any) -> Generator[int, None, bool]:
-        """Go through all data with what is named; tell if it went well."""
+    def _solve(self, better: Any) -> Generator[int, None, bool]:
+        """Go through all data with thrusters; tell if it went well."""
         bank, start = self._bank, self._start
-        kind = _kind(better)
-        if kind == TORQUE:
-            better, _, _ = yield from self._sized(before, better)
-        elif kind and kind != _kind(before):
-            better = yield from self._likeliest_lag(before, better)
-        if better == before:
-            return False
         # twice: where fixes come fast there are few passes
         return ((yield from bank.solve(start, [self._use(better)], PASSES, True, False))
                 and (yield from bank.go_through_again(start, (), False)))
 
     def _likeliest_lag(self, before: Any, better: Any) -> Generator[int, None, Any]:
         """Return thrusters that lag in the way, and by as much, as is likeliest."""
+        kind = _kind(better)
+        if kind in ('', _kind(before)) and kind != TORQUE:
+            return better  # the blocks say how much
         if _lag(before):  # it is of the other kind, if it is
             return (yield from self._sized(before, better))[0]
         force, least, _ = yield from self._sized(before, _with(better, turns=False))
         of_turns, likelier, margin = yield from self._sized(before, _with(better, turns=True))
         return of_turns if likelier < least - margin else force
+
+    def _alternative(self, before: Any, named: Sequence[Any]) -> Generator[int, None, Any]:
+        """Return the lag that may look like what is named, and is likelier than none."""
+        lag, lags = _lag(before), []
+        names_lag = any(_lag(better) != lag for better in named)
+        names_band = not any(one.found for one in _both(before)) and any(
+            one.dead_band for better in named for one in _both(better))
+        if names_band and not names_lag:
+            lags += [_with(before, lag=LAG), _with(before, lag=LAG, turns=True)]
+        if _kind(before) != TORQUE and (names_band or names_lag):
+            lags.append(_with(before, lag=lag or LAG, turns=True, lag_at=1.0, dead_band=0.0))
+        best, least = before, self._bank.members[0].innovations.likelihood
+        for other in lags:
+            found, value, margin = yield from self._sized(before, other)
+            if value < least - margin:
+                best, least = found, value
+        return best
 
     def _sized(self, before: Any,
                better: Any) -> Generator[int, None, tuple[Any, float, float]]:
@@ -194,6 +198,7 @@ class ThrusterSearch(Generic[M]):
                 self._use(one.thrusters)
                 bank.members[0] = ends[lag] = one = yield from self._start.solve(
                     one, [self._use(_with(better, lag=lag))])
+                one.judge()
                 tried[lag] = value = one.innovations.likelihood
                 if value < least:
                     best, least, margin = one.thrusters, value, _margin(one)
@@ -203,18 +208,6 @@ class ThrusterSearch(Generic[M]):
         self._use(before)
         back()
         return best, least, margin
-
-
-def asks(bank: FilterBank[M]) -> bool:
-    """Tell whether the blocks name what thrusters may have, or may be behind."""
-    for member in (bank.best, bank.members[0]):
-        if member.better_thrusters is not None:
-            return True
-        missing = None if member.verdict is None else member.verdict.missing
-        if missing is not None and missing.name.split()[-1] in ODD and not any(
-                one.found for one in _both(member.thrusters)):
-            return True
-    return False
 
 
 def named_thrusters(bank: FilterBank[M]) -> list[Any]:

@@ -706,7 +706,7 @@ MUTANTS = [
          ('scores know no torque', 'if inertia:', 'if False:')),
     *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
          'propellers_that_a_torque_drives_are_told_from_those_that_turn_as_asked',
-         ('no torque is looked for', 'if _kind(before) != TORQUE:', 'if False:'),
+         ('no torque is looked for', 'if _kind(before) != TORQUE and', 'if False and'),
          ('each size begins where the passes were last',
           'ends[min(ends, key=lambda end: abs(end - lag))]', 'ends[list(ends)[-1]]')),
     *_of('rovid_core/trials/tuning/timing.py', 'test/core/test_tuning.py '

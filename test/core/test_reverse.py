@@ -113,7 +113,7 @@ def test_what_is_found_of_the_thrusters_is_in_every_result(ahead: bool, tmp_path
     assert surge.status == 'converged', surge.judgement
     assert 1.0 / surge.parameters[0] == pytest.approx(MASS, rel=0.02)
     weaker = WEAKER if ahead else 1.0 / WEAKER
-    assert surge.thrusters == (0.0, 0.0, pytest.approx(weaker, rel=0.02), 0.0, False)
+    assert surge.thrusters == (0.0, 0.0, pytest.approx(weaker, rel=0.02), 0.0, False, 0.0)
     assert ('reverse thrust' if ahead else 'forward thrust') in ' '.join(surge.reasons)
     # scores of the row by itself are taken with it
     score = scores.score('surge', surge.parameters, surge.delay, surge.thrusters)

@@ -92,7 +92,7 @@ def test_a_lag_of_the_thrusters_is_found_and_said(lag, known, doubt):
 @pytest.mark.parametrize('lag', [0.15, 0.3])
 def test_turns_that_lag_are_told_from_a_force_that_does(lag):
     """Nothing that measures the motion lags in that way, so the mass is known."""
-    drive = Drive().go(pieces(Vehicle(lag=lag, turns=True), 0, 200.0))
+    drive = Drive().go(pieces(Vehicle(lag=lag, turns=True), 0, 300.0))
     [found] = re.findall("the thrusters' turns lag by about (0[.][0-9]+) s", drive.notes[-1])
     assert float(found) == pytest.approx(lag, abs=0.1 * lag + 0.01)
     assert drive.holds_mass

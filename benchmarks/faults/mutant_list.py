@@ -758,12 +758,12 @@ MUTANTS = [
          'a_search_goes_through_little_at_a_time_and_a_log_that_ends_has_all_of_it '
          'what_is_found_of_the_thrusters_goes_on_after_a_restore',
          ('a search holds up the step that begins it', 'self._left -= part', 'pass'),
-         ('a restored search begins again', 'while self._gone < gone:', 'while False:'),
+         ('a restored search begins again', 'for _ in range(self._gone):', 'for _ in ():'),
          ('what was measured meanwhile is not gone through',
           'if not finish(bank.go_through_again(start, (), False)):', 'if False:')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf_honesty.py '
          'a_search_goes_through_little_at_a_time_and_a_log_that_ends_has_all_of_it',
-         ('a log that ends leaves a search undone', ' or self._go_on_with_search(math.inf)', '')),
+         ('a log that ends leaves a search undone', ' or self._search_for(math.inf)', '')),
     *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
          'a_lag_that_no_thruster_has_is_not_taken a_lag_gets_longer_or_is_one_of_something_else '
          'what_the_thrusters_lose_is_found_and_said',
@@ -835,9 +835,9 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'what_is_found_of_the_thrusters_goes_on_with_the_same_bits',
          ('surge and sway find nothing of the thrusters',
-          'may_search and named_thrusters(self._bank)', 'may_search and []'),
+          'self._search.begin(self._bank, self._start, self.state)', 'pass'),
          ('a search of surge and sway is forgotten',
-          "if state['search'] is not None:", 'if False:')),
+          "self._search.restore(state['search'])", 'pass')),
     *_of('rovid_core/model/thrusters.py', 'test/core/test_reverse.py '
          'what_is_found_of_the_thrusters_is_in_every_result',
          ('forward thrust is never the weaker one', 'min(1.0, 1.0 / self.reverse)', '1.0'),

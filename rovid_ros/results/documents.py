@@ -390,7 +390,7 @@ def _thrusters(values: Mapping[str, Any]) -> Thrusters:
     try:
         return read_thrusters([
             *[_number(found.get(name)) for name in _THRUSTERS], found.get('lag_of_turns') is True,
-            found.get('lag_at', 0.0)]) if isinstance(found, dict) else AS_CONFIGURED
+            _number(found.get('lag_at', 0.0))]) if isinstance(found, dict) else AS_CONFIGURED
     except ValueError:
         return AS_CONFIGURED
 

@@ -283,11 +283,11 @@ def test_what_is_found_of_the_thrusters_goes_on_after_a_restore(vehicle):
 
 def test_a_search_goes_through_little_at_a_time_and_a_log_that_ends_has_all_of_it():
     drive, gone = Drive(), []
-    for step in pieces(Vehicle(lag=0.2), 0, 150.0)[:820]:
+    for step in pieces(Vehicle(lag=0.2), 0, 150.0)[:630]:
         drive.go([step])
         search = drive.one.state()['search']
         gone.append(0 if search is None else search['gone'])
-    assert gone[-1] > 0 == gone[700]
+    assert gone[-1] > 0 == gone[600]
     assert 0 < max(np.diff(gone)) * PART <= PACE * 0.1 + PART  # of fixes every 0.1 s
     assert not drive.one.thrusters.found
     assert drive.one.conclude()

@@ -51,7 +51,7 @@ from rovid_core.identify.ekf.normalised_model import (
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.thruster_search import named_thrusters, ThrusterSearch
+from rovid_core.identify.ekf.thruster_search import SearchBeside, ThrusterSearch
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import check_bounds, Identifier
@@ -154,7 +154,7 @@ class ExtendedKalman(Identifier):
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[Member] | None = self._new_start()
-        self._search: ThrusterSearch[Member] | None = None
+        self._search: SearchBeside[Member] = SearchBeside(self._new_search, PACE)
         self._time = 0.0
         self._moving = self._usable = False
         self._idle = 0.0  # [s] without anything to learn, during the start
@@ -264,7 +264,7 @@ class ExtendedKalman(Identifier):
             self._note_change(step)
         elif BLOCK in found:
             self._end_blocks(found, step)
-        is_other = self._go_on_with_search(step.dt)
+        is_other = self._search_for(step.dt)
         self.v_hat = self._velocity(step)
         if is_other or adapt and span is not None:
             self._publish()
@@ -337,13 +337,13 @@ class ExtendedKalman(Identifier):
             self._idle += step.dt
             if self._idle < IDLE:
                 start.add(step, OUTLIER if found == OUTLIER else UNLEARNED)
-            elif start.next == NEVER and self._search is None:
+            elif start.next == NEVER and not self._search.is_on:
                 self._start, self._idle = None, 0.0
             return
         if found == LOST:
             start.accept_last_outliers(4)
         if start.duration < start.next:
-            if start.next == NEVER and start.duration > LONGEST and self._search is None:
+            if start.next == NEVER and start.duration > LONGEST and not self._search.is_on:
                 self._start = None
             return
         bank = self._bank
@@ -360,12 +360,12 @@ class ExtendedKalman(Identifier):
         known = self._is_known(KNOWN, (ALPHA,))
         if self._bank.confirmed and self._is_known(KNOWN_WELL):
             start.next = NEVER  # it is only kept for a lag that may be named yet
-        elif start.duration > (LONGEST if known else 2.0 * LONGEST) and self._search is None:
+        elif start.duration > (LONGEST if known else 2.0 * LONGEST) and not self._search.is_on:
             self._start = None
         elif start.duration > LONGEST and not self._is_known(UNKNOWN, (ALPHA,)):
             # at rest, say, under thrust that carries a weight: what comes may tell more
             start.clear()
-            self._search = None
+            self._search.drop()
             start.add(self._velocity(step) / self._scales.velocity)
             self._is_later, self._is_solved = True, False
         else:
@@ -384,7 +384,7 @@ class ExtendedKalman(Identifier):
 
     def conclude(self) -> bool:
         """Go through a log that ends before that was done; tell if it changes the filter."""
-        found = self._bank.conclude(self._start, self._theta) or self._go_on_with_search(math.inf)
+        found = self._bank.conclude(self._start, self._theta) or self._search_for(math.inf)
         if found:
             self._publish()
         return found
@@ -399,29 +399,18 @@ class ExtendedKalman(Identifier):
         for member in ended:
             member.judge()
         if bank.best in ended:
-            if self._search is None and self._start is not None and (
-                    self._start.may_search and named_thrusters(bank)):
-                self._start.failed = self._start.duration
-                self._begin_search(self.state())
+            self._search.begin(bank, self._start, self.state)
             self._judge()
 
-    def _begin_search(self, state: Mapping[str, Any]) -> ThrusterSearch[Member]:
-        """Let a copy of this filter look for what the thrusters have besides."""
+    def _new_search(self, state: Mapping[str, Any]) -> ThrusterSearch[Member]:
+        """Return a search for what the thrusters have besides, on a copy of this filter."""
         copy = ExtendedKalman(self._scales)
         copy.restore(state)
-        if copy._start is None:
-            raise ValueError('a search in no data')
-        self._search = ThrusterSearch(
-            copy._bank, copy._start, copy._use_thrusters, state, PACE)
-        return self._search
+        return ThrusterSearch(copy._bank, copy._start, copy._use_thrusters)
 
-    def _go_on_with_search(self, duration: float) -> bool:
+    def _search_for(self, duration: float) -> bool:
         """Search for so much longer [s]; tell if that changes the filter."""
-        search, start = self._search, self._start
-        if search is None or start is None or not search.go_on(duration):
-            return False
-        self._search = None
-        if not search.hand_over(self._bank, start, self._use_thrusters):
+        if not self._search.go_on(duration, self._bank, self._start, self._use_thrusters):
             return False
         self._judge()
         return True
@@ -441,7 +430,8 @@ class ExtendedKalman(Identifier):
             *[(CHANGE * max(abs(p), abs(q)))**2 if v else 0.0
               for p, q, v in zip(self._theta, self._model.initial, prior)], delay]
         self._bank.begin_anew(changed_at)
-        self._start, self._search = self._new_start(), None
+        self._start = self._new_start()
+        self._search.drop()
         self._idle, self._is_later, self._is_solved = 0.0, False, False
         self.restart(velocity)
 
@@ -482,7 +472,7 @@ class ExtendedKalman(Identifier):
             'thrusters': list(self._thrusters), 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
-            'search': None if self._search is None else self._search.state(),
+            'search': self._search.state(),
             'time': self._time, 'moving': self._moving, 'usable': self._usable,
             'idle': self._idle, 'later': self._is_later, 'solved': self._is_solved,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
@@ -504,6 +494,5 @@ class ExtendedKalman(Identifier):
         self._moving, self._usable = bool(state['moving']), bool(state['usable'])
         self._is_later, self._is_solved = bool(state['later']), bool(state['solved'])
         self.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
-        if state['search'] is not None:
-            self._begin_search(state['search']['begun']).restore(state['search'])
+        self._search.restore(state['search'])
         self._publish()

@@ -63,7 +63,7 @@ from rovid_core.identify.ekf.planar.member import (
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
 from rovid_core.identify.ekf.single.linearised_filter import floats
-from rovid_core.identify.ekf.thruster_search import named_thrusters, ThrusterSearch
+from rovid_core.identify.ekf.thruster_search import SearchBeside, ThrusterSearch
 from rovid_core.identify.estimate import Current
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.plant import Array
@@ -137,7 +137,7 @@ class PlanarKalman:
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
-        self._search: ThrusterSearch[PlanarMember] | None = None
+        self._search: SearchBeside[PlanarMember] = SearchBeside(self._new_search, PACE)
         self._prediction = PlanarPrediction(self._model.rows, self._model.size, thrusters)
         self._time = 0.0
         self._moving = False
@@ -264,7 +264,7 @@ class PlanarKalman:
             self._note_change(step)
         elif BLOCK in found:
             self._end_blocks(found, step)
-        is_other = self._go_on_with_search(step.dt)
+        is_other = self._search_for(step.dt)
         for row in self.rows.values():
             row.v_hat = self._velocity(row.k, step)
         self.water_velocity = (self._water_velocity(0, step), self._water_velocity(1, step)) if (
@@ -325,7 +325,7 @@ class PlanarKalman:
             self._free = True
             self._free = finish(self._bank.go_through_again(start, self._theta, True))
             self._is_found |= self._free
-            self._search = None  # it goes on as in still water
+            self._search.drop()  # it goes on as in still water
             if not self._free:
                 turning.turned_at = start.duration  # what there is has led nowhere
             # once more when there is more of it
@@ -333,7 +333,7 @@ class PlanarKalman:
             return
         if not self._free and start.duration > WINDOW:
             start.clear()
-            self._search = None
+            self._search.drop()
             start.next = 2.0 * WINDOW  # not before it turns
             start.add(_start_of(step))
             self._windows += 1
@@ -351,12 +351,12 @@ class PlanarKalman:
         known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in [
             self._model.rows[row.k].first for row in self.rows.values()])
         start.wait(known)
-        if self._free and start.duration > LONGEST and self._search is None:
+        if self._free and start.duration > LONGEST and not self._search.is_on:
             self._start = None
 
     def conclude(self) -> bool:
         """Go through a log that ends before that was done; tell if it changes the filter."""
-        found = self._bank.conclude(self._start, self._theta) or self._go_on_with_search(math.inf)
+        found = self._bank.conclude(self._start, self._theta) or self._search_for(math.inf)
         if found:
             self._publish()
         return found
@@ -370,30 +370,19 @@ class PlanarKalman:
         for member in ended:
             member.judge()
         if best in ended:
-            if self._search is None and self._start is not None and (
-                    self._start.may_search and named_thrusters(self._bank)):
-                self._start.failed = self._start.duration
-                self._begin_search(self.state())
+            self._search.begin(self._bank, self._start, self.state)
             self._prediction.end_block(best.filter, best.innovations.noise)
             self._judge()
 
-    def _begin_search(self, state: Mapping[str, Any]) -> ThrusterSearch[PlanarMember]:
-        """Let a copy of this filter look for what the thrusters have besides."""
+    def _new_search(self, state: Mapping[str, Any]) -> ThrusterSearch[PlanarMember]:
+        """Return a search for what the thrusters have besides, on a copy of this filter."""
         copy = PlanarKalman(self._scales, self._settings)
         copy.restore(state)
-        if copy._start is None:
-            raise ValueError('a search in no data')
-        self._search = ThrusterSearch(
-            copy._bank, copy._start, copy._use_thrusters, state, PACE)
-        return self._search
+        return ThrusterSearch(copy._bank, copy._start, copy._use_thrusters)
 
-    def _go_on_with_search(self, duration: float) -> bool:
+    def _search_for(self, duration: float) -> bool:
         """Search for so much longer [s]; tell if that changes the filter."""
-        search, start = self._search, self._start
-        if search is None or start is None or not search.go_on(duration):
-            return False
-        self._search = None
-        if not search.hand_over(self._bank, start, self._use_thrusters):
+        if not self._search.go_on(duration, self._bank, self._start, self._use_thrusters):
             return False
         self._prediction.interrupt()  # it goes on with the thrusters that there were
         self._judge()
@@ -424,7 +413,8 @@ class PlanarKalman:
         self._theta = [*filter.theta[:-AXES].tolist(), *filter.motion[CURRENT].tolist()]
         self._variances = self._model.variances_after_change(self._theta)
         self._bank.begin_anew(changed_at)
-        self._start, self._search = self._new_start(), None
+        self._start = self._new_start()
+        self._search.drop()
         self._idle = 0.0
         self.restart(PlanarStart(velocity, step.axes))
 
@@ -554,7 +544,7 @@ class PlanarKalman:
             'knew_current': self._knew_current, 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
-            'search': None if self._search is None else self._search.state(),
+            'search': self._search.state(),
             'prediction': self._prediction.state(), 'time': self._time,
             'moving': self._moving, 'usable': list(self._usable), 'idle': self._idle,
             'windows': self._windows,
@@ -586,8 +576,7 @@ class PlanarKalman:
         self._turning.restore(state['heading'], state['turned_at'])
         self.excitations = floats(state['excitations'], 2)
         self.newest = None if state['newest'] is None else int(state['newest'])
-        if state['search'] is not None:
-            self._begin_search(state['search']['begun']).restore(state['search'])
+        self._search.restore(state['search'])
         self._publish()
 
     def _read(self, values: Any) -> PlanarStep | PlanarStart:

@@ -30,67 +30,123 @@ WIDE: Final = 0.25
 """The same within which the likelihood is about a parabola."""
 
 
-class ThrusterSearch(Generic[M]):
+class SearchBeside(Generic[M]):
     """
-    What makes all data so far likelier: what the blocks name of the thrusters.
+    A search that goes on beside a filter, which takes what is found when it is over.
 
     It goes through the data dozens of times, which would hold up a live node for seconds; so it
-    is done on a copy of the filter, in parts, while the filter itself goes on.
+    is done on a copy of the filter, a part with each measurement.
 
     Parameters
     ----------
-    bank : FilterBank
-        The copy's members, which become those with what is found.
-    start : BatchStart
-        The data.
-    use : callable
-        Takes other thrusters for all members that are made from then on, and returns
-        parameters of the best one whose delay is shorter by the lag.
-    begun : mapping
-        The state of the filter that was copied.
+    search : callable
+        Makes a search on a copy of the filter, from its state.
     pace : float
         Measurements a second that are gone through while the filter itself goes on.
 
     """
 
-    def __init__(self, bank: FilterBank[M], start: BatchStart[M],
-                 use: Callable[[Any], list[float]], begun: Mapping[str, Any],
+    def __init__(self, search: Callable[[Mapping[str, Any]], ThrusterSearch[M]],
                  pace: float) -> None:
-        self._bank, self._start, self._use, self._begun = bank, start, use, begun
-        self._pace = pace
-        self._succeeded = False
-        self._parts, self._gone, self._left = self._search(), 0, 0.0
+        self._new, self._pace = search, pace
+        self.drop()
 
-    def go_on(self, duration: float) -> bool:
+    def drop(self) -> None:
+        """End it without a result: the data that it is about are gone."""
+        self._search: ThrusterSearch[M] | None = None
+        self._begun: Mapping[str, Any] = {}
+        self._gone, self._left = 0, 0.0
+
+    @property
+    def is_on(self) -> bool:
+        """Tell whether there is one."""
+        return self._search is not None
+
+    def begin(self, bank: FilterBank[M], start: BatchStart[M] | None,
+              state: Callable[[], dict[str, Any]]) -> None:
+        """Begin one on a copy of the filter as it is, where its blocks name something."""
+        if self.is_on or start is None or not (start.may_search and named_thrusters(bank)):
+            return
+        start.failed = start.duration
+        self._begun = state()
+        self._search = self._new(self._begun)
+
+    def go_on(self, duration: float, bank: FilterBank[M], start: BatchStart[M] | None,
+              use: Callable[[Any], list[float]]) -> bool:
         """
-        Go on with as much as is due while so much is measured; tell if it is over.
+        Go on with as much as is due while so much is measured; tell if that changes the filter.
 
         Parameters
         ----------
         duration : float
             [s], ``math.inf`` for all there is.
+        bank, start, use
+            Those of the filter itself, as of a ``ThrusterSearch``.
 
         """
+        search = self._search
+        if search is None or start is None:
+            return False
         self._left += self._pace * duration
         while self._left > 0.0:
-            part = next(self._parts, 0)
+            part = next(search.parts, 0)
             if not part:
-                return True
+                self.drop()
+                return search.hand_over(bank, start, use)
             self._gone += 1
             self._left -= part
         return False
 
+    def state(self) -> dict[str, Any] | None:
+        """Return all that is needed to go on from here."""
+        return None if self._search is None else {
+            'begun': self._begun, 'gone': self._gone, 'left': self._left}
+
+    def restore(self, state: Mapping[str, Any] | None) -> None:
+        """Do again what was done by ``state``; raises ValueError if it does not fit."""
+        self.drop()
+        if state is None:
+            return
+        search = self._search = self._new(state['begun'])
+        self._begun = state['begun']
+        self._gone, self._left = int(state['gone']), finite_number(state['left'])
+        for _ in range(self._gone):
+            if not next(search.parts, 0):
+                raise ValueError('a search that was over sooner')
+
+
+class ThrusterSearch(Generic[M]):
+    """
+    What makes all data so far likelier: what the blocks name of the thrusters.
+
+    Parameters
+    ----------
+    bank : FilterBank
+        Its members, which become those with what is found.
+    start : BatchStart
+        The data.
+    use : callable
+        Takes other thrusters for all members that are made from then on, and returns
+        parameters of the best one whose delay is shorter by the lag.
+
+    Attributes
+    ----------
+    parts : iterator of int
+        Does the search, and gives how many measurements each part of it went through.
+
+    """
+
+    def __init__(self, bank: FilterBank[M], start: BatchStart[M] | None,
+                 use: Callable[[Any], list[float]]) -> None:
+        if start is None:
+            raise ValueError('a search in no data')
+        self._bank, self._start, self._use = bank, start, use
+        self._succeeded = False
+        self.parts = self._search()
+
     def hand_over(self, bank: FilterBank[M], start: BatchStart[M],
                   use: Callable[[Any], list[float]]) -> bool:
-        """
-        Let the filter have what was found; tell if there is something.
-
-        Parameters
-        ----------
-        bank, start, use
-            Those of the filter itself.
-
-        """
+        """Let another filter have what was found, its own given; tell if there is something."""
         if not self._succeeded:
             return False
         before, back = bank.best.thrusters, bank.way_back()
@@ -105,18 +161,6 @@ class ThrusterSearch(Generic[M]):
         start.wait(False)
         return True
 
-    def state(self) -> dict[str, Any]:
-        """Return all that is needed to go on from here."""
-        return {'begun': self._begun, 'gone': self._gone, 'left': self._left}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Do again what was done by ``state``, of a search that begins; raises ValueError."""
-        gone, self._left = int(state['gone']), finite_number(state['left'])
-        while self._gone < gone:
-            if not next(self._parts, 0):
-                raise ValueError('a search that was over sooner')
-            self._gone += 1
-
     def _search(self) -> Generator[int, None, None]:
         """
         Go through all data with what is named, and keep it where it is better.
@@ -130,8 +174,7 @@ class ThrusterSearch(Generic[M]):
         before = bank.best.thrusters
         least, found, back = bank.least, bank.best.blocks.found, bank.way_back()
         taken, there = None, back
-        named = named_thrusters(bank)
-        proposals = []
+        named, proposals = named_thrusters(bank), []
         for better in named:
             proposals.append((yield from self._likeliest_lag(before, better)))
         proposals.append((yield from self._alternative(before, named)))

@@ -134,17 +134,21 @@ class DelayedForce:
         """Return what lags as it is while a force is held."""
         return turns_of(force) if self._turns else force
 
+    def _followed(self, lagged: float, force: float, elapsed: float) -> float:
+        """Return what lags [s] after it was that, while a force is held."""
+        if self._inertia:
+            return driven(lagged, force, elapsed, self._inertia)[2]
+        steady = self._steady(force)
+        return steady + (lagged - steady) * math.exp(-elapsed / self._lag)
+
     def _lagged_end(self, i: int) -> float:
         """Return what lags at the end of a span."""
         return self._lagged_in(i, self._times[i + 1] - self._times[i])
 
     def _lagged_in(self, i: int, elapsed: float) -> float:
         """Return what lags [s] after the start of a span."""
-        if self._inertia:
-            return driven(self._lagged[i], self._means[i], elapsed, self._inertia)[2]
         if self._turns:
-            steady = self._steady(self._means[i])
-            return steady + (self._lagged[i] - steady) * math.exp(-elapsed / self._lag)
+            return self._followed(self._lagged[i], self._means[i], elapsed)
         # behind a line it follows a line that is late by the lag
         late = self._slopes[i] * self._lag
         start = self._means[i] - 0.5 * self._slopes[i] * (self._times[i + 1] - self._times[i])
@@ -157,12 +161,8 @@ class DelayedForce:
             return self._lagged[0]
         newest = len(self._means) - 1
         after = time - self._times[newest + 1]
-        if after >= 0.0 and self._inertia:
-            return driven(
-                self._lagged_end(newest), self._means[newest], after, self._inertia)[2]
         if after >= 0.0:
-            steady = self._steady(self._means[newest])
-            return steady + (self._lagged_end(newest) - steady) * math.exp(-after / self._lag)
+            return self._followed(self._lagged_end(newest), self._means[newest], after)
         i = self._span(time)
         return self._lagged_in(i, time - self._times[i])
 

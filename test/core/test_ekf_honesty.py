@@ -290,6 +290,11 @@ def test_a_search_goes_through_little_at_a_time_and_a_log_that_ends_has_all_of_i
     assert gone[-1] > 0 == gone[600]
     assert 0 < max(np.diff(gone)) * PART <= PACE * 0.1 + PART  # of fixes every 0.1 s
     assert not drive.one.thrusters.found
+    state = drive.one.state()
+    for bad in ({**state['search'], 'gone': 10**9}, {**state['search'], 'left': 1e999},
+                {**state['search'], 'begun': {**state['search']['begun'], 'start': None}}):
+        with pytest.raises(ValueError):
+            ExtendedKalman(SCALES).restore({**state, 'search': bad})
     assert drive.one.conclude()
     assert drive.one.thrusters.found == ['lag']
     assert not drive.one.conclude()

@@ -183,6 +183,7 @@ def test_what_the_data_say_of_several_dofs_is_said_once(
     assert 'heave is converging: it takes a minute of thrust' in said
 
 
+@pytest.mark.long
 def test_a_model_worse_than_a_constant_says_so(
         config: Path, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, said = tmp_path / 'out.json', []

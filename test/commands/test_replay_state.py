@@ -58,6 +58,7 @@ def recorded(path: Path, log: Path, state: dict[str, Any]) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_a_record_that_began_from_a_state_of_another_method_is_replayed_and_compared(
         dives: list[Path], config: Path, tmp_path: Path,
         capsys: pytest.CaptureFixture[str]) -> None:

@@ -131,6 +131,7 @@ def test_a_dive_of_the_bluerov2_is_identified(bluerov2: Settings, dive: Path) ->
     assert b'uint16[] channels' in schemas['mavros_msgs/msg/RCOut']
 
 
+@pytest.mark.long
 def test_upright_thrusters_that_all_have_one_command_are_not_accused(
         bluerov2: Settings, tmp_path: Path) -> None:
     """If one were turned the force would be half as large, which no log can tell."""

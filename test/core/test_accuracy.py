@@ -69,15 +69,15 @@ def test_neither_typical_sizes_nor_adaptation_time_decide(logs, time, force, spe
 
 
 @pytest.mark.skipif(COMPILED, reason='compiled code does not see that a class is replaced')
-def test_thrust_that_is_not_filtered_like_the_velocity_is_several_times_worse(
-        logs, monkeypatch):
+def test_thrust_that_is_not_filtered_like_the_velocity_is_several_times_worse(monkeypatch):
     # the identifier with raw gains, which takes both filtered
+    log = surge_log(0, 120.0)
     gains = Gains.from_time(3.0, Scales.of(HEAVY))
     settings = surge_settings(
         feedback_gain=gains.feedback, adaptation_gains=gains.adaptation, integrator='euler')
 
     def error():
-        return prediction(run(Stream(settings), logs[0])[-1].dofs[0].parameters).mae
+        return prediction(run(Stream(settings), log)[-1].dofs[0].parameters).mae
 
     alike = error()
 

@@ -85,6 +85,7 @@ def test_six_dofs_from_fixes_depth_and_attitude_at_their_own_rates():
     assert stream.take_warnings() == []
 
 
+@pytest.mark.long
 def test_heading_that_turns_all_the_way_round_does_not_mix_the_axes():
     turning = replace(TRUTH['yaw'], forces=(12.0, 5.0), frequencies=(0.001, 0.1))
     settings = vehicle(('surge', 'sway', 'yaw'))
@@ -210,6 +211,7 @@ def test_each_velocity_is_from_the_most_direct_input():
     assert [fixes.source(d) for d in fixes.dofs] == ['position', 'depth', 'attitude']
 
 
+@pytest.mark.long
 def test_delay_and_lag_of_the_thrusters_are_undone():
     right = replace(SIX, delay=0.25, time_constant=0.4)
     settings = vehicle(('surge',), thrusters=right)

@@ -104,6 +104,7 @@ def test_all_dofs_together_are_simulated_through_the_water(logs: tuple[Found, Fo
         assert known.together[dof].mae < 0.5 * still.together[dof].mae, dof
 
 
+@pytest.mark.long
 def test_offline_methods_find_the_vehicle_through_the_water(logs: tuple[Found, Found]) -> None:
     still, known = logs
     for dof in HORIZONTAL:

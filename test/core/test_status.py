@@ -183,6 +183,7 @@ def rest(start, hours=1.0):
     return [(start + t, n, v) for t, n, v in simulate(settings, 3600.0 * hours, 7)]
 
 
+@pytest.mark.long
 def test_at_rest_nothing_drifts():
     stream = Stream(surge_settings())
     first = stream.identifier('surge').parameters

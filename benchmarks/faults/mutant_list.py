@@ -207,6 +207,9 @@ MUTANTS = [
          ('there is no lag',
           'self._lag = settings.time_constant', 'self._lag = 0.0'),
          ('turns never lag', 'settings.lag_of_turns and self._lag > 0.0', 'False'),
+         ('no torque drives turns', 'inertia_of(self._lag, settings.lag_at)', '0.0'),
+         ('turns have to come up to the first command', '+ tuple(map(turns_of, tau[bodies:]))',
+          '+ tuple(0.0 for _ in tau[bodies:])'),
          ('one topic of several may be silent',
           'oldest = min(', 'oldest = max('),
          ('a delayed command is stale too early',
@@ -698,12 +701,14 @@ MUTANTS = [
           'added[..., :1] += decay[:1] * begin', 'added[..., :1] += decay[:1] * steady[..., :1]')),
     *_of('rovid_core/model/lag.py', 'test/core/test_thrust.py '
          'propellers_give_the_same_in_many_spans_at_once',
-         ('in scores propellers never turn back', 'turns * end < 0.0', 'turns * end < -1e9')),
+         ('in scores propellers never turn back', 'turns * end < 0.0', 'turns * end < -1e9'),
+         ('in scores a torque stops turns on', 'np.where(x <= still, root',
+          'np.where(x < 1e9, root')),
     *_of('rovid_core/trials/scored_run.py', 'test/core/test_score.py '
          'the_thrust_lags_as_the_method_says',
          ('scores have a lag as a delay, too', 'delay - thrusters.lag)', 'delay)'),
-         ('scores know no turns', 'if thrusters.turns else (', 'if False else ('),
-         ('scores know no torque', 'if inertia:', 'if False:')),
+         ('scores know no turns', 'if thrusters.turns and not inertia:', 'if False:'),
+         ('scores know no torque', 'if thrusters.turns and not inertia:', 'if thrusters.turns:')),
     *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
          'propellers_that_a_torque_drives_are_told_from_those_that_turn_as_asked',
          ('no torque is looked for', 'if _kind(before) != TORQUE and', 'if False and'),
@@ -716,7 +721,13 @@ MUTANTS = [
           'True:'),
          ('the other kind of lag is always taken',
           'not (choice.index and choice.is_better) or choice.contradicted:',
-          'False:')),
+          'False:'),
+         ('no torque is tried', 'Kind(True, torque)):', 'Kind(True, 0.0)):')),
+    *_of('rovid_core/trials/tuning/log.py', 'test/core/test_tuning.py '
+         'the_force_of_a_log_is_that_of_the_pipe',
+         ('in tuning a torque drives nothing', 'inertia_of(lag, self._lag_at)', '0.0'),
+         ('in tuning what a torque turns is held', 'all_driven(begin, force[i], x, inertia) - begin',
+          '0.0 * begin')),
     *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
          'the_force_of_propellers_whose_turns_lag_is_that_of_short_steps',
          ('of turns the force in reverse has no lag', 'if self._turns:\n                force',

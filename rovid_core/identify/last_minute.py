@@ -38,6 +38,7 @@ KEYS = {'dead_band': ': see thrusters.dead_zone', 'reverse_thrust': ': see thrus
         'reverse_of_each': ': see thrusters.reverse',
         'thrust_loss_of_each': ': drive one axis at a time',
         'lag': ': see thrusters.time_constant', 'turns_lag': ': see thrusters.lag_of_turns',
+        'torque': ': see thrusters.lag_at',
         'thrust_loss': '',
         'current': ': see current.prior'}
 LAG: Final = 0.15  # [s] of the thruster lag that is looked for

@@ -142,10 +142,26 @@ def _squares(steady: Array, off: Array, lengths: Array, lag: float) -> Array:
             - 0.5 * lag * off * off * np.expm1(-2.0 * lengths / lag))
 
 
-def all_driven(forces: Array, lengths: Array, inertia: float,
-               begin: float) -> tuple[Array, float]:
+def all_driven(turns: Array, forces: Array, lengths: Array, inertia: float) -> Array:
+    """Return the turns at the end that ``driven`` gives for many spans at once."""
+    sign = np.where((turns > 0.0) | ((turns == 0.0) & (forces >= 0.0)), 1.0, -1.0)
+    begin, steady = np.abs(turns), sign * forces
+    root = np.maximum(np.sqrt(np.abs(steady)), SLOWEST)
+    x = root * lengths / inertia
+    tanh = np.tanh(x)
+    onward = root * (begin + root * tanh) / (root + begin * tanh)
+    angle = np.arctan2(root, begin)
+    still = 0.5 * math.pi - angle
+    back = np.where(x <= still, root / np.tan(np.minimum(angle + x, 0.5 * math.pi)),
+                    -root * np.tanh(np.maximum(x - still, 0.0)))
+    slowing = begin / (1.0 + begin * lengths / inertia)
+    return np.asarray(sign * np.where(
+        root <= SLOWEST, slowing, np.where(steady > 0.0, onward, back)))
+
+
+def driven_along(forces: Array, lengths: Array, inertia: float, begin: float) -> Array:
     """
-    Return impulses of propellers that a torque turns, span after span.
+    Return the turns of propellers that a torque turns, span after span.
 
     Parameters
     ----------
@@ -156,17 +172,15 @@ def all_driven(forces: Array, lengths: Array, inertia: float,
 
     Returns
     -------
-    impulses : ndarray, shape (n,)
-        Integrals of the force.
-    turns : float
-        At the end.
+    ndarray, shape (n + 1,)
+        At the start of each span, and at the end of the last one. What a span gives is its force
+        times its length, less the inertia times what the turns gain.
 
     """
-    impulses, turns = [], begin
+    turns = [begin]
     for force, length in zip(forces.tolist(), lengths.tolist()):
-        impulse, _, turns = driven(turns, force, length, inertia)
-        impulses.append(impulse)
-    return np.array(impulses), turns
+        turns.append(driven(turns[-1], force, length, inertia)[2])
+    return np.array(turns)
 
 
 def follow(steady: Array, lengths: Array, lag: float, begin: float) -> Array:

@@ -73,6 +73,7 @@ class ThrusterSettings:
     delay: float = 0.0
     time_constant: float = 0.0
     lag_of_turns: bool = False  # whether that is the propellers' turns', else the force's
+    lag_at: float = 0.0  # force of one at which a torque makes its turns lag so; 0: no torque
     hold: str = 'previous'  # previous | linear
     timeout: float = 1.0
     allocation: tuple[tuple[float, ...], ...] = ()  # 6 rows (surge..yaw) x thrusters
@@ -124,15 +125,21 @@ class ThrusterSettings:
         if self.hold == 'linear' and len(self.topics) > 1:
             raise SettingsError(
                 'thrusters.hold', 'linear takes one topic for all thrusters; takes previous here')
-        if self.hold == 'linear' and self.lag_of_turns:
-            raise SettingsError(
-                'thrusters.hold', 'linear takes a lag of the force; takes previous with '
-                                  'thrusters.lag_of_turns')
+        self._check_lag()
         if self.model == 'polynomial' and not self.polynomial:
             raise SettingsError(
                 'thrusters.polynomial', 'takes at least one coefficient for model polynomial')
         if self.model == 'table':
             self._check_table()
+
+    def _check_lag(self) -> None:
+        if self.hold == 'linear' and self.lag_of_turns:
+            raise SettingsError(
+                'thrusters.hold', 'linear takes a lag of the force; takes previous with '
+                                  'thrusters.lag_of_turns')
+        if self.lag_at and not self.lag_of_turns:
+            raise SettingsError(
+                'thrusters.lag_at', f'got {self.lag_at:g}, takes 0 without thrusters.lag_of_turns')
 
     def _check_table(self) -> None:
         commands, forces = self.table_command, self.table_force

@@ -15,7 +15,7 @@ from rovid_core.inputs.units_and_signs import (
     UnsignedCommandCheck,
 )
 from rovid_core.model.dofs import DOFS, EACH, Three
-from rovid_core.model.lag import spun, turns_of
+from rovid_core.model.lag import driven, inertia_of, spun, turns_of
 from rovid_core.model.samples import equal_parts, NS
 from rovid_core.settings.run import Settings, ThrusterSettings
 from rovid_core.thrust.thruster_curve import (
@@ -70,9 +70,9 @@ class ForceHistory:
 
     Commands are held (or joined by straight lines), shifted by ``delay`` and passed
     through a first-order lag. Lag and allocation are linear in the thrusters' forces, so the
-    lag works on the body forces; one of the turns works on each propeller's, of which the
-    forces are summed. ``integrals`` are those of the result in closed form, hence the mean
-    over any span has no discretisation error.
+    lag works on the body forces; one of the turns, which a torque may drive, works on each
+    propeller's, of which the forces are summed. ``integrals`` are those of the result in closed
+    form, hence the mean over any span has no discretisation error.
 
     Parameters
     ----------
@@ -105,6 +105,7 @@ class ForceHistory:
         self._lag = settings.time_constant
         turn = settings.lag_of_turns and self._lag > 0.0
         self._propellers = thruster_models(settings) if turn else []
+        self._inertia = inertia_of(self._lag, settings.lag_at)
         self._rows = [settings.allocation[DOFS.index(dof)] for dof in dofs]
         self._linear = settings.hold == 'linear'
         self._timeout = round(settings.timeout / NS)
@@ -123,7 +124,7 @@ class ForceHistory:
         self._raw: list[float | None] = [None] * n
         self._part_times: list[int | None] = [None] * parts
         # one node per command: its time, force, lagged force and integral so far, per DOF, and
-        # behind them each propeller's turns, where these lag
+        # behind them each propeller's force and turns, where these lag
         self._times: list[int] = []
         self._forces: list[tuple[float, ...]] = []
         self._lagged: list[tuple[float, ...]] = []
@@ -163,7 +164,7 @@ class ForceHistory:
         oldest = min(t for t in self._part_times if t is not None)
         tau = self._wrench(raw)
         if self._propellers:
-            tau += tuple([turns_of(force(u)) for force, u in zip(self._propellers, raw)])
+            tau += tuple([force(u) for force, u in zip(self._propellers, raw)])
         if not all(-MAX_FORCE < f < MAX_FORCE for f in tau):
             return False
         self.raw = tuple(raw)
@@ -178,7 +179,9 @@ class ForceHistory:
             slope = self._slope(len(self._times) - 1, time, tau)
             lagged, integral = self._at(len(self._times) - 1, time, slope)
         else:
-            lagged, integral = tau, (0.0,) * len(tau)
+            bodies = len(tau) - len(self._propellers)
+            lagged = tau[:bodies] + tuple(map(turns_of, tau[bodies:]))
+            integral = (0.0,) * len(tau)
         self._times.append(time)
         self._forces.append(tau)
         self.newest = tau[:len(self._dofs)]
@@ -212,14 +215,18 @@ class ForceHistory:
             integrals.append(self._integrals[i][j] + f * x + s * x * (0.5 * x - lag)
                             + transient * lag * (1.0 - decay))
         if self._propellers:
-            self._spin(i, x, integrals)
+            self._spin(i, x, lagged, integrals)
         return tuple(lagged), tuple(integrals)
 
-    def _spin(self, i: int, elapsed: float, integrals: list[float]) -> None:
-        """Take the integrals of propellers' forces, so long [s] after node ``i``."""
+    def _spin(self, i: int, elapsed: float, lagged: list[float], integrals: list[float]) -> None:
+        """Take the turns of propellers and integrals of their forces, so long [s] after a node."""
         first = len(integrals) - len(self._propellers)
-        pushes = [spun(turns, steady, elapsed, self._lag)[0] for turns, steady in zip(
-            self._lagged[i][first:], self._forces[i][first:])]
+        pushes = []
+        for k in range(first, len(integrals)):
+            turns, force = self._lagged[i][k], self._forces[i][k]
+            push, _, lagged[k] = driven(turns, force, elapsed, self._inertia) if (
+                self._inertia) else spun(turns, turns_of(force), elapsed, self._lag)
+            pushes.append(push)
         for j, row in enumerate(self._rows):
             integrals[j] = self._integrals[i][j] + math.fsum(map(mul, row, pushes))
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from rovid_core.model.dofs import OWN, own_coefficients
-from rovid_core.model.lag import all_driven, all_spun, all_turns_of, follow, inertia_of
+from rovid_core.model.lag import all_spun, all_turns_of, driven_along, follow, inertia_of
 from rovid_core.model.lowpass import filtered
 from rovid_core.model.plant import Array, trajectory
 from rovid_core.model.samples import NS
@@ -285,13 +285,13 @@ def _lagging(blocks: Iterator[tuple[Times, Array]], start: int,
         forces = values[:, :2].ravel()
         steady = all_turns_of(forces) if thrusters.turns else forces
         at = float(steady[0]) if math.isnan(at) else at
-        if inertia:
-            impulses, at = all_driven(forces, lengths, inertia, at)
+        lagged = driven_along(forces, lengths, inertia, at) if inertia else (
+            follow(steady, lengths, lag, at))
+        at = float(lagged[-1])
+        if thrusters.turns and not inertia:
+            impulses = all_spun(lagged[:-1], steady, lengths, lag)
         else:
-            lagged = follow(steady, lengths, lag, at)
-            at = float(lagged[-1])
-            impulses = all_spun(lagged[:-1], steady, lengths, lag) if thrusters.turns else (
-                forces * lengths - lag * np.diff(lagged))
+            impulses = forces * lengths - (inertia or lag) * np.diff(lagged)
         values = values.copy()
         values[:, :2] = np.where(lengths > 0.0, impulses / np.where(
             lengths > 0.0, lengths, 1.0), 0.0).reshape(-1, 2)

@@ -239,6 +239,9 @@ def _thrusters() -> list[Key]:
         key('time_constant', 'first-order lag of the force; 0: none', 's', 0.0, LONGEST_LAG),
         key('lag_of_turns', "true: that is the lag of the propellers' turns, whose force goes "
             'with their square'),
+        key('lag_at', 'above 0: a torque or current turns the propellers, so that they lag the '
+            'more the less it is, by time_constant where one thruster gives this force', 'N',
+            low=0.0),
         key('hold', 'force between two commands: the previous one, or linear between both',
             choices=('previous', 'linear')),
         key('timeout', 'an older command is stale; 0: it holds for ever', 's', 0.0, 3600.0,

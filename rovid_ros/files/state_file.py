@@ -19,11 +19,11 @@ from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.keys import KEYS
 from rovid_ros.files.whole_files import before, create_unused, FileLock, prepare_file, write_text
 
-VERSION = 6
+VERSION = 7
 
 _FORCE = ('names', 'offset', 'scale', 'deadband', 'dead_zone', 'limit', 'model', 'gain', 'reverse',
           'polynomial', 'table_command', 'table_force', 'delay', 'time_constant',
-          'lag_of_turns', 'hold', 'allocation', 'sign.topic')
+          'lag_of_turns', 'lag_at', 'hold', 'allocation', 'sign.topic')
 _UNITS = ('dofs', 'identifier.method', 'frames', 'depth.scale', 'attitude.unit',
           'attitude.heading', *(f'{sensor}.{name}' for name in ('frames', 'mounting')
                                 for sensor in ('velocity', 'attitude', 'angular_velocity')),

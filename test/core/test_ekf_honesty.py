@@ -108,7 +108,7 @@ def test_propellers_that_a_torque_drives_are_told_from_those_that_turn_as_asked(
         "the thrusters' turns lag by about (0[.][0-9]+) s more than the model says at a force of "
         '([0-9.]+), and longer at smaller ones', drive.notes[-1])[0]
     assert float(found) * (float(force) / FORCE)**0.5 == pytest.approx(lag, rel=0.1)
-    assert 'see thrusters.lag_of_turns' not in drive.notes[-1]  # which is of the other kind
+    assert 'see thrusters.lag_at' in drive.notes[-1]
     assert drive.holds_mass
     assert 1.0 / drive.one.parameters[0] / MASS == pytest.approx(1.0, abs=0.02)
     assert drive.judged[-1] == 'converged'

@@ -6,7 +6,7 @@ import math
 from hypothesis import given, strategies as st
 import numpy as np
 import pytest
-from rovid_core.model.lag import all_spun, spun
+from rovid_core.model.lag import all_driven, all_spun, driven, spun
 from rovid_core.settings.run import (
     DofSettings,
     InputSettings,
@@ -35,7 +35,7 @@ def chain(**changes):
     return thrust
 
 
-def brute_force(hold, delay, lag, start, end, turns=False):
+def brute_force(hold, delay, lag, start, end, turns=False, at=0.0):
     """Integrate surge and yaw with 10 us steps."""
     dt = 1e-5
     times = np.array([t / 1000 + delay for t, _ in COMMANDS])
@@ -43,13 +43,19 @@ def brute_force(hold, delay, lag, start, end, turns=False):
     grid = np.arange(times[0], end, dt) + dt / 2
     out = []
     for f in (left, right):
-        if turns:
+        if turns and not at:
             f = np.copysign(np.sqrt(abs(f)), f)
         if hold == 'linear':
             u = np.interp(grid, times, f)
         else:
             u = f[np.searchsorted(times, grid, side='right') - 1]
-        if lag:
+        if at:  # inertia n' = F - n |n|
+            y, n = np.empty_like(u), math.copysign(math.sqrt(abs(f[0])), f[0])
+            for i, x in enumerate(u):
+                rise = dt * (x - n * abs(n)) / (2.0 * lag * math.sqrt(at))
+                y[i], n = n + rise / 2, n + rise
+            u = y
+        elif lag:
             y, state, k = np.empty_like(u), f[0], 1 - math.exp(-dt / lag)
             for i, x in enumerate(u):
                 y[i] = state + (x - state) * k / 2  # at the middle of the step
@@ -63,16 +69,18 @@ def brute_force(hold, delay, lag, start, end, turns=False):
 
 @pytest.mark.parametrize('hold', ['previous', 'linear'])
 @pytest.mark.parametrize('delay', [0.0, 0.03])
-@pytest.mark.parametrize(('lag', 'turns'), [(0.0, False), (0.08, False), (0.08, True)])
-def test_impulse_is_the_exact_integral(hold, delay, lag, turns):
+@pytest.mark.parametrize(('lag', 'turns', 'at'), [
+    (0.0, False, 0.0), (0.08, False, 0.0), (0.08, True, 0.0), (0.08, True, 80.0),
+    (0.0, True, 80.0)])
+def test_impulse_is_the_exact_integral(hold, delay, lag, turns, at):
     if turns and hold == 'linear':
         with pytest.raises(SettingsError, match='takes previous with thrusters.lag_of_turns'):
             chain(hold=hold, lag_of_turns=True)
         return
-    thrust = chain(hold=hold, delay=delay, time_constant=lag, lag_of_turns=turns)
+    thrust = chain(hold=hold, delay=delay, time_constant=lag, lag_of_turns=turns, lag_at=at)
     for start, end in ((0.05, 0.12), (0.11, 0.3), (0.05, 0.5)):
         a, b = thrust.integrals((round(start * 1e9),))[0], thrust.integrals((round(end * 1e9),))[0]
-        expected = brute_force(hold, delay, lag, start, end, turns)
+        expected = brute_force(hold, delay, lag, start, end, turns, at if lag else 0.0)
         assert [y - x for x, y in zip(a, b)] == pytest.approx(expected, abs=5e-3)
 
 
@@ -93,7 +101,8 @@ def test_a_held_force_comes_in_pieces_that_add_up_to_its_integral():
 
 
 @pytest.mark.parametrize('timing', [
-    {}, {'time_constant': 0.1}, {'time_constant': 0.1, 'lag_of_turns': True}, {'hold': 'linear'}])
+    {}, {'time_constant': 0.1}, {'time_constant': 0.1, 'lag_of_turns': True},
+    {'time_constant': 0.1, 'lag_of_turns': True, 'lag_at': 40.0}, {'hold': 'linear'}])
 def test_a_smooth_force_over_a_long_span_comes_in_means_over_parts(timing):
     """Two means over a span of seconds would put the force where it was not."""
     thrust = ForceHistory(replace(TWO, **timing), ('surge', 'yaw'), {'surge': 80.0})
@@ -286,16 +295,18 @@ def test_propellers_give_the_same_in_many_spans_at_once():
     lengths = random.uniform(0.0, 1.0, 200)
     pushes = [spun(*one, 0.3)[0] for one in zip(turns.tolist(), steady.tolist(), lengths.tolist())]
     np.testing.assert_allclose(all_spun(turns, steady, lengths, 0.3), pushes, atol=1e-14)
+    ends = [driven(*one, 0.3)[2] for one in zip(turns.tolist(), steady.tolist(), lengths.tolist())]
+    np.testing.assert_allclose(all_driven(turns, steady, lengths, 0.3), ends, atol=1e-14)
 
 
-@pytest.mark.parametrize('turns', [False, True])
-def test_forgetting_changes_no_span(turns):
+@pytest.mark.parametrize(('turns', 'at'), [(False, 0.0), (True, 0.0), (True, 40.0)])
+def test_forgetting_changes_no_span(turns, at):
     def span(thrust):
         a, b = thrust.integrals((9_000_500_000,))[0], thrust.integrals((9_100_000_000,))[0]
         return [y - x for x, y in zip(a, b)]
 
     thrust = ForceHistory(
-        replace(TWO, time_constant=0.1, lag_of_turns=turns), ('surge', 'yaw'))
+        replace(TWO, time_constant=0.1, lag_of_turns=turns, lag_at=at), ('surge', 'yaw'))
     for k in range(1000):
         thrust.add_commands(k * 10 * MS, (math.sin(0.1 * k), math.cos(0.1 * k)))
     before = span(thrust)

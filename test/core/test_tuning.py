@@ -110,12 +110,13 @@ def test_a_pause_belongs_to_no_fold() -> None:
         1000, 1025, 1050, 1075, 100_000, 100_025, 100_050, 100_075, 100_100]
 
 
-@pytest.mark.parametrize(('linear', 'lag', 'turns'), [
-    (False, 0.0, False), (True, 0.0, False), (False, 0.3, False), (True, 0.3, False),
-    (False, 0.3, True), (False, 0.0, True)])
+@pytest.mark.parametrize(('linear', 'lag', 'turns', 'at'), [
+    (False, 0.0, False, 0.0), (True, 0.0, False, 0.0), (False, 0.3, False, 0.0),
+    (True, 0.3, False, 0.0), (False, 0.3, True, 0.0), (False, 0.0, True, 0.0),
+    (False, 0.3, True, 40.0), (False, 0.0, True, 40.0)])
 def test_the_force_of_a_log_is_that_of_the_pipe(
-        surge: Settings, linear: bool, lag: float, turns: bool) -> None:
-    chain = replace(surge.thrusters, delay=0.12, time_constant=lag, lag_of_turns=turns,
+        surge: Settings, linear: bool, lag: float, turns: bool, at: float) -> None:
+    chain = replace(surge.thrusters, delay=0.12, time_constant=lag, lag_of_turns=turns, lag_at=at,
                     hold='linear' if linear else 'previous')
     thrust = ForceHistory(chain, ('surge',))
     plain = ForceHistory(replace(chain, delay=0.0, time_constant=0.0), ('surge',))
@@ -125,10 +126,10 @@ def test_the_force_of_a_log_is_that_of_the_pipe(
         thrust.add_commands(time, (u, 0.5 - u, 0.0))
         plain.add_commands(time, (u, 0.5 - u, 0.0))
     forces = np.array([[40.0 * u, 40.0 * (0.5 - u), 1e3] for u in commands]).T
-    at = np.arange(int(times[0]) + 120_000_000, int(times[-1]), 7_000_000)
+    ends = np.arange(int(times[0]) + 120_000_000, int(times[-1]), 7_000_000)
     rows = np.array([surge.thrusters.allocation[0]])
-    impulse = CommandedForce(times, forces, rows, linear, turns).impulse(0, at, 0.12, lag)
-    expected = np.array([thrust.integrals((t,))[0][0] for t in at.tolist()])
+    impulse = CommandedForce(times, forces, rows, linear, turns, at).impulse(0, ends, 0.12, lag)
+    expected = np.array([thrust.integrals((t,))[0][0] for t in ends.tolist()])
     np.testing.assert_allclose(impulse - impulse[0], expected - expected[0], atol=1e-9)
 
 
@@ -139,18 +140,24 @@ def test_finds_delay_and_lag(delayed: Tuned) -> None:
     assert keys['thrusters.delay'].low <= DELAY <= keys['thrusters.delay'].high
 
 
-@pytest.mark.parametrize('turns', [False, True])
+@pytest.mark.parametrize(('turns', 'at'), [(False, 0.0), (True, 0.0), (True, 60.0)])
 def test_tells_propellers_whose_turns_lag_from_a_force_that_does(
-        surge: Settings, turns: bool) -> None:
-    read = log_of(surge, 120.0, time_constant=LAG, lag_of_turns=turns)
+        surge: Settings, turns: bool, at: float) -> None:
+    read = log_of(surge, 120.0, time_constant=LAG, lag_of_turns=turns, lag_at=at)
     changes = tune(read, surge).changes()
-    assert changes['thrusters.time_constant'] == pytest.approx(LAG, abs=0.06)
     assert changes.get('thrusters.lag_of_turns', False) is turns
+    found = changes.get('thrusters.lag_at', 0.0)
+    if at:  # the same inertia, told of another force
+        changes['thrusters.time_constant'] *= math.sqrt(found / at)  # type: ignore[operator]
+    else:
+        assert not found
+    assert changes['thrusters.time_constant'] == pytest.approx(LAG, abs=0.06)
     # from the other side: what is wrong in the file is put right, what is right stays
     configured = replace(surge, thrusters=replace(
         surge.thrusters, time_constant=LAG, lag_of_turns=True))
     changes = tune(read, configured).changes()
     assert changes.get('thrusters.lag_of_turns', True) is turns
+    assert bool(changes.get('thrusters.lag_at', 0.0)) is (at > 0.0)
 
 
 def test_a_fix_a_second_finds_the_delay_of_thrust_that_changes_sooner(surge: Settings) -> None:

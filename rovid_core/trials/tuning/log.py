@@ -9,7 +9,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.model.dofs import DOFS
-from rovid_core.model.lag import all_spun, all_turns_of, follow
+from rovid_core.model.lag import (
+    all_driven,
+    all_spun,
+    all_turns_of,
+    driven_along,
+    follow,
+    inertia_of,
+)
 from rovid_core.model.plant import Array, linear_recurrence
 from rovid_core.model.samples import Event, NS
 from rovid_core.settings.run import Settings, ThrusterSettings
@@ -28,11 +35,12 @@ class CommandedForce:
     commands [ns] increase; ``propellers`` are the forces of the thrusters, of shape
     (thrusters, n), and ``rows`` what the DOFs have of these, of shape (dofs, thrusters).
     ``linear`` lets the force go in a straight line from one command to the next. With ``of_turns``
-    a lag is that of the propellers' turns.
+    a lag is that of the propellers' turns; above 0, ``lag_at`` is the force [N] of one of them
+    about which they lag so, as a torque drives them.
     """
 
     def __init__(self, times: NDArray[np.int64], propellers: Array, rows: Array, linear: bool,
-                 of_turns: bool = False) -> None:
+                 of_turns: bool = False, lag_at: float = 0.0) -> None:
         forces = rows @ propellers
         self._origin = int(times[0])
         self._at = np.concatenate([[-BEFORE], (times - times[0]) * NS])
@@ -41,7 +49,11 @@ class CommandedForce:
         # after the last command its force stays
         self._slopes = np.concatenate([rise * linear, np.zeros((len(forces), 1))], axis=1)
         self._rows = rows if of_turns else None
-        self._turns = all_turns_of(np.concatenate([propellers[:, :1], propellers], axis=1))
+        self._lag_at = lag_at
+        self._propellers = np.concatenate([propellers[:, :1], propellers], axis=1)
+        used = propellers[np.any(rows != 0.0, axis=0)]
+        self.usual = math.sqrt(float(np.mean(used * used)))  # [N] of one propeller
+        self._followed: dict[tuple[int, float], tuple[Array, Array]] = {}
 
     def impulse(self, dof: int, times: NDArray[np.int64], delay: float, lag: float) -> Array:
         """
@@ -54,8 +66,8 @@ class CommandedForce:
         x = (times - self._origin) * NS - delay
         i = np.maximum(np.searchsorted(at, x, 'right') - 1, 0)
         if self._rows is not None and lag > 0.0:
-            return np.asarray(sum(share * _of_turns(turns, step, i, x - at[i], lag)
-                                  for share, turns in zip(self._rows[dof], self._turns) if share))
+            return np.asarray(sum(share * self._of_turns(k, i, x - at[i], lag)
+                                  for k, share in enumerate(self._rows[dof]) if share))
         decay = np.exp(-step / lag) if lag > 0.0 else np.zeros_like(step)
         # what the lagged force is behind its steady response to the ramp
         ends = force[:-1] + slope[:-1] * (step - lag) - force[1:] + slope[1:] * lag
@@ -64,18 +76,31 @@ class CommandedForce:
         total = np.concatenate([[0.0], np.cumsum(spans)])
         return np.asarray(total[i] + _span(force[i], slope[i], behind[i], x - at[i], lag))
 
+    def _of_turns(self, propeller: int, i: NDArray[np.intp], x: Array, lag: float) -> Array:
+        """Return the impulse of a propeller so long after each of some commands [s]."""
+        force = self._propellers[propeller]
+        turns = all_turns_of(force)
+        step, inertia = np.diff(self._at), inertia_of(lag, self._lag_at)
+        if (propeller, lag) not in self._followed:  # other delays and DOFs want it, too
+            if inertia:
+                at = driven_along(force[:-1], step, inertia, float(turns[0]))
+                spans = force[:-1] * step - inertia * np.diff(at)
+            else:
+                at = follow(turns[:-1], step, lag, float(turns[0]))
+                spans = all_spun(at[:-1], turns[:-1], step, lag)
+            self._followed[propeller, lag] = at, np.concatenate([[0.0], np.cumsum(spans)])
+        at, total = self._followed[propeller, lag]
+        begin = at[i]
+        if inertia:
+            gained = all_driven(begin, force[i], x, inertia) - begin
+            return np.asarray(total[i] + force[i] * x - inertia * gained)
+        return np.asarray(total[i] + all_spun(begin, turns[i], x, lag))
+
 
 def _span(force: Array, slope: Array, behind: Array, x: Array, lag: float) -> Array:
     """Return the impulse over ``x`` [s] from a command on."""
     transient = -behind * lag * np.expm1(-x / lag) if lag > 0.0 else 0.0
     return np.asarray(force * x + slope * x * (0.5 * x - lag) + transient)
-
-
-def _of_turns(steady: Array, step: Array, i: NDArray[np.intp], x: Array, lag: float) -> Array:
-    """Return the impulse of a propeller so long after each of some commands [s]."""
-    turns = follow(steady[:-1], step, lag, float(steady[0]))
-    total = np.concatenate([[0.0], np.cumsum(all_spun(turns[:-1], steady[:-1], step, lag))])
-    return np.asarray(total[i] + all_spun(turns[i], steady[i], x, lag))
 
 
 @dataclass(frozen=True)
@@ -165,7 +190,8 @@ class TuningLog(ScoreLog):
             each.append(np.array([model(one) for one in told.tolist()])[where])
         rows = np.array([thrusters.allocation[DOFS.index(dof)] for dof in self._settings.dofs])
         return CommandedForce(np.array(self._times), np.array(each), rows,
-                              thrusters.hold == 'linear', thrusters.lag_of_turns)
+                              thrusters.hold == 'linear', thrusters.lag_of_turns,
+                              thrusters.lag_at)
 
     def heading(self, times: NDArray[np.int64]) -> Array:
         """Return the heading of the vehicle at some times [ns], without jumps [rad]."""

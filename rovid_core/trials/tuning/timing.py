@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from rovid_core.model.plant import Array
@@ -23,7 +24,7 @@ from rovid_core.trials.tuning.log import CommandedForce, TuningLog
 # [s] where the search begins; below 0 commands are stamped later than the motion that they cause
 DELAYS = (-0.6, -0.35, -0.2, -0.1, 0.0, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0)
 LAGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.2, 2.0)
-OF_TURNS = 'thrusters.lag_of_turns'
+KIND = ('thrusters.lag_of_turns', 'thrusters.lag_at')
 LARGEST_EARLY = 0.1  # [s] of the lags that are tried first with a delay below 0
 # Around the best so far the grid is refined to this share of its spacing.
 FINER = (0.5, 0.125)
@@ -79,13 +80,39 @@ def _near(value: float, grid: Sequence[float], finer: float) -> list[float]:
             if grid[0] <= value + k * spacing <= max(grid[-1], value)]
 
 
+class Kind(NamedTuple):
+    """
+    What lags.
+
+    Attributes
+    ----------
+    of_turns : bool
+        The propellers' turns; else the force does.
+    at : float
+        [N] above 0 a torque drives them, and they lag so where one of them gives this force.
+
+    """
+
+    of_turns: bool
+    at: float
+
+    @staticmethod
+    def in_use(thrusters: ThrusterSettings) -> Kind:
+        """Return that of some thrusters."""
+        return Kind(thrusters.lag_of_turns, thrusters.lag_at)
+
+    def of(self, thrusters: ThrusterSettings) -> ThrusterSettings:
+        """Return some thrusters with this kind of lag."""
+        return replace(thrusters, lag_of_turns=self.of_turns, lag_at=self.at)
+
+
 @dataclass(frozen=True)
 class Timing:
     """What was found of delay and lag, which all thrusters share."""
 
     stage: Stage
     pair: Pair  # both, as they are to be used
-    of_turns: bool  # whether the lag is that of the propellers' turns
+    kind: Kind
     # which input comes later than the others say, where one does; shown by the delays of the DOFs
     late: Stage | None
 
@@ -118,7 +145,7 @@ def tune_thrust(dofs: Sequence[Dof], commanded: CommandedForce, settings: Settin
     sources = [settings.source(dof.name) for dof in dofs]
     return Timing(
         _stage(choice, after, [pairs[i] for i in choice.as_good], settings), after,
-        settings.thrusters.lag_of_turns,
+        Kind.in_use(settings.thrusters),
         late_input(sources, pairs, errors, choice.index, settings, scores))
 
 
@@ -143,38 +170,41 @@ def _stage(choice: Choice, after: Pair, as_good: Sequence[Pair], settings: Setti
 def with_other_lag(timing: Timing, dofs: Sequence[Dof], log: TuningLog,
                    thrusters: ThrusterSettings, settings: Settings, each: ParallelMap) -> Timing:
     """
-    Return the timing with a lag of the other kind, where that clearly predicts better.
+    Return the timing with a lag of another kind, where that clearly predicts better.
 
-    The force lags, or the propellers' turns do. The ``timing`` was found with ``thrusters``; the
-    other kind takes about the same delay and lag.
+    The force lags, or the propellers' turns do, which a torque may drive. The ``timing`` was found
+    with ``thrusters``; the other kinds take about the same delay and lag.
     """
     if thrusters.hold == 'linear':  # only of commands that are held the turns are known
         return timing
-    of_turns = not timing.of_turns
-    present, other = log.commanded(thrusters), log.commanded(
-        replace(thrusters, lag_of_turns=of_turns))
+    before = log.commanded(thrusters)
 
     def scores(force: CommandedForce, pairs: Sequence[Pair]) -> Sequence[Array]:
         return each(lambda k: dofs[k].fit(force, pairs).errors, range(len(dofs)))
 
-    delay, lag = timing.pair
-    near = [(a, b) for a in _near(delay, DELAYS, 1.0) for b in _near(lag, LAGS, 1.0)
-            if a >= min(delay, 0.0)]
-    pairs, errors = search_pairs(timing.pair, near, (DELAYS, LAGS), partial(scores, other),
-                                 lambda share: None)
-
-    def against(pair: Pair) -> Choice:
-        return choose([np.concatenate(both) for both in zip(
-            scores(present, [pair]), errors)], 0)
-
-    choice = against(timing.pair)
-    if not (choice.index and choice.is_better) or choice.contradicted:
-        return timing
-    after = pairs[choice.index - 1]
-    stage = _stage(against((settings.thrusters.delay, settings.thrusters.time_constant)), after,
-                   [pairs[i - 1] for i in choice.as_good if i], settings)
-    keys = {**stage.keys, OF_TURNS: Change(timing.of_turns, of_turns)}
-    return Timing(replace(stage, keys=keys), after, of_turns, None)
+    as_before = (settings.thrusters.delay, settings.thrusters.time_constant)
+    now = scores(before, [timing.pair])
+    torque = float(f'{before.usual:.3g}')
+    for kind in (Kind(False, 0.0), Kind(True, 0.0), Kind(True, torque)):
+        if kind.of_turns == timing.kind.of_turns and (kind.at > 0.0) == (timing.kind.at > 0.0):
+            continue
+        other = log.commanded(kind.of(thrusters))
+        delay, lag = timing.pair
+        near = [(a, b) for a in _near(delay, DELAYS, 1.0) for b in _near(lag, LAGS, 1.0)
+                if a >= min(delay, 0.0)]
+        pairs, errors = search_pairs(timing.pair, near, (DELAYS, LAGS), partial(scores, other),
+                                     lambda share: None)
+        choice = choose([np.concatenate(both) for both in zip(now, errors)], 0)
+        if not (choice.index and choice.is_better) or choice.contradicted:
+            continue
+        after, now = pairs[choice.index - 1], [own[[choice.index - 1]] for own in errors]
+        gained = choose([np.concatenate(both) for both in zip(
+            scores(before, [as_before]), errors)], 0)
+        stage = _stage(gained, after, [pairs[i - 1] for i in choice.as_good if i], settings)
+        keys = {**stage.keys, **{name: Change(old, new) for name, old, new in zip(
+            KIND, Kind.in_use(settings.thrusters), kind) if new != old}}
+        timing = Timing(replace(stage, keys=keys), after, kind, None)
+    return timing
 
 
 def late_input(sources: Sequence[str], pairs: list[Pair], errors: list[Array], shared: int,

@@ -151,7 +151,7 @@ def tune(read: Callable[[Settings], TuningLog], settings: Settings,
     stages.append(_rounded(timing.stage))
     done(0.7)
     coupled, pair = timed.dofs, timing.pair
-    thrusters = replace(settings.thrusters, lag_of_turns=timing.of_turns)
+    thrusters = timing.kind.of(settings.thrusters)
     found, thrusters = tune_curve(now.log, coupled, thrusters, pair)
     done(0.8)
     # what the thrusters lacked hid some couplings, or looked like one

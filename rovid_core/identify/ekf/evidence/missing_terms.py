@@ -163,7 +163,7 @@ def of_thrusters(thrusters: Thrusters, force: float) -> list[str]:
         'thrust_loss': f'thrust falls with speed, by about {100.0 * thrusters.loss:.0f} % at the '
                        'typical one'}
     return [f'{said[name]}, which is taken into account'
-            + ('' if name == 'turns_lag' and thrusters.lag_at else KEYS[name])
+            + KEYS['torque' if name == 'turns_lag' and thrusters.lag_at else name]
             for name in thrusters.found]
 
 

@@ -191,8 +191,19 @@ def test_finds_a_dead_zone(surge: Settings) -> None:
 def test_finds_the_reverse_thrust(surge: Settings) -> None:
     tuned = tune(log_of(surge, 90.0, reverse=0.8), surge)
     assert tuned.changes()['thrusters.reverse'] == pytest.approx(0.8, abs=0.05)
+    assert not any(stage.note for stage in tuned.stages if 'thrusters.reverse' in stage.keys)
     before, after = tuned.errors['surge']
     assert after < 0.8 * before
+
+
+@pytest.mark.long
+def test_a_reverse_thrust_that_no_thruster_has_is_told_as_the_end_of_what_is_tried(
+        surge: Settings) -> None:
+    [stage] = [one for one in tune(log_of(surge, 90.0, reverse=1.8), surge).stages
+               if 'thrusters.reverse' in one.keys]
+    assert stage.keys['thrusters.reverse'].after == 1.3
+    assert stage.note == ('thrusters.reverse: 1.3 is the end of what is tried: something else '
+                          'than the thrusters looks like it')
 
 
 def test_a_coupling_that_is_missing_is_added() -> None:

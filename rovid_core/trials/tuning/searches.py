@@ -76,8 +76,11 @@ def _tune_key(candidates: _Candidates,
     found = candidates.tried[choice.index if choice.is_better else 0]
     good = [found, *[candidates.tried[k] for k in choice.as_good]]
     change = Change(candidates.present, found, min(good), max(good))
-    return (Stage({f'thrusters.{candidates.key}': change}, choice.gain, choice.spread),
-            candidates.thrusters(found))
+    key, note = f'thrusters.{candidates.key}', ''
+    if found != candidates.present and found in (max(first), min(first)) and found > 0.0:
+        note = (f'{key}: {found:g} is the end of what is tried: something else than the thrusters '
+                'looks like it')
+    return Stage({key: change}, choice.gain, choice.spread, note), candidates.thrusters(found)
 
 
 class _Candidates:

@@ -565,7 +565,8 @@ class Pipeline:
                         self._scorer.begin_anew(dof)
         if anew:
             self._hint(f'{", ".join(anew)}: begun anew now that the current is known, for what is '
-                       'coupled is the velocity through the water: drive once more')
+                       'coupled is the velocity through the water; what was measured before '
+                       'does not count')
 
     def _axis(self, dof: str, time: int) -> tuple[float, ...]:
         """Return x and y of the axis of surge or sway in the world, () where no current shows."""

@@ -800,7 +800,10 @@ MUTANTS = [
          'components_of_a_wrench_are_not_exchanged',
          ('components of a wrench are exchanged', '() if is_wrench else', '')),
     *_of('rovid_core/inputs/configuration_check.py', 'test/core/test_configuration_check.py '
-         'a_mistake_is_named thrust_that_only_holds_a_dof_accuses_nothing',
+         'a_mistake_is_named thrust_that_only_holds_a_dof_accuses_nothing '
+         'the_law_is_the_one_that_fits_best_of_those_that_a_vehicle_has',
+         ('what would be negative stays', '[:, :len(signed)] < 0.0, axis=1)',
+          '[:, :len(signed)] < -1e9, axis=1)'),
          ('what is held accuses', 'HOLDING: Final = 0.0316', 'HOLDING: Final = 0.0'),
          ('beside a GPS the heading is off by another quarter',
           'self._with_signs(turned), quarter=1,', 'self._with_signs(turned), quarter=3,')),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Final, NamedTuple
 
 from rovid_core.identify.intervals import (
     Interval,
@@ -19,6 +19,9 @@ from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 TURN = 'turn by 45 degrees or more'
 """What to do first, that a current can be told from drag and bias."""
+
+KNOWN_CURRENT: Final = 0.02
+"""[m/s] How well a current has to be known, and below which it is as good as none."""
 
 
 class DofEstimate(Values):

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import combinations, product
 import math
 from statistics import NormalDist
 from typing import Final
@@ -481,7 +481,7 @@ class ConfigurationCheck:
             key = (axis, row.tobytes(), mistake.lag, mistake.quarter, mistake.mirrored)
             if key not in rows.fits:
                 force = np.tensordot(row, rows.forces[mistake.lag], 1)
-                rows.fits[key] = _log_likelihood(v, force, _others(axis, velocity))
+                rows.fits[key] = log_likelihood(v, force, _others(axis, velocity))
             total = total + rows.fits[key]
         return total
 
@@ -496,25 +496,40 @@ def _others(axis: str, velocity: dict[str, Array]) -> list[Array]:
     return found
 
 
-def _log_likelihood(velocity: Array, force: Array, others: Sequence[Array]) -> Array:
+def log_likelihood(velocity: Array, force: Array, others: Sequence[Array]) -> Array:
     """
     Return the log likelihood of each velocity after the one before, by the law.
 
-    Errors have Laplace's distribution, so that a few wild ones do not decide.
+    The law is the one of least squares among those with a, b, c and d of 0 or more. Errors have
+    Laplace's distribution, so that a few wild ones do not decide.
+
+    Parameters
+    ----------
+    velocity, force : ndarray, shape (n, 2)
+        Means over pairs of blocks that follow each other [m/s and N, or rad/s and N m].
+    others : sequence of ndarray, shape (n,)
+        The couplings, which may have either sign.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+
     """
     v, after = velocity.T
-    signed = [force[:, 0], force[:, 1], v, -v * abs(v)]
-    used = [x for x in signed if np.any(x != 0.0)]
-    while True:
-        terms = np.array([*used, np.ones_like(v), *others]).T
-        scale = np.sqrt(np.mean(terms * terms, axis=0))
-        scale[scale == 0.0] = 1.0
-        factors = np.linalg.lstsq(terms / scale, after, rcond=1e-9)[0]
-        worst = int(np.argmin(factors[:len(used)])) if used else -1
-        if worst < 0 or factors[worst] >= 0.0:
-            break
-        del used[worst]
-    error = abs(after - terms / scale @ factors)
+    signed = [x for x in (force[:, 0], force[:, 1], v, -v * abs(v)) if np.any(x != 0.0)]
+    terms = np.array([*signed, np.ones_like(v), *others]).T
+    scale = np.sqrt(np.mean(terms * terms, axis=0))
+    scale[scale == 0.0] = 1.0
+    terms = terms / scale
+    # one that would be negative is left out, and which that is depends on what else there is
+    used = np.array([(*one, *[1.0] * (len(scale) - len(signed)))
+                     for one in product((1.0, 0.0), repeat=len(signed))])
+    inverse = np.linalg.pinv(
+        used[:, :, None] * (terms.T @ terms) * used[:, None, :], rcond=1e-12, hermitian=True)
+    right = terms.T @ after
+    factors = used * np.einsum('kij,kj->ki', inverse, used * right)
+    gained = np.where(np.any(factors[:, :len(signed)] < 0.0, axis=1), -np.inf, factors @ right)
+    error = abs(after - terms @ factors[gained.argmax()])
     mean = float(np.mean(error)) or 1e-300
     return np.asarray(-math.log(mean) - error / mean)
 

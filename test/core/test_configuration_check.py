@@ -2,11 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 import math
 
 import numpy as np
 import pytest
-from rovid_core.inputs.configuration_check import BlockMeans, ConfigurationCheck
+from rovid_core.inputs.configuration_check import (
+    BlockMeans,
+    ConfigurationCheck,
+    log_likelihood,
+)
 from rovid_core.model.dofs import DOFS
 from rovid_core.model.samples import Motion
 from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
@@ -155,6 +160,25 @@ def test_thrust_that_only_holds_a_dof_accuses_nothing(
     yaw = DofSettings(MASS['yaw'], typical_force=typical)
     told = warnings(data, settings=replace(wrong, dof={**wrong.dof, 'yaw': yaw}))
     assert any('row yaw' in line for line in told) is named
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_the_law_is_the_one_that_fits_best_of_those_that_a_vehicle_has(seed: int) -> None:
+    """A term that is left out first may be one that the best law has."""
+    random = np.random.default_rng(seed)
+    path, force = 0.1 * np.cumsum(random.normal(size=61)), random.normal(size=(60, 2))
+    if seed % 2:
+        force[:, 1] = force[:, 0]  # of these there are many that fit alike
+    v, after, other = path[:-1], path[1:], random.normal(size=60)
+    fits = []
+    for used in product((False, True), repeat=4):
+        terms = np.array([*np.array([*force.T, v, -v * abs(v)])[list(used)], np.ones(60), other])
+        factors = np.linalg.lstsq(terms.T, after, rcond=1e-9)[0]
+        if not np.any(factors[:-2] < -1e-12):
+            fits.append(abs(after - factors @ terms))
+    error = min(fits, key=lambda one: one @ one)
+    found = log_likelihood(np.stack([v, after], axis=1), force, [other])
+    np.testing.assert_allclose(found, -math.log(error.mean()) - error / error.mean(), atol=1e-8)
 
 
 def test_little_data_say_nothing(data: Drive) -> None:

@@ -162,6 +162,10 @@ def test_a_current_faster_than_the_vehicle_is_none(kappa, told):
     assert ('as with a current of' in said) is told
 
 
+def test_a_current_of_a_millimetre_a_second_is_not_worth_a_word():
+    assert not described(Missing('current', 1e-4, 0.1), (1.0, -0.5, -0.1, 0.0, 0.0), SCALES)
+
+
 @pytest.mark.parametrize('name', ['exact', 'closed loop', 'lag 0.15 s'])
 def test_no_battery_runs_down_that_does_not(name):
     assert not any('battery' in note for seed in range(2)

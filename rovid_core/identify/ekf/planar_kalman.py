@@ -28,7 +28,6 @@ from rovid_core.identify.ekf.batch_start import (
 )
 from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
-    KNOWN_CURRENT,
     Turning,
     unseen_current,
     why_not_known,
@@ -64,7 +63,7 @@ from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
 from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.ekf.thruster_search import SearchBeside, ThrusterSearch
-from rovid_core.identify.estimate import Current
+from rovid_core.identify.estimate import Current, KNOWN_CURRENT
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarStart, PlanarStep

@@ -23,7 +23,7 @@ from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.evidence.verdict import Regression, Verdict
 from rovid_core.identify.ekf.planar.layout import AXES
 from rovid_core.identify.ekf.single.linearised_filter import floats
-from rovid_core.identify.estimate import Current, TURN
+from rovid_core.identify.estimate import Current, KNOWN_CURRENT, TURN
 from rovid_core.model.dofs import THRUSTS
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarPiece
@@ -31,8 +31,8 @@ from rovid_core.model.samples import PlanarPiece
 TURNED = 0.8
 """[rad] Range of headings from which the current can be told from bias and drag."""
 
-KNOWN_CURRENT, SEEN = 0.02, 1.0 / 3.0
-"""Standard deviation [m/s] of a known current, and share of the prior of one that is seen."""
+SEEN = 1.0 / 3.0
+"""Standard deviation of a current that is seen, as a share of its prior."""
 
 THRUST_ELSEWHERE = 'thrust on other headings'
 

@@ -19,6 +19,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     GAMMA,
 )
 from rovid_core.identify.ekf.single.watched_lag import LAG, LAGS
+from rovid_core.identify.estimate import KNOWN_CURRENT
 from rovid_core.identify.last_minute import KEYS, lacking, UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import EACH, Four
 from rovid_core.model.thrusters import DEAD_BAND, Thrusters
@@ -117,6 +118,8 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         # it is dragged along at the slope of the drag at half of the typical velocity
         slope = abs(theta[BETA]) + abs(theta[GAMMA])
         size = kappa / slope if slope > 0.0 else math.inf  # in typical velocities
+        if size * scales.velocity < KNOWN_CURRENT:
+            return ''  # nobody would call it one
         said = 'the heading' + ('' if size > 1.0 else (
             f', as with a current of about {size * scales.velocity:.2g} m/s'))
     else:

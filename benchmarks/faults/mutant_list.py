@@ -726,8 +726,8 @@ MUTANTS = [
     *_of('rovid_core/trials/tuning/log.py', 'test/core/test_tuning.py '
          'the_force_of_a_log_is_that_of_the_pipe',
          ('in tuning a torque drives nothing', 'inertia_of(lag, self._lag_at)', '0.0'),
-         ('in tuning what a torque turns is held', 'all_driven(begin, force[i], x, inertia) - begin',
-          '0.0 * begin')),
+         ('in tuning what a torque turns is held',
+          'all_driven(begin, force[i], x, inertia) - begin', '0.0 * begin')),
     *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
          'the_force_of_propellers_whose_turns_lag_is_that_of_short_steps',
          ('of turns the force in reverse has no lag', 'if self._turns:\n                force',

@@ -54,12 +54,18 @@ class Replays:
         self._state.write_bytes(self._before)
         self.tally = Tally()
 
-    def kill(self, delay: float) -> None:
-        """Start, kill it after so many seconds, and look at what is there."""
+    def kill(self, delay: float, written: bool = False) -> None:
+        """
+        Start, kill it after so many seconds, and look at what is there.
+
+        Where something has to be ``written``, not before that, however busy the machine is.
+        """
         process = self._start()
         try:
             process.wait(delay)
         except subprocess.TimeoutExpired:
+            while written and process.poll() is None and not self._has_written():
+                time.sleep(0.002)
             process.kill()
         code = process.wait()
         if code == 0:
@@ -79,6 +85,9 @@ class Replays:
             [sys.executable, '-m', 'rovid_ros.commands', 'replay', self._log, '--params-file',
              self._config, '--output', self._output, '--json', self._json, '--state',
              self._state], env=environment(), stdout=subprocess.DEVNULL)
+
+    def _has_written(self) -> bool:
+        return self._part.exists() and self._part.stat().st_size > 0
 
     def _look(self) -> None:
         tally = self.tally
@@ -133,6 +142,6 @@ def replay_kills(folder: Path, count: int, seed: int, duration: float = 60.0) ->
     chance, replays = random.Random(seed), Replays(folder, duration)
     tally = replays.tally
     while tally.kills < count or not tally.messages and tally.kills < 10 * count:
-        replays.kill(chance.uniform(0.3, 0.9) * replays.duration)
+        replays.kill(chance.uniform(0.3, 0.9) * replays.duration, tally.kills >= count)
     replays.finish()
     return tally

@@ -52,7 +52,7 @@ class CommandedForce:
         self._lag_at = lag_at
         self._propellers = np.concatenate([propellers[:, :1], propellers], axis=1)
         used = propellers[np.any(rows != 0.0, axis=0)]
-        self.usual = math.sqrt(float(np.mean(used * used)))  # [N] of one propeller
+        self.usual = math.sqrt(float(np.sum(used * used)) / max(used.size, 1))  # [N] of one
         self._followed: dict[tuple[int, float], tuple[Array, Array]] = {}
 
     def impulse(self, dof: int, times: NDArray[np.int64], delay: float, lag: float) -> Array:

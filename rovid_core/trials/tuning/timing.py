@@ -194,17 +194,21 @@ def with_other_lag(timing: Timing, dofs: Sequence[Dof], log: TuningLog,
                 if a >= min(delay, 0.0)]
         pairs, errors = search_pairs(timing.pair, near, (DELAYS, LAGS), partial(scores, other),
                                      lambda share: None)
-        choice = choose([np.concatenate(both) for both in zip(now, errors)], 0)
+        choice = _choose_after(now, errors)
         if not (choice.index and choice.is_better) or choice.contradicted:
             continue
         after, now = pairs[choice.index - 1], [own[[choice.index - 1]] for own in errors]
-        gained = choose([np.concatenate(both) for both in zip(
-            scores(before, [as_before]), errors)], 0)
+        gained = _choose_after(scores(before, [as_before]), errors)
         stage = _stage(gained, after, [pairs[i - 1] for i in choice.as_good if i], settings)
         keys = {**stage.keys, **{name: Change(old, new) for name, old, new in zip(
             KIND, Kind.in_use(settings.thrusters), kind) if new != old}}
         timing = Timing(replace(stage, keys=keys), after, kind, None)
     return timing
+
+
+def _choose_after(first: Sequence[Array], errors: Sequence[Array]) -> Choice:
+    """Choose among some candidates, with one before them that is in use."""
+    return choose([np.concatenate(both) for both in zip(first, errors)], 0)
 
 
 def late_input(sources: Sequence[str], pairs: list[Pair], errors: list[Array], shared: int,

@@ -442,6 +442,16 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/single/watched_lag.py', 'test/core/test_linearised_filter.py '
          'what_a_lag_takes_of_a_force_that_is_watched_goes_as_it_stays',
          ('a second lag is as the first', '- off * left * h / LAG', '')),
+    *_of('rovid_core/identify/ekf/single/linearised_filter.py',
+         'test/core/test_linearised_filter.py '
+         'a_filter_that_begins_under_way_sees_no_lag_in_the_thrust_there_is',
+         ('what lags is at rest where the filter begins', 'self._watched_lag.begin(first)',
+          'self._watched_lag.begin(0.0)')),
+    *_of('rovid_core/identify/ekf/planar/filter_with_current.py',
+         'test/core/test_planar_filter.py '
+         'a_filter_that_begins_under_way_sees_no_lag_in_the_thrust_there_is',
+         ('what lags is at rest where the filter of two begins', 'self.lag.begin(first)',
+          'self.lag.begin(0.0)')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'what_is_found_missing_first_does_not_hide_the_rest',
          ('what is found missing hides the rest',

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, GAMMA, LinearisedFilter
-from rovid_core.identify.ekf.single.watched_lag import WatchedLag
+from rovid_core.identify.ekf.single.watched_lag import LAGS, SECOND_LAG, WatchedLag
 from rovid_core.model.dofs import EACH
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 from scipy.signal import lfilter
@@ -161,17 +161,36 @@ def test_what_a_lag_takes_of_a_force_that_is_watched_goes_as_it_stays():
     assert taken[2] == pytest.approx(force * lag, rel=1e-6)
     assert one.of_force == pytest.approx(0.0, abs=1e-6)
     # of a second lag behind the first: 1 - e = 1 - (1 + t / T) exp(-t / T) of the force is there
-    one.restart()
+    one.begin(0.0)
     one.move(force, lag)
     one.move(force, 0.5 * lag)
     left = [(1.0 + t) * np.exp(-t) for t in (1.0, 1.5)]
     assert one.of_second == pytest.approx(2.0 * force * (left[0] - left[1]))
+    # a force that has long been held lags no more
+    one.begin(-force)
+    one.move(-force, dt)
+    assert (one.of_force, one.of_turns, one.of_second) == pytest.approx((0.0, 0.0, 0.0))
     same = WatchedLag()
     same.restore(one.state())
     for each in (one, same):
         each.move(0.2, dt)
     assert (same.of_force, same.of_turns, same.of_second) == (
         one.of_force, one.of_turns, one.of_second)
+
+
+def test_a_filter_that_begins_under_way_sees_no_lag_in_the_thrust_there_is():
+    """After a gap, or in a log that begins there: what it saw in that would hide a real lag."""
+    filter, recent = LinearisedFilter(THETA, [0.0] * 5, 0.0), DelayedForce()
+    filter.set_motion(1.0, (0.0, 0.0))
+    lags = [len(THETA) + CANDIDATES.index(name) for name in (*LAGS, SECOND_LAG)]
+    recent.add([(0.1, 0.7)] * 20, True)
+    for k in range(20):
+        filter.move(recent, 0.1 * k, 0.1 * (k + 1))
+    path, *_ = filter.sensitivities
+    assert [path[i] for i in lags] == pytest.approx([0.0] * 3, abs=1e-12)
+    recent.add([(0.1, -0.7)] * 5, True)
+    filter.move(recent, 2.0, 2.5)
+    assert np.abs(np.array(filter.sensitivities)[0, lags]).min() > 0.01
 
 
 @pytest.mark.parametrize('held', [True, False])

@@ -10,6 +10,7 @@ from rovid_core.identify.ekf.planar.layout import Row
 from rovid_core.identify.ekf.planar.member import PlanarClock
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
+from rovid_core.identify.ekf.single.watched_lag import LAGS, SECOND_LAG
 from rovid_core.model.dofs import EACH
 from rovid_core.model.samples import PlanarPiece, PlanarStep
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
@@ -158,6 +159,20 @@ def test_thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays():
         loss = len(THETA) + len(CANDIDATES) * k + CANDIDATES.index('thrust_loss')
         assert abs(drag).max() > 0.0
         assert filter.sensitivities[:4, loss] == pytest.approx(root * drag)
+
+
+def test_a_filter_that_begins_under_way_sees_no_lag_in_the_thrust_there_is():
+    filter, recent = PlanarFilter(ROWS, THETA, [0.0] * 15), (DelayedForce(), DelayedForce())
+    filter.set_motion((0.3, -0.1), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
+    for one, force in zip(recent, (-0.49, 0.25)):
+        one.add([(1.0, force), (1.0, -force)], held=True)
+    lags = [len(THETA) + len(CANDIDATES) * k + CANDIDATES.index(name)
+            for k in range(2) for name in (*LAGS, SECOND_LAG)]
+    for begin, least, most in ((0.0, 0.0, 1e-12), (1.0, 1e-3, 1.0)):
+        filter.move(recent, begin, begin + 1.0, [
+            PlanarPiece(1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)] * 5, ((), (0.3,)), 0.0)
+        sizes = abs(filter.sensitivities[:4, lags]).max(axis=0)
+        assert least <= sizes.min() and sizes.max() <= most
 
 
 def test_what_one_thruster_does_by_itself_is_what_the_force_of_its_dof_does():

@@ -81,13 +81,15 @@ class Push:
     def restart(self) -> None:
         """Begin anew."""
         self.last = math.nan
-        self.lag.restart()
 
     def move(self, recent: DelayedForce, start: float, end: float, delay: float) -> None:
         """Go on from ``start`` to ``end`` [s] with a force that acts after a delay [s]."""
         h, before = end - start, self.last
         self.impulse, self.moment, first, self.last = recent.over(start, end, delay)
-        self.before = first if before != before else before
+        if before != before:
+            before = first
+            self.lag.begin(first)
+        self.before = before
         self.lag.move(self.impulse / h, h)
         (self.reverse, self.reverse_moment), (self.cut, self.cut_moment) = recent.bent(
             start, end, delay)

@@ -163,7 +163,6 @@ class LinearisedFilter:
         for one in self._columns:
             one.path = one.velocity = one.force = 0.0
         self._pushed = self._columns[:self._always]
-        self._watched_lag.restart()
         self._force = math.nan  # at the end of the last step, where there was one
 
     def move(self, recent: DelayedForce, start: float, end: float,
@@ -234,7 +233,10 @@ class LinearisedFilter:
         keep = 1.0 + decay * (1.0 + 0.5 * decay)
         # where in the step the force acts counts; a delay feels by how much it has risen since
         # the last step, which is all of its jumps, each of them once
-        before = first if self._force != self._force else self._force
+        before = self._force
+        if before != before:
+            before = first
+            self._watched_lag.begin(first)
         self._force = last
         rise = last - before - (slowing(last) - slowing(before)) * w
         late = 2.0 * moment - before * h * h

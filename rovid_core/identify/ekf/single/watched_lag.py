@@ -41,11 +41,12 @@ class WatchedLag:
 
     def __init__(self, lag_at: float = 0.0) -> None:
         self._inertia = inertia_of(LAG, lag_at)
-        self.restart()
+        self.begin(0.0)
 
-    def restart(self) -> None:
-        """Begin at rest."""
-        self._lagged = self._twice = self._turns = 0.0
+    def begin(self, force: float) -> None:
+        """Begin under a force that has long been held."""
+        self._lagged = self._twice = force
+        self._turns = turns_of(force)
         self.of_force = self.of_turns = self.of_second = 0.0
 
     def move(self, force: float, h: float) -> None:

@@ -488,7 +488,17 @@ MUTANTS = [
     *_of('rovid_core/pipeline/steps.py', 'test/core/test_current.py '
          'yaw_is_coupled_with_the_velocity_through_the_water',
          ('yaw is coupled with a velocity over ground',
-          'velocity[:2] = source.planar', 'velocity[3:] = source.planar')),
+          'source.planar is None) else', 'True) else')),
+    *_of('rovid_core/pipeline/steps.py', 'test/core/test_current.py '
+         'what_yaw_learned_beside_velocities_that_were_not_found_yet_does_not_count',
+         ('what was coupled with differences of fixes counts',
+          'self._is_found(source) and not was_found', 'False'),
+         ('what yaw learned by itself is forgotten', '.identifier.kept <= kept',
+          '.identifier.kept <= math.inf')),
+    *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
+         'between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thrust',
+         ('between slow fixes velocities go straight',
+          'step.dt <= LONGEST_STEP or not self.way', 'True')),
     *_of('rovid_core/identify/ekf/planar/filter_with_current.py', 'test/core/test_current.py '
          'what_looks_like_a_current_is_named_with_its_size',
          ('a sensor ahead swings the other way',

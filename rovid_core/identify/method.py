@@ -67,6 +67,16 @@ class Identifier(Protocol):
         return self.uncertainty.delay_std
 
     @property
+    def is_found(self) -> bool:
+        """Tell whether ``v_hat`` is of a model that some seconds of data gave."""
+        return True
+
+    @property
+    def kept(self) -> float:
+        """Return of how much motion under thrust all data are kept [s], inf if they are not."""
+        return math.inf
+
+    @property
     def fit(self) -> float:
         """Return how much of the motion the model predicts without corrections."""
         return math.nan

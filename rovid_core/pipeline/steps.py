@@ -25,6 +25,12 @@ from rovid_core.velocity.couplings import CouplingRegressors, own_regressors
 SOURCES = ('position', 'depth', 'attitude', 'angular_velocity', 'velocity')
 """Inputs that velocities are made of."""
 
+SOON = 40.0
+"""
+[s] of motion under thrust within which a DOF begins anew when the velocities that it is coupled
+with are known better.
+"""
+
 AXES: dict[str, Vector] = {'surge': (1.0, 0.0, 0.0), 'sway': (0.0, 1.0, 0.0)}
 """Axes of the body that a current of the water acts along."""
 
@@ -441,6 +447,7 @@ class Pipeline:
         middle = min(max(motion.start, last.time), time)
         span = last.time, middle, time
         steps = self._steps_of(source, last, motion, span)
+        was_found = self._is_found(source)
         if source.planar is not None:
             source.planar.add(span, last, motion, dict(zip(source.dofs, steps)), self.adapt)
             self._tell_current(source.planar, time)
@@ -456,7 +463,7 @@ class Pipeline:
                 self._scorer.add_step(dof, span, step, (
                     self._axis(dof, middle), self._axis(dof, time)
                     ) if self._sees_current else ((), ()))
-        self._tell_velocity(source, motion)
+        self._tell_velocity(source, motion, was_found)
         source.last = motion
         source.warn_if_clamped()
         if not (self._whole or self._sizes_told):
@@ -534,39 +541,59 @@ class Pipeline:
         if self._scorer is not None and current.is_seen:
             self._scorer.add_current(time, current.x, current.y)
         if planar.filter.current_is_new:
-            self._begin_coupled_anew()
+            anew = self._begin_coupled_anew(math.inf)
+            if anew:
+                self._hint(f'{", ".join(anew)}: begun anew now that the current is known, for '
+                           'what is coupled is the velocity through the water; what was measured '
+                           'before does not count')
 
-    def _tell_velocity(self, source: FilteredSource, motion: Motion) -> None:
-        """Tell the couplings of other sources the velocity that the filters of this one have."""
+    def _tell_velocity(self, source: FilteredSource, motion: Motion, was_found: bool) -> None:
+        """
+        Tell the couplings of other sources the velocity that the filters of this one have.
+
+        ``was_found`` tells whether it was that before this step, too.
+        """
         if not (self._tells_velocity and self._is_linear(source)):
             return
         velocity = list(motion.body)
         for i, dof in zip(source.indices, source.dofs):
             if dof in LINEAR_DOFS:
                 velocity[LINEAR_DOFS.index(dof)] = self.dofs[i].identifier.v_hat
-        if source.planar is not None:
-            velocity[:2] = source.planar.filter.water_velocity or (math.nan, math.nan)
-        if any(map(math.isnan, velocity)):
+        if self._is_found(source) and not was_found:
+            self._begin_coupled_anew(SOON)
+        way = [(0.0, velocity[0], velocity[1])] if (
+            source.planar is None) else source.planar.filter.way
+        if not way or any(map(math.isnan, velocity)):
             self._couplings.forget_filtered()
-        else:
-            self._couplings.add_filtered(motion.time, (velocity[0], velocity[1], velocity[2]))
+            return
+        for before, u, v in way:
+            self._couplings.add_filtered(
+                motion.time - round(before / NS), (u, v, velocity[2]))
 
-    def _begin_coupled_anew(self) -> None:
-        """Forget what DOFs have learned that were coupled with a velocity that was not known."""
+    def _is_found(self, source: FilteredSource) -> bool:
+        """Tell whether couplings get the velocity of a source as filters that know it have it."""
+        return self._tells_velocity and self._is_linear(source) and False not in [
+            self.dofs[i].identifier.is_found for i, dof in zip(source.indices, source.dofs)
+            if dof in LINEAR_DOFS]
+
+    def _begin_coupled_anew(self, kept: float) -> list[str]:
+        """
+        Forget what DOFs have learned that were coupled with a velocity that was not known.
+
+        Those of which no more than ``kept`` [s] is kept; returns which.
+        """
         anew = []
         for source in self._sources:
-            for i in source.indices if source.planar is None else ():
+            for i in source.indices if not self._is_linear(source) else ():
                 dof = self._settings.dofs[i]
-                if self._couplings.has_velocity(self._settings.couplings(dof)):
+                if self._couplings.has_velocity(self._settings.couplings(dof)) and (
+                        self.dofs[i].identifier.kept <= kept):
                     self.dofs[i].begin_anew()
                     anew.append(dof)
                     source.last = None
                     if self._scorer is not None:
                         self._scorer.begin_anew(dof)
-        if anew:
-            self._hint(f'{", ".join(anew)}: begun anew now that the current is known, for what is '
-                       'coupled is the velocity through the water; what was measured before '
-                       'does not count')
+        return anew
 
     def _axis(self, dof: str, time: int) -> tuple[float, ...]:
         """Return x and y of the axis of surge or sway in the world, () where no current shows."""

@@ -39,7 +39,7 @@ def test_in_a_tank_the_noise_of_fixes_does_not_make_yaw_heavier(
         '    dofs:', '    current: {prior: 0.0}\n    dofs:', 1))
     assert_found(log, masses, still, result)
     yaw = json.loads(result.read_text())['dofs']['yaw']
-    assert yaw['mass'] == pytest.approx(masses['yaw'], rel=0.01)
+    assert yaw['mass'] == pytest.approx(masses['yaw'], rel=0.015)
 
 
 def test_init_is_not_misled_by_what_the_axes_do_to_each_other(

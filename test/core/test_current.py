@@ -6,6 +6,7 @@ import json
 import re
 
 import pytest
+from rovid_core.model.samples import Sample
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import CurrentSettings, DofSettings
 from rovid_core.trials.score import ScoreLog
@@ -122,6 +123,34 @@ def test_yaw_begins_anew_with_what_it_has_where_there_is_a_current(current, anew
     k = next(k for k, one in enumerate(found) if one.current.status == 'known')
     alphas = [one.dofs[2].parameters[0] for one in found[k - 20:k + 20]]
     assert min(alphas) > 1.1 / with_yaw().dof['yaw'].mass  # not at the guess again
+
+
+def test_between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thrust():
+    """A straight line between velocities at the fixes made its inertia a quarter larger."""
+    run = Run(rate=1.0, noise=0.02, duration=150.0, current=(0.0, 0.0))
+    stream = Stream(with_yaw(run))
+    followed(stream, run, 75.0)
+    same = Stream(with_yaw(run))
+    stream.interrupt()  # the state has no histories of the inputs
+    same.restore(json.loads(json.dumps(stream.state())))
+    yaw, again = [followed(one, run, start=75.0)[-1].dofs[2] for one in (stream, same)]
+    assert 1.0 / yaw.parameters[0] == pytest.approx(TRUTH['yaw'].mass, rel=0.05)
+    assert again.parameters == yaw.parameters
+
+
+@pytest.mark.parametrize(('late', 'anew'), [(0.0, True), (60.0, False)])
+def test_what_yaw_learned_beside_velocities_that_were_not_found_yet_does_not_count(late, anew):
+    """Unless that was much: it may be driven first."""
+    run = replace(FIXES, current=(0.0, 0.0), duration=late + 40.0)
+    stream, begun = Stream(with_yaw(run)), []
+    for event in events(run):
+        if event.samples[0].input == 'thrusters' and event.time < late * 1e9:
+            surge, sway, *rest = event.samples[0].value
+            event = event.replaced(samples=(Sample('thrusters', (0.0, 0.0, *rest)),))
+        found = stream.receive(event)
+        begun += [one.dofs[2].steps for one in found
+                  if one.dofs[2].steps and one.dofs[2].judgement.reasons == ('no step yet',)]
+    assert bool(begun) is anew
 
 
 @pytest.mark.parametrize('own', ['reverse_thrust', 'reverse_drag'])
@@ -423,6 +452,6 @@ def test_after_a_change_the_vehicle_is_found_anew_and_the_current_stays():
     for dof in last.dofs:
         true = TRUTH[dof.dof].mass / 0.6
         assert 1.0 / dof.parameters[0] == pytest.approx(true, rel=0.04)
-        assert dof.std[0] < 0.025 * dof.parameters[0]
+        assert dof.std[0] < 0.03 * dof.parameters[0]
     assert last.current.status == 'known'
     assert away(last.current[:2]) < 0.02

@@ -276,6 +276,16 @@ class ExtendedKalman(Identifier):
         return member.update(span.i, span.value, span.dt, adapt, beginning)
 
     @property
+    def is_found(self) -> bool:
+        """Tell whether the first data were gone through."""
+        return self._is_solved
+
+    @property
+    def kept(self) -> float:
+        """Return of how much motion under thrust all data are kept [s], inf if they are not."""
+        return math.inf if self._start is None else self._start.duration
+
+    @property
     def fit(self) -> float:
         """Return how much of the motion the model predicts without corrections."""
         fit = self._bank.best.prediction.fit

@@ -51,6 +51,7 @@ from rovid_core.identify.ekf.extended_kalman import (
 )
 from rovid_core.identify.ekf.filter_bank import BLOCK, FilterBank, LOST, OUTLIER
 from rovid_core.identify.ekf.normalised_model import FilterUncertainty, Unmodelled
+from rovid_core.identify.ekf.planar.filter_with_current import PlanarFilter
 from rovid_core.identify.ekf.planar.layout import AXES, CURRENT, DOFS, PlanarModel
 from rovid_core.identify.ekf.planar.member import (
     BothThrusters,
@@ -61,7 +62,7 @@ from rovid_core.identify.ekf.planar.member import (
 )
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
-from rovid_core.identify.ekf.single.linearised_filter import floats
+from rovid_core.identify.ekf.single.linearised_filter import floats, LONGEST as LONGEST_STEP
 from rovid_core.identify.ekf.thruster_search import SearchBeside, ThrusterSearch
 from rovid_core.identify.estimate import Current, KNOWN_CURRENT
 from rovid_core.identify.excitation import MIN_EXCITATION
@@ -104,11 +105,14 @@ class PlanarKalman:
         Why the last step was refused, '' if it was not.
     newest : int or None
         Time of the end of the last step [ns].
-    water_velocity : tuple of 2 floats or None
-        Of surge and sway through the water at that time [m/s], over ground while nothing is known
-        of a current; None before the parameters have been found from the first data.
+    way : list of tuples of 3 floats
+        How long before that time [s], and the velocity through the water of surge and of sway
+        then [m/s], over ground while nothing is known of a current: along a step that takes long
+        in short parts, else at its end alone; empty before ``is_found``.
     current : Current
         What is known of it.
+    is_found : bool
+        Whether the first data were gone through.
     current_is_new : bool
         Whether the last step made a current known, for the first time and at the start.
 
@@ -131,8 +135,8 @@ class PlanarKalman:
         self._take_thrusters(thrusters)
         self._theta = [*list(theta)[:-2], 0.0, 0.0]
         self._variances = list(self._model.variances)
-        self._free = self._is_found = self._knew_current = self.current_is_new = False
-        self.water_velocity: tuple[float, float] | None = None
+        self._free = self.is_found = self._knew_current = self.current_is_new = False
+        self.way: list[tuple[float, float, float]] = []
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
@@ -199,7 +203,7 @@ class PlanarKalman:
         for member in self._bank.members:
             member.restart(start)
         self._prediction.interrupt()
-        self._moving = True
+        self._moving, self.way = True, []
         for row in self.rows.values():
             row.v_hat = start.velocity[row.k]
         if self._start is not None:
@@ -220,7 +224,7 @@ class PlanarKalman:
         self.refused, self.current_is_new = '', False
         if not self._in_range(step):
             self._moving = False
-            self.refused, self.water_velocity = 'out_of_range', None
+            self.refused, self.way = 'out_of_range', []
             return
         if not self._moving:
             self.restart(_start_of(step))
@@ -264,10 +268,10 @@ class PlanarKalman:
         elif BLOCK in found:
             self._end_blocks(found, step)
         is_other = self._search_for(step.dt)
+        velocities = self._follow(step)
         for row in self.rows.values():
-            row.v_hat = self._velocity(row.k, step)
-        self.water_velocity = (self._water_velocity(0, step), self._water_velocity(1, step)) if (
-            self._is_found) else None
+            row.v_hat = self._over_ground(row.k, step, velocities[-1][1 + row.k])
+        self.way = velocities if self.is_found else []
         if is_other or span is not None:
             self._publish()
         if self.current.status == 'known' and not self._knew_current:
@@ -323,7 +327,7 @@ class PlanarKalman:
         if not self._free and turning.has_turned and not turning.lacks(start.duration):
             self._free = True
             self._free = finish(self._bank.go_through_again(start, self._theta, True))
-            self._is_found |= self._free
+            self.is_found |= self._free
             self._search.drop()  # it goes on as in still water
             if not self._free:
                 turning.turned_at = start.duration  # what there is has led nowhere
@@ -341,7 +345,7 @@ class PlanarKalman:
         if start.duration < start.next or turning.has_turned and not self._free:
             return
         bank = self._bank
-        self._is_found |= finish(
+        self.is_found |= finish(
             bank.go_through_again(start, self._theta, start.next <= PERIOD))
         if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
@@ -407,7 +411,8 @@ class PlanarKalman:
 
     def _begin_again(self, step: PlanarStep, changed_at: float) -> None:
         """Begin with what the parameters may have become; the noise is what it was."""
-        velocity = self._velocity(0, step), self._velocity(1, step)
+        _, u, v = self._follow(step)[-1]
+        velocity = self._over_ground(0, step, u), self._over_ground(1, step, v)
         filter = self._bank.best.filter
         self._theta = [*filter.theta[:-AXES].tolist(), *filter.motion[CURRENT].tolist()]
         self._variances = self._model.variances_after_change(self._theta)
@@ -417,14 +422,51 @@ class PlanarKalman:
         self._idle = 0.0
         self.restart(PlanarStart(velocity, step.axes))
 
-    def _velocity(self, k: int, step: PlanarStep) -> float:
-        """Return the velocity over ground at the end of the step [m/s]."""
+    def _over_ground(self, k: int, step: PlanarStep, velocity: float) -> float:
+        """Return a velocity through the water at the end of a step over ground [m/s]."""
         current = self._bank.tracker.filter.motion[CURRENT].tolist()
         x, y = step.axes[2 * k:2 * k + 2]
-        return self._water_velocity(k, step) + x * float(current[0]) + y * float(current[1])
+        return velocity + x * float(current[0]) + y * float(current[1])
+
+    def _follow(self, step: PlanarStep) -> list[tuple[float, float, float]]:
+        """Return ``way`` of a step that was taken."""
+        if step.dt <= LONGEST_STEP or not self.way:
+            return [(0.0, self._water_velocity(0, step), self._water_velocity(1, step))]
+        ahead = self._clock.ahead
+        _, *velocity = self.way[-1]
+        found = self._bank.tracker.filter.motion[2:4].tolist()
+        way = self._predicted(step, velocity, step.dt, ahead)
+        if way:
+            # what the measurement has told came up on the way to it
+            _, u, v = way[-1]
+            du, dv = (found[0] - u) / len(way), (found[1] - v) / len(way)
+            way = [(at, u + i * du, v + i * dv) for i, (at, u, v) in enumerate(way, 1)]
+        return way + self._predicted(step, found, ahead, 0.0)
+
+    def _predicted(self, step: PlanarStep, velocity: Sequence[float], begin: float,
+                   end: float) -> list[tuple[float, float, float]]:
+        """Return what becomes of a velocity; both times are before the end of a step [s]."""
+        filter, recent = self._bank.tracker.filter, self._clock.recent
+        model = PlanarFilter(self._model.rows, filter.theta.tolist(), [0.0] * self._model.size,
+                             thrusters=self._thrusters)
+        model.motion[2:4], model.motion[6:] = velocity, filter.motion[6:]
+        count = math.ceil((begin - end) / LONGEST_STEP)
+        # the pieces end with the measurement, and begin with the one before
+        ahead = self._clock.ahead
+        length = (step.dt - ahead) * (2.0 if step.interval else 1.0) / len(step.pieces)
+        way: list[tuple[float, float, float]] = []
+        for i in range(count):
+            at, then = [begin - (begin - end) * k / count for k in (i, i + 1)]
+            past = max(0.5 * (at + then) - ahead, 0.0)
+            piece = step.pieces[-1 - min(int(past / length), len(step.pieces) - 1)]
+            model.move(recent, recent[0].end - at, recent[0].end - then, [piece],
+                       step.couplings, 0.0, alone=True)
+            u, v = model.motion[2:4].tolist()
+            way.append((then, u, v))
+        return way
 
     def _water_velocity(self, k: int, step: PlanarStep) -> float:
-        """Return the velocity through the water at the end of the step [m/s]."""
+        """Return the velocity through the water at the end of a short step [m/s]."""
         filter, row = self._bank.tracker.filter, self._model.rows[k]
         theta, motion = filter.theta.tolist(), filter.motion.tolist()
         v, other = motion[2 + k], motion[3 - k]
@@ -539,7 +581,7 @@ class PlanarKalman:
         return {
             'theta': list(self._theta), 'variances': list(self._variances),
             'thrusters': [list(one) for one in self._thrusters],
-            'free': self._free, 'found': self._is_found,
+            'free': self._free, 'found': self.is_found,
             'knew_current': self._knew_current, 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
@@ -549,7 +591,8 @@ class PlanarKalman:
             'windows': self._windows,
             'heading': self._turning.state(),
             'turned_at': self._turning.turned_at if self._turning.has_turned else None,
-            'excitations': list(self.excitations), 'newest': self.newest}
+            'excitations': list(self.excitations), 'newest': self.newest,
+            'way': [list(point) for point in self.way[-1:]]}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -558,7 +601,7 @@ class PlanarKalman:
         self._begin(theta, (read_thrusters(one), read_thrusters(other)))
         self._theta = theta
         self._variances = floats(state['variances'], self._model.size)
-        self._free, self._is_found, self._knew_current = (
+        self._free, self.is_found, self._knew_current = (
             bool(state[name]) for name in ('free', 'found', 'knew_current'))
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._bank.restore(state['bank'])
@@ -575,6 +618,9 @@ class PlanarKalman:
         self._turning.restore(state['heading'], state['turned_at'])
         self.excitations = floats(state['excitations'], 2)
         self.newest = None if state['newest'] is None else int(state['newest'])
+        for point in state['way']:
+            left, u, v = floats(point, 3)
+            self.way = [(left, u, v)]
         self._search.restore(state['search'])
         self._publish()
 

@@ -47,6 +47,11 @@ class PlanarRow(Identifier):
         self.excitation = 0.0
 
     @property
+    def is_found(self) -> bool:
+        """Tell whether the first data of both were gone through."""
+        return self._filter.is_found
+
+    @property
     def fit(self) -> float:
         """Return how much of the motion the model predicts without corrections."""
         return self._filter.fit(self.k)

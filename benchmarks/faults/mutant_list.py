@@ -488,7 +488,8 @@ MUTANTS = [
     *_of('rovid_core/pipeline/steps.py', 'test/core/test_current.py '
          'yaw_is_coupled_with_the_velocity_through_the_water',
          ('yaw is coupled with a velocity over ground',
-          'source.planar is None) else', 'True) else')),
+          'ways[0], ways[1] = [(at, u) for at, u, _ in both], [(at, v) for at, _, v in both]',
+          'pass')),
     *_of('rovid_core/pipeline/steps.py', 'test/core/test_current.py '
          'what_yaw_learned_beside_velocities_that_were_not_found_yet_does_not_count',
          ('what was coupled with differences of fixes counts',
@@ -498,7 +499,15 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thrust',
          ('between slow fixes velocities go straight',
-          'step.dt <= LONGEST_STEP or not self.way', 'True')),
+          'is_long(step.dt) and self.way', 'False')),
+    *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_current.py '
+         'between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thrust',
+         ('between slow fixes in still water velocities go straight',
+          'is_long(step.dt) and self._way', 'False')),
+    *_of('rovid_core/identify/ekf/between_fixes.py', 'test/core/test_current.py '
+         'between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thrust',
+         ('what a fix tells is there at once',
+          'old + k * more', 'old')),
     *_of('rovid_core/identify/ekf/planar/filter_with_current.py', 'test/core/test_current.py '
          'what_looks_like_a_current_is_named_with_its_size',
          ('a sensor ahead swings the other way',

@@ -72,6 +72,11 @@ class Identifier(Protocol):
         return True
 
     @property
+    def way(self) -> list[tuple[float, ...]]:
+        """Return how long before the end of the last step [s] the velocity was what, by time."""
+        return [(0.0, self.v_hat)]
+
+    @property
     def kept(self) -> float:
         """Return of how much motion under thrust all data are kept [s], inf if they are not."""
         return math.inf

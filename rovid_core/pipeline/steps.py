@@ -555,20 +555,22 @@ class Pipeline:
         """
         if not (self._tells_velocity and self._is_linear(source)):
             return
-        velocity = list(motion.body)
-        for i, dof in zip(source.indices, source.dofs):
-            if dof in LINEAR_DOFS:
-                velocity[LINEAR_DOFS.index(dof)] = self.dofs[i].identifier.v_hat
         if self._is_found(source) and not was_found:
             self._begin_coupled_anew(SOON)
-        way = [(0.0, velocity[0], velocity[1])] if (
-            source.planar is None) else source.planar.filter.way
-        if not way or any(map(math.isnan, velocity)):
-            self._couplings.forget_filtered()
-            return
-        for before, u, v in way:
+        ways = {LINEAR_DOFS.index(dof): self.dofs[i].identifier.way
+                for i, dof in zip(source.indices, source.dofs) if dof in LINEAR_DOFS}
+        if source.planar is not None:
+            both = source.planar.filter.way
+            ways[0], ways[1] = [(at, u) for at, u, _ in both], [(at, v) for at, _, v in both]
+        told, velocity = max(ways.values(), key=len), list(motion.body)
+        for k, (before, _) in enumerate(told):
+            for axis, way in ways.items():
+                velocity[axis] = way[k if len(way) == len(told) else -1][1] if way else math.nan
+            if any(map(math.isnan, velocity)):
+                self._couplings.forget_filtered()
+                return
             self._couplings.add_filtered(
-                motion.time - round(before / NS), (u, v, velocity[2]))
+                motion.time - round(before / NS), (velocity[0], velocity[1], velocity[2]))
 
     def _is_found(self, source: FilteredSource) -> bool:
         """Tell whether couplings get the velocity of a source as filters that know it have it."""

@@ -70,6 +70,9 @@ class Steps:
     def add_step(self, dof: str, span: tuple[int, int, int], step: Step, axes: Any) -> None:
         self.steps[dof].append(step)
 
+    def begin_anew(self, dof: str) -> None:
+        pass
+
     def add_commands(self, time: int, raw: tuple[float, ...]) -> None:
         pass
 

@@ -125,16 +125,18 @@ def test_yaw_begins_anew_with_what_it_has_where_there_is_a_current(current, anew
     assert min(alphas) > 1.1 / with_yaw().dof['yaw'].mass  # not at the guess again
 
 
-def test_between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thrust():
-    """A straight line between velocities at the fixes made its inertia a quarter larger."""
+@pytest.mark.parametrize('current', [CurrentSettings(), CurrentSettings(prior=0.0)])
+def test_between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thrust(current):
+    """With a straight line between velocities at the fixes its inertia could be 65 % larger."""
     run = Run(rate=1.0, noise=0.02, duration=150.0, current=(0.0, 0.0))
-    stream = Stream(with_yaw(run))
+    known = replace(with_yaw(run), current=current)
+    stream, same = Stream(known), Stream(known)
     followed(stream, run, 75.0)
-    same = Stream(with_yaw(run))
     stream.interrupt()  # the state has no histories of the inputs
     same.restore(json.loads(json.dumps(stream.state())))
     yaw, again = [followed(one, run, start=75.0)[-1].dofs[2] for one in (stream, same)]
-    assert 1.0 / yaw.parameters[0] == pytest.approx(TRUTH['yaw'].mass, rel=0.05)
+    least, most = yaw.intervals['mass']
+    assert least < TRUTH['yaw'].mass < most < 1.35 * TRUTH['yaw'].mass
     assert again.parameters == yaw.parameters
 
 

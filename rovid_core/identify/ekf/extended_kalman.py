@@ -25,6 +25,7 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
+from rovid_core.identify.ekf.between_fixes import is_long, led_to, parts, Way
 from rovid_core.identify.ekf.evidence.innovations import SOON
 from rovid_core.identify.ekf.evidence.missing_terms import (
     clocks_in_doubt,
@@ -161,6 +162,7 @@ class ExtendedKalman(Identifier):
         self._is_later = False  # whether what was kept first was left behind, as it said nothing
         self._is_solved = False  # whether what is kept was gone through
         self.v_hat = math.nan
+        self._way: Way = []
         self.excitation = 0.0
         self._published: Verdict | None = None  # what ``uncertainty`` was made of
         self._publish()
@@ -203,7 +205,7 @@ class ExtendedKalman(Identifier):
         self._clock.restart()
         for member in self._bank.members:
             member.restart(velocity / self._scales.velocity)
-        self._moving = True
+        self._moving, self._way = True, []
         self.v_hat = velocity
         if self._start is not None:
             self._start.add(velocity / self._scales.velocity)
@@ -265,7 +267,8 @@ class ExtendedKalman(Identifier):
         elif BLOCK in found:
             self._end_blocks(found, step)
         is_other = self._search_for(step.dt)
-        self.v_hat = self._velocity(step)
+        self._way = self._follow(step)
+        self.v_hat = self._way[-1][1]
         if is_other or adapt and span is not None:
             self._publish()
 
@@ -279,6 +282,11 @@ class ExtendedKalman(Identifier):
     def is_found(self) -> bool:
         """Tell whether the first data were gone through."""
         return self._is_solved
+
+    @property
+    def way(self) -> Way:
+        """Return the velocity along the last step, as of an ``Identifier``."""
+        return self._way or [(0.0, self.v_hat)]
 
     @property
     def kept(self) -> float:
@@ -446,19 +454,46 @@ class ExtendedKalman(Identifier):
         self.restart(velocity)
 
     def _velocity(self, step: Step) -> float:
-        """Return the velocity at the end of the step [m/s or rad/s]."""
+        """Return the velocity at the end of a short step [m/s or rad/s]."""
+        v, ahead = self._bank.tracker.filter.motion[1], self._clock.ahead
+        if ahead:
+            force = self._thrusters.given(
+                step.forces[1 if step.interval else 0] / self._scales.force)
+            v += ahead * self._rate(step, 1, force, v)
+        return self._scales.velocity * v
+
+    def _rate(self, step: Step, part: int, force: float, v: float) -> float:
+        """Return the acceleration at a velocity, under a force and the couplings of a part."""
         filter = self._bank.tracker.filter
-        _, v, f = filter.motion
-        theta, ahead = filter.theta, self._clock.ahead
-        force = self._thrusters.given(
-            step.forces[1 if step.interval else 0] / self._scales.force) if ahead else 0.0
+        theta = filter.theta
         alpha, beta, gamma, delta = self._model.acting(theta, force, v)
         gamma -= alpha * self._thrusters.slowing(force)
         coupled = self._model.coupled(
-            theta, [after for _, after in step.couplings]) if ahead and step.couplings else 0.0
-        rate = (alpha * force + (beta * abs(v) + gamma) * v + delta + f
+            theta, [means[part] for means in step.couplings]) if step.couplings else 0.0
+        return (alpha * force + (beta * abs(v) + gamma) * v + delta + filter.motion[2]
                 + coupled)
-        return self._scales.velocity * (v + ahead * rate)
+
+    def _follow(self, step: Step) -> Way:
+        """Return ``way`` of a step that was taken."""
+        if not (is_long(step.dt) and self._way):
+            return [(0.0, self._velocity(step))]
+        ahead = self._clock.ahead
+        found = self._scales.velocity * self._bank.tracker.filter.motion[1]
+        way = led_to(self._predicted(step, 0, self._way[-1][1], step.dt, ahead), [found])
+        return way + self._predicted(step, 1, found, ahead, 0.0)
+
+    def _predicted(self, step: Step, part: int, velocity: float, begin: float,
+                   end: float) -> Way:
+        """Return what becomes of a velocity; both times are before the end of a step [s]."""
+        recent, delay = self._clock.recent, self._bank.tracker.filter.theta[-1]
+        v = velocity / self._scales.velocity
+        way: Way = []
+        for at, then in parts(begin, end):
+            h = at - then
+            force = recent.over(recent.end - at, recent.end - then, delay)[0] / h
+            v += h * self._rate(step, part, force, v + 0.5 * h * self._rate(step, part, force, v))
+            way.append((then, self._scales.velocity * v))
+        return way
 
     def _publish(self) -> None:
         best, model = self._bank.best, self._model
@@ -486,7 +521,7 @@ class ExtendedKalman(Identifier):
             'time': self._time, 'moving': self._moving, 'usable': self._usable,
             'idle': self._idle, 'later': self._is_later, 'solved': self._is_solved,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
-            'excitation': self.excitation}
+            'way': [list(point) for point in self._way[-1:]], 'excitation': self.excitation}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -504,5 +539,6 @@ class ExtendedKalman(Identifier):
         self._moving, self._usable = bool(state['moving']), bool(state['usable'])
         self._is_later, self._is_solved = bool(state['later']), bool(state['solved'])
         self.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
+        self._way = [tuple(floats(point, 2)) for point in state['way']]
         self._search.restore(state['search'])
         self._publish()

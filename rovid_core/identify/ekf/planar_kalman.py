@@ -26,6 +26,7 @@ from rovid_core.identify.ekf.batch_start import (
     UNLEARNED,
     USED,
 )
+from rovid_core.identify.ekf.between_fixes import is_long, led_to, parts, Way
 from rovid_core.identify.ekf.evidence.current_status import (
     current_with_status,
     Turning,
@@ -62,7 +63,7 @@ from rovid_core.identify.ekf.planar.member import (
 )
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
-from rovid_core.identify.ekf.single.linearised_filter import floats, LONGEST as LONGEST_STEP
+from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.ekf.thruster_search import SearchBeside, ThrusterSearch
 from rovid_core.identify.estimate import Current, KNOWN_CURRENT
 from rovid_core.identify.excitation import MIN_EXCITATION
@@ -105,7 +106,7 @@ class PlanarKalman:
         Why the last step was refused, '' if it was not.
     newest : int or None
         Time of the end of the last step [ns].
-    way : list of tuples of 3 floats
+    way : Way
         How long before that time [s], and the velocity through the water of surge and of sway
         then [m/s], over ground while nothing is known of a current: along a step that takes long
         in short parts, else at its end alone; empty before ``is_found``.
@@ -136,7 +137,7 @@ class PlanarKalman:
         self._theta = [*list(theta)[:-2], 0.0, 0.0]
         self._variances = list(self._model.variances)
         self._free = self.is_found = self._knew_current = self.current_is_new = False
-        self.way: list[tuple[float, float, float]] = []
+        self.way: Way = []
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
@@ -428,41 +429,30 @@ class PlanarKalman:
         x, y = step.axes[2 * k:2 * k + 2]
         return velocity + x * float(current[0]) + y * float(current[1])
 
-    def _follow(self, step: PlanarStep) -> list[tuple[float, float, float]]:
+    def _follow(self, step: PlanarStep) -> Way:
         """Return ``way`` of a step that was taken."""
-        if step.dt <= LONGEST_STEP or not self.way:
+        if not (is_long(step.dt) and self.way):
             return [(0.0, self._water_velocity(0, step), self._water_velocity(1, step))]
-        ahead = self._clock.ahead
-        _, *velocity = self.way[-1]
-        found = self._bank.tracker.filter.motion[2:4].tolist()
-        way = self._predicted(step, velocity, step.dt, ahead)
-        if way:
-            # what the measurement has told came up on the way to it
-            _, u, v = way[-1]
-            du, dv = (found[0] - u) / len(way), (found[1] - v) / len(way)
-            way = [(at, u + i * du, v + i * dv) for i, (at, u, v) in enumerate(way, 1)]
+        ahead, found = self._clock.ahead, self._bank.tracker.filter.motion[2:4].tolist()
+        way = led_to(self._predicted(step, self.way[-1][1:], step.dt, ahead), found)
         return way + self._predicted(step, found, ahead, 0.0)
 
     def _predicted(self, step: PlanarStep, velocity: Sequence[float], begin: float,
-                   end: float) -> list[tuple[float, float, float]]:
+                   end: float) -> Way:
         """Return what becomes of a velocity; both times are before the end of a step [s]."""
-        filter, recent = self._bank.tracker.filter, self._clock.recent
+        filter, recent, ahead = self._bank.tracker.filter, self._clock.recent, self._clock.ahead
         model = PlanarFilter(self._model.rows, filter.theta.tolist(), [0.0] * self._model.size,
                              thrusters=self._thrusters)
         model.motion[2:4], model.motion[6:] = velocity, filter.motion[6:]
-        count = math.ceil((begin - end) / LONGEST_STEP)
         # the pieces end with the measurement, and begin with the one before
-        ahead = self._clock.ahead
         length = (step.dt - ahead) * (2.0 if step.interval else 1.0) / len(step.pieces)
-        way: list[tuple[float, float, float]] = []
-        for i in range(count):
-            at, then = [begin - (begin - end) * k / count for k in (i, i + 1)]
+        way: Way = []
+        for at, then in parts(begin, end):
             past = max(0.5 * (at + then) - ahead, 0.0)
             piece = step.pieces[-1 - min(int(past / length), len(step.pieces) - 1)]
             model.move(recent, recent[0].end - at, recent[0].end - then, [piece],
                        step.couplings, 0.0, alone=True)
-            u, v = model.motion[2:4].tolist()
-            way.append((then, u, v))
+            way.append((then, *model.motion[2:4].tolist()))
         return way
 
     def _water_velocity(self, k: int, step: PlanarStep) -> float:
@@ -618,9 +608,7 @@ class PlanarKalman:
         self._turning.restore(state['heading'], state['turned_at'])
         self.excitations = floats(state['excitations'], 2)
         self.newest = None if state['newest'] is None else int(state['newest'])
-        for point in state['way']:
-            left, u, v = floats(point, 3)
-            self.way = [(left, u, v)]
+        self.way = [tuple(floats(point, 3)) for point in state['way']]
         self._search.restore(state['search'])
         self._publish()
 

@@ -1,0 +1,36 @@
+"""
+The velocity along a step that takes long, which others are coupled with.
+
+Between fixes that come seldom it is what the model makes of the thrust, no straight line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+
+from rovid_core.identify.ekf.single.linearised_filter import LONGEST
+
+Way = list[tuple[float, ...]]
+"""How long before the end of a step [s], and velocities then."""
+
+
+def is_long(dt: float) -> bool:
+    """Tell whether a step [s] takes so long that its end alone does not tell how it went."""
+    return dt > LONGEST
+
+
+def parts(begin: float, end: float) -> list[tuple[float, float]]:
+    """Return equal parts, ``LONGEST`` at most, of a span [s before the end of a step]."""
+    count = math.ceil((begin - end) / LONGEST)
+    times = [begin - (begin - end) * k / count for k in range(count + 1)] if count else []
+    return list(zip(times, times[1:]))
+
+
+def led_to(way: Way, found: Sequence[float]) -> Way:
+    """Return a way that ends at velocities: what a measurement told came up on the way to it."""
+    if not way:
+        return way
+    off = [(new - old) / len(way) for new, old in zip(found, way[-1][1:])]
+    return [(at, *[old + k * more for old, more in zip(velocities, off)])
+            for k, (at, *velocities) in enumerate(way, 1)]

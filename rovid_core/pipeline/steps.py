@@ -560,12 +560,13 @@ class Pipeline:
         ways = {LINEAR_DOFS.index(dof): self.dofs[i].identifier.way
                 for i, dof in zip(source.indices, source.dofs) if dof in LINEAR_DOFS}
         if source.planar is not None:
-            both = source.planar.filter.way
+            both = source.planar.filter.way or [(0.0, math.nan, math.nan)]
             ways[0], ways[1] = [(at, u) for at, u, _ in both], [(at, v) for at, _, v in both]
-        told, velocity = max(ways.values(), key=len), list(motion.body)
-        for k, (before, _) in enumerate(told):
+        velocity = list(motion.body)
+        longest = max(ways.values(), key=len, default=[(0.0, math.nan)])
+        for k, (before, _) in enumerate(longest):
             for axis, way in ways.items():
-                velocity[axis] = way[k if len(way) == len(told) else -1][1] if way else math.nan
+                velocity[axis] = way[k if len(way) == len(longest) else -1][1]
             if any(map(math.isnan, velocity)):
                 self._couplings.forget_filtered()
                 return

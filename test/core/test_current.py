@@ -140,6 +140,13 @@ def test_between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thru
     assert again.parameters == yaw.parameters
 
 
+def test_yaw_alone_is_coupled_with_the_velocities_that_are_measured():
+    known = replace(with_yaw(), dofs=('yaw',))
+    yaw, = followed(Stream(known), FIXES, 40.0)[-1].dofs
+    assert yaw.steps > 750
+    assert yaw.couplings[1] < 0.0
+
+
 @pytest.mark.parametrize(('late', 'anew'), [(0.0, True), (60.0, False)])
 def test_what_yaw_learned_beside_velocities_that_were_not_found_yet_does_not_count(late, anew):
     """Unless that was much: it may be driven first."""

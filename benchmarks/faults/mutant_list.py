@@ -428,6 +428,9 @@ MUTANTS = [
          ('the deviations of the couplings are in other units',
           'u * math.sqrt(self._entry(k', 'math.sqrt(self._entry(k')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
+         'a_coupling_is_named_that_is_known_better_than_to_what_it_may_be_at_all',
+         ('a coupling may be of any size', '**watched.sizes, ', '')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'the_variance_that_blocks_state_is_that_of_a_mean',
          ('the covariance of the blocks is doubled',
           'self.c @ (mixed + self.prior)', '2.0 * self.c @ (mixed + self.prior)'),

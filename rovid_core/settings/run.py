@@ -7,7 +7,7 @@ it stands in the parameter file.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 import math
 from typing import Any
@@ -164,11 +164,19 @@ class Scales:
     @property
     def coupling_std(self) -> tuple[float, ...]:
         """Return the standard deviations of the couplings before any data, in SI."""
+        return self._std_of(self.couplings)
+
+    @property
+    def watched_std(self) -> tuple[float, ...]:
+        """Return those that the watched regressors would have as couplings."""
+        return self._std_of(self.watched)
+
+    def _std_of(self, names: Sequence[str]) -> tuple[float, ...]:
         # what acts on reverse only may take as much of it as there is
         own = {name: self._acceleration * scale for name, scale in zip(OWN, self.regressor)}
         # and a force may have an arm of a metre, or the inverse of that
         own.update(dict.fromkeys(THRUSTS, self.initial[0]))
-        return tuple([own.get(x) or coupling_prior(x) for x in self.couplings])
+        return tuple([own.get(x) or coupling_prior(x) for x in names])
 
     @property
     def _acceleration(self) -> float:

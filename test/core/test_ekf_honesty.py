@@ -659,6 +659,19 @@ def test_blocks_almost_without_motion_contradict_nothing(motion, changed):
     assert blocks.has_changed(2.0) is changed
 
 
+@pytest.mark.parametrize(('size', 'named'), [(2.0, False), (200.0, True)])
+def test_a_coupling_is_named_that_is_known_better_than_to_what_it_may_be_at_all(size, named):
+    """Of a vehicle that stays level p q is next to nothing, and chance makes a huge one of it."""
+    blocks, random = ScoreBlocks([1.0] * 5, [1.0] * 5, ['pq'], sizes={'pq': size}), (
+        np.random.default_rng(0))
+    for _ in range(1200):
+        thrust, turning = random.normal(), 2.9e-4 * random.normal()
+        blocks.add(thrust + 100.0 * turning + 0.1 * random.normal(), 0.01,
+                   [thrust, *[0.0] * 4, turning], 0.101)
+    missing = blocks.verdict().missing
+    assert (missing is not None) is named
+
+
 @pytest.mark.parametrize(('backwards', 'factor', 'changed'), [
     (0.9, 1.0, False),  # the same vehicle, driven backwards instead of forwards
     (0.3, 0.7, True),

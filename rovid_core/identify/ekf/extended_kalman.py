@@ -170,7 +170,7 @@ class ExtendedKalman(Identifier):
     def _new(self, unmodelled: Unmodelled, theta: Sequence[float]) -> Member:
         """Return a filter at some parameters that knows those to begin with."""
         member = Member(self._theta, self._prior, self._model.box, unmodelled, FIRST_NOISE,
-                        self._scales.watched, self._model.own, self._thrusters,
+                        self._model.watched, self._model.own, self._thrusters,
                         self._scales.shares)
         member.filter.theta = list(theta)
         return member

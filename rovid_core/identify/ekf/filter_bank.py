@@ -70,8 +70,9 @@ class Member:
         What moves the vehicle besides its model.
     noise : float
         Of a measurement.
-    watched : sequence of str
-        Names of the regressors that steps carry to be watched.
+    watched : mapping, optional
+        Names of the regressors that steps carry to be watched, and the ``sizes`` that their
+        coefficients may have, as of ``ScoreBlocks``.
     own : tuple of 2 ints
         As of a ``LinearisedFilter``.
     thrusters : Thrusters
@@ -89,17 +90,19 @@ class Member:
     """
 
     def __init__(self, theta: Sequence[float], variances: Sequence[float], bounds: Bounds,
-                 unmodelled: Unmodelled, noise: float, watched: Sequence[str] = (),
+                 unmodelled: Unmodelled, noise: float,
+                 watched: Mapping[str, float] | None = None,
                  own: tuple[int, int] = NONE_OWN, thrusters: Thrusters = AS_CONFIGURED,
                  shares: bool = False) -> None:
         self.unmodelled, self.thrusters = unmodelled, thrusters
+        watched = watched or {}
         self.filter = LinearisedFilter(
             theta, variances, unmodelled.force_std, len(watched), own, thrusters, shares)
         self.innovations = Innovations(noise)
         self.blocks = ScoreBlocks(
             theta, variances, (*CANDIDATES, *(EACH if shares else ()), *watched),
             configured=[name for name, i in zip(OWN, own) if i >= 0], found=thrusters.found,
-            lags={'lag': share_of_lag(thrusters.lag)})
+            lags={'lag': share_of_lag(thrusters.lag)}, sizes=watched)
         self.prediction = FreePrediction(own, thrusters)
         self._verdict: Verdict | None = None
         self._is_judged = True

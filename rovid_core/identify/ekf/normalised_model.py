@@ -88,6 +88,9 @@ class NormalisedModel:
         What alpha to delta are multiplied by to be in SI units.
     coupled_unit : tuple of m floats
         The same for the couplings.
+    watched : dict
+        Names of the regressors that are watched, and how large the coefficients are that they may
+        have (standard deviations).
     own : tuple of 2 ints
         Index of the parameter of each of ``OWN``, -1 for none.
 
@@ -109,6 +112,7 @@ class NormalisedModel:
         one, other = [4 + scales.couplings.index(name) if name in scales.couplings else -1
                       for name in OWN]
         self.own = one, other
+        self.watched = {name: std / v for name, std in zip(scales.watched, scales.watched_std)}
         coupled = [std / u for std, u in zip(scales.coupling_std, self.coupled_unit)]
         self.box += [(4 + k, -MAX_COUPLING * s, 0.0 if name in RESTORING else MAX_COUPLING * s)
                      for k, (name, s) in enumerate(zip(scales.couplings, coupled))]

@@ -109,7 +109,7 @@ class Watched:
     ----------
     candidates : mapping
         Where the regressors stand that may be missing, by name.
-    considered, rows, doubted, found, lags
+    considered, rows, doubted, found, lags, sizes
         As of ``ScoreBlocks``.
     dynamics : sequence of sequences of int
         Of each row, where those stand that tell how thrust comes and goes.
@@ -123,6 +123,7 @@ class Watched:
     found: Sequence[str]
     lags: Mapping[str, float]
     dynamics: Sequence[Sequence[int]]
+    sizes: Mapping[str, float]
 
 
 class BlockFit:
@@ -245,8 +246,9 @@ class BlockFit:
         covariance = self.c @ (mixed + self.prior) @ self.c
         if wrong_model or scatter > REPEATED:
             covariance = covariance * max(1.0, n / LEAST_COUNT)
-        sizes = {begin + name: std for begin, first in rows
-                 for name, (std, _) in expected(self.all_parameters()[first:]).items()}
+        sizes = {**watched.sizes, **{
+            begin + name: std for begin, first in rows
+            for name, (std, _) in expected(self.all_parameters()[first:]).items()}}
         whole, left, unexplained = self, dict(candidates), scatter
         alone = self._remainders([*_single(candidates), *doubted])
         missing = self._most_missing(candidates, alone, float(counts.sum()), sizes)

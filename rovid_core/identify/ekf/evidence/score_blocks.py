@@ -60,6 +60,9 @@ class ScoreBlocks:
     lags : mapping, optional
         Names of the lags that may be among these, and what all of each is as a coefficient of its
         regressor, relative to alpha.
+    sizes : mapping, optional
+        Names of watched regressors, and how large the coefficients are that they may have at all
+        (standard deviations).
 
     """
 
@@ -69,7 +72,8 @@ class ScoreBlocks:
                  rows: Sequence[tuple[str, int]] = (('', 0),),
                  configured: Sequence[str] = (),
                  doubted: Mapping[int, float] | None = None,
-                 found: Sequence[str] = (), lags: Mapping[str, float] | None = None) -> None:
+                 found: Sequence[str] = (), lags: Mapping[str, float] | None = None,
+                 sizes: Mapping[str, float] | None = None) -> None:
         p = len(theta)
         self._q = p + len(watched) + further
         columns = {name: p + k for k, name in enumerate(watched)}
@@ -82,7 +86,7 @@ class ScoreBlocks:
             candidates, considered or {}, rows,
             {k % self._q: std for k, std in (doubted or {}).items()}, found, lags or {},
             [[columns[begin + name] for name in (*LAGS, SECOND_LAG) if begin + name in columns]
-             for begin, _ in rows])
+             for begin, _ in rows], sizes or {})
         self.clear(theta, variances)
 
     def clear(self, theta: Sequence[float], variances: Sequence[float]) -> None:

@@ -163,7 +163,7 @@ def test_thrust_that_falls_with_speed_is_linear_drag_under_a_force_that_stays():
 
 def test_a_filter_that_begins_under_way_sees_no_lag_in_the_thrust_there_is():
     filter, recent = PlanarFilter(ROWS, THETA, [0.0] * 15), (DelayedForce(), DelayedForce())
-    filter.set_motion((0.3, -0.1), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
+    filter.set_motion((-1.0, 1.0), (1.0, 0.0, 0.0, 1.0), 0.0, 0.0)
     for one, force in zip(recent, (-0.49, 0.25)):
         one.add([(1.0, force), (1.0, -force)], held=True)
     lags = [len(THETA) + len(CANDIDATES) * k + CANDIDATES.index(name)

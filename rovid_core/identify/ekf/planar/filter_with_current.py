@@ -69,10 +69,11 @@ class Push:
     """
 
     __slots__ = ('impulse', 'moment', 'before', 'last', 'lag', 'reverse',
-                 'reverse_moment', 'cut', 'cut_moment', 'each', '_shares')
+                 'reverse_moment', 'cut', 'cut_moment', 'each', '_shares', '_begins')
 
     def __init__(self, shares: bool, lag_at: float) -> None:
         self._shares, self.each = shares, (0.0, 0.0, 0.0, 0.0, 0.0)
+        self._begins = False
         self.impulse = self.moment = self.before = 0.0
         self.lag = WatchedLag(lag_at)
         self.reverse = self.reverse_moment = self.cut = self.cut_moment = 0.0
@@ -84,17 +85,20 @@ class Push:
 
     def move(self, recent: DelayedForce, start: float, end: float, delay: float) -> None:
         """Go on from ``start`` to ``end`` [s] with a force that acts after a delay [s]."""
-        h, before = end - start, self.last
+        before = self.last
         self.impulse, self.moment, first, self.last = recent.over(start, end, delay)
-        if before != before:
-            before = first
-            self.lag.begin(first)
-        self.before = before
-        self.lag.move(self.impulse / h, h)
+        self.before, self._begins = first if before != before else before, before != before
         (self.reverse, self.reverse_moment), (self.cut, self.cut_moment) = recent.bent(
             start, end, delay)
         if self._shares:
             self.each = recent.each(start, end, delay)
+
+    def lag_behind(self, h: float, excess: float) -> None:
+        """Let what lags go on, too; the force exceeds by so much what holds the velocity."""
+        force = self.impulse / h
+        if self._begins:
+            self.lag.begin(force - excess, self.before)
+        self.lag.move(force, h)
 
 
 class PlanarFilter:
@@ -323,6 +327,11 @@ class PlanarFilter:
         sx, sy, wx, wy, hx, hy, _ = piece
         dx, dy = sx * along + wx * across + h * hx, sy * along + wy * across + h * hy
         if not alone:
+            for push, row, rate in zip(self._pushes, self._rows, (
+                    a + (ba * abs(u0) + ga) * u0 + ka * v0,
+                    b + (bb * abs(v0) + gb) * v0 + kb * u0)):
+                alpha = row.velocity * self._values[row.first]
+                push.lag_behind(h, rate / alpha if alpha > 0.0 else math.inf)
             self._spread(h, piece, law, other, um, vm, couplings)
         self.motion[:4] = x + dx + h * cx, y + dy + h * cy, u, v
         if alone:

@@ -222,6 +222,9 @@ class LinearisedFilter:
             more = self._astern(astern[0] / h, astern[1] / (h * h), goes_back, force < 0.0)
             u, du, beta = u + more[0], du + more[1], min(beta + more[2], 0.0)
             alpha += more[3]  # as a delay feels it
+        if self._force != self._force:
+            excess = (u + (beta * abs(v) + gamma) * v) / self._alpha.value
+            self._watched_lag.begin(force - excess, first)  # what holds the velocity
         gone, v, w = run(h, v, u, du, beta, gamma)
         x += gone
         if not abs(v) < LARGEST_SPEED:
@@ -233,10 +236,7 @@ class LinearisedFilter:
         keep = 1.0 + decay * (1.0 + 0.5 * decay)
         # where in the step the force acts counts; a delay feels by how much it has risen since
         # the last step, which is all of its jumps, each of them once
-        before = self._force
-        if before != before:
-            before = first
-            self._watched_lag.begin(first)
+        before = first if self._force != self._force else self._force
         self._force = last
         rise = last - before - (slowing(last) - slowing(before)) * w
         late = 2.0 * moment - before * h * h

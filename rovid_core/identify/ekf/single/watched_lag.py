@@ -43,10 +43,23 @@ class WatchedLag:
         self._inertia = inertia_of(LAG, lag_at)
         self.begin(0.0)
 
-    def begin(self, force: float) -> None:
-        """Begin under a force that has long been held."""
-        self._lagged = self._twice = force
-        self._turns = turns_of(force)
+    def begin(self, held: float, force: float = math.inf) -> None:
+        """
+        Begin under the force that has long been held.
+
+        Parameters
+        ----------
+        held : float
+            The one that would hold the velocity there is: 0 at rest, and under way the thrust.
+        force : float
+            The first one. It is taken to have come up to that; beyond it is what is not known of
+            the velocity.
+
+        """
+        if force < math.inf:
+            held = min(max(held, min(force, 0.0)), max(force, 0.0))
+        self._lagged = self._twice = held
+        self._turns = turns_of(held)
         self.of_force = self.of_turns = self.of_second = 0.0
 
     def move(self, force: float, h: float) -> None:

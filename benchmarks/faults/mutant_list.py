@@ -449,16 +449,16 @@ MUTANTS = [
          'test/core/test_linearised_filter.py '
          'a_filter_that_begins_under_way_sees_no_lag_in_the_thrust_there_is',
          ('what lags is at rest where the filter begins',
-          '_watched_lag.begin(force - excess, first)', '_watched_lag.begin(0.0)')),
+          '_watched_lag.begin(force - excess, first)', '_watched_lag.begin(0.0, 0.0)')),
     *_of('rovid_core/identify/ekf/single/linearised_filter.py', 'test/core/test_ekf_honesty.py '
          'turns_that_lag_are_told_from_a_force_that_does',
          ('what lags is under way where a filter begins at rest',
-          '_watched_lag.begin(force - excess, first)', '_watched_lag.begin(first)')),
+          '_watched_lag.begin(force - excess, first)', '_watched_lag.begin(first, first)')),
     *_of('rovid_core/identify/ekf/planar/filter_with_current.py',
          'test/core/test_planar_filter.py '
          'a_filter_that_begins_under_way_sees_no_lag_in_the_thrust_there_is',
          ('what lags is at rest where the filter of two begins',
-          'self.lag.begin(force - excess, self.before)', 'self.lag.begin(0.0)')),
+          'self.lag.begin(force - excess, self.before)', 'self.lag.begin(0.0, 0.0)')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'what_is_found_missing_first_does_not_hide_the_rest',
          ('what is found missing hides the rest',

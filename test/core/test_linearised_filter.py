@@ -161,13 +161,13 @@ def test_what_a_lag_takes_of_a_force_that_is_watched_goes_as_it_stays():
     assert taken[2] == pytest.approx(force * lag, rel=1e-6)
     assert one.of_force == pytest.approx(0.0, abs=1e-6)
     # of a second lag behind the first: 1 - e = 1 - (1 + t / T) exp(-t / T) of the force is there
-    one.begin(0.0)
+    one.begin(0.0, force)
     one.move(force, lag)
     one.move(force, 0.5 * lag)
     left = [(1.0 + t) * np.exp(-t) for t in (1.0, 1.5)]
     assert one.of_second == pytest.approx(2.0 * force * (left[0] - left[1]))
     # a force that has long been held lags no more
-    one.begin(-force)
+    one.begin(-force, -force)
     one.move(-force, dt)
     assert (one.of_force, one.of_turns, one.of_second) == pytest.approx((0.0, 0.0, 0.0))
     same = WatchedLag()

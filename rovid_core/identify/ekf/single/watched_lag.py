@@ -41,9 +41,9 @@ class WatchedLag:
 
     def __init__(self, lag_at: float = 0.0) -> None:
         self._inertia = inertia_of(LAG, lag_at)
-        self.begin(0.0)
+        self.begin(0.0, 0.0)
 
-    def begin(self, held: float, force: float = math.inf) -> None:
+    def begin(self, held: float, force: float) -> None:
         """
         Begin under the force that has long been held.
 
@@ -56,8 +56,7 @@ class WatchedLag:
             the velocity.
 
         """
-        if force < math.inf:
-            held = min(max(held, min(force, 0.0)), max(force, 0.0))
+        held = min(max(held, min(force, 0.0)), max(force, 0.0))
         self._lagged = self._twice = held
         self._turns = turns_of(held)
         self.of_force = self.of_turns = self.of_second = 0.0

@@ -521,7 +521,7 @@ class ExtendedKalman(Identifier):
             'time': self._time, 'moving': self._moving, 'usable': self._usable,
             'idle': self._idle, 'later': self._is_later, 'solved': self._is_solved,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
-            'way': [list(point) for point in self._way[-1:]], 'excitation': self.excitation}
+            'goes_on': bool(self._way), 'excitation': self.excitation}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -539,6 +539,6 @@ class ExtendedKalman(Identifier):
         self._moving, self._usable = bool(state['moving']), bool(state['usable'])
         self._is_later, self._is_solved = bool(state['later']), bool(state['solved'])
         self.v_hat = math.nan if state['v_hat'] is None else float(state['v_hat'])
-        self._way = [tuple(floats(point, 2)) for point in state['way']]
+        self._way = [(0.0, self.v_hat)] if state['goes_on'] else []
         self._search.restore(state['search'])
         self._publish()

@@ -1123,10 +1123,13 @@ MUTANTS = [
          'fixes_that_come_fast_are_one_measurement_of_their_mean',
          ('each of the fixes that come fast is a measurement',
           'and at - self._last >= LEAST_INTERVAL', 'and at - self._last >= 0.0'),
-         ('the way to the mean of fixes is that to the first',
-          'self._mean_pieces(end - start, len(step.pieces))', 'step.pieces'),
-         ('what is left of the way is forgotten', 'self._way[0] = h - used, piece',
-          'del self._way[0]')),
+         ('what is along the way to the mean of fixes is what is along all of them',
+          'self._along.take((end - start) / count)', 'self._along.take(1e9)')),
+    *_of('rovid_core/identify/ekf/single/measurements.py', 'test/core/test_linearised_filter.py '
+         'fixes_that_come_fast_are_one_measurement_of_their_mean',
+         ('what is along the way to the mean of fixes is what is along all of them',
+          'self._along.take(end - start)', 'self._along.take(1e9)'),
+         ('what is left of the way is forgotten', 'part[0] -= used', 'del self._parts[0]')),
     *_of('rovid_ros/discovery/candidates.py', 'test/discovery/test_init.py '
          'thrusters_may_have_a_topic_each',
          ('left and right are two kinds of thrusters', 'if word not in _SIDES', 'if word')),

@@ -1,11 +1,16 @@
 """The filter of the extended Kalman filter: its force, sensitivities and covariances."""
 
+import json
+import math
+
 import numpy as np
 import pytest
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES, GAMMA, LinearisedFilter
+from rovid_core.identify.ekf.single.measurements import MeasurementClock
 from rovid_core.identify.ekf.single.watched_lag import LAGS, SECOND_LAG, WatchedLag
 from rovid_core.model.dofs import EACH
+from rovid_core.model.samples import Step
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 from scipy.signal import lfilter
 
@@ -55,6 +60,29 @@ def test_a_held_force_moves_a_body_as_its_pieces_do(start, end):
     same = DelayedForce()
     same.restore(recent.state())
     assert same.over(start, end) == (impulse, moment, first, last)
+
+
+def test_fixes_that_come_fast_are_one_measurement_of_their_mean():
+    """At 100 Hz, while the vehicle goes evenly and what couples it changes evenly."""
+    clocks, found = [MeasurementClock(
+        2.0, 0.5, 1, 1, (-1, -1), True, AS_CONFIGURED) for _ in range(2)], []
+    for k in range(17):
+        mean = 0.01 * k  # since the fix before
+        step = Step(0.01, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), mean=1.0, interval=0.01,
+                    parts=(0.005, 0.005), couplings=((mean, math.nan),), watched=(-mean,))
+        found += [one for one in [clocks[0].add_step(step)] if one is not None]
+        clocks[1].restore(json.loads(json.dumps(clocks[0].state())))
+        clocks.reverse()  # a saved clock goes on as if it had not been
+    first, *spans = found
+    assert [span.end for span in spans] == pytest.approx([0.03, 0.07, 0.11, 0.15])
+    assert [span.start for span in spans] == [first.end, *[span.end for span in spans[:-1]]]
+    ways = [2.0 * (span.end - first.end) for span in spans]
+    # the first fix of the path is the one before the first step
+    assert [span.value for span in spans] == pytest.approx([way + spans[0].value - ways[0]
+                                                            for way in ways])
+    for span in spans:
+        assert span.couplings == [pytest.approx(0.5 * (span.start + span.end), abs=2e-3)]
+        assert span.watched == [-span.couplings[0]]
 
 
 THETA = (0.5, -0.5, -0.2, 0.01, 0.05)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 import math
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from rovid_core.identify.ekf.evidence.current_status import (
@@ -38,7 +38,7 @@ from rovid_core.identify.ekf.planar.layout import (
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, SPAN
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, Bounds, floats
-from rovid_core.identify.ekf.single.measurements import LEAST_INTERVAL, Resolution
+from rovid_core.identify.ekf.single.measurements import Along, LEAST_INTERVAL, Resolution
 from rovid_core.identify.ekf.single.watched_lag import LAGS
 from rovid_core.identify.method import DivergenceError
 from rovid_core.model.dofs import OWN
@@ -47,6 +47,9 @@ from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 Recent = tuple[DelayedForce, DelayedForce]
 """The force on surge and on sway."""
+
+PIECE: Final = len(PlanarPiece._fields)
+"""Numbers of a ``PlanarPiece``."""
 
 BothThrusters = tuple[Thrusters, Thrusters]
 """How those of surge and of sway are found to work, with the same lag; in typical forces."""
@@ -131,7 +134,7 @@ class PlanarClock:
         self.recent = DelayedForce(self._forgets, one), DelayedForce(self._forgets, other)
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []
-        self._way: list[tuple[float, PlanarPiece]] = []  # [s] since the last measurement
+        self._along = Along()
         self.ahead = 0.0
 
     def set_thrusters(self, thrusters: BothThrusters) -> None:
@@ -152,57 +155,43 @@ class PlanarClock:
         for resolution, value in zip(self._resolutions, step.value):
             resolution.add_value(value)
         start = end - step.dt if first else self._fix
-        if first or not (self._group or self._way) and at - self._last >= LEAST_INTERVAL:
+        if first or self._along.is_empty and at - self._last >= LEAST_INTERVAL:
             self._fix, self._last, self.ahead = at, at, end - at
             return PlanarMeasurement(
                 start, at, step.value, _looks(step.axes) if not step.interval else None,
                 first and step.interval > 0.0, step.pieces, step.heading_noise, step.dt,
                 step.couplings, self._rounding)
         before = self._group[-1][0] if self._group else self._last
-        self._way += [((at - before) / len(step.pieces), piece) for piece in step.pieces]
-        self._group.append([at, step.dt, step.heading_noise, *step.value, *step.axes,
-                            *step.couplings[0], *step.couplings[1]])
+        for piece in step.pieces:
+            self._along.add((at - before) / len(step.pieces),
+                            [*piece, *step.couplings[0], *step.couplings[1]])
+        self._group.append([at, step.dt, step.heading_noise, *step.value, *step.axes])
         if at - self._last < LEAST_INTERVAL:
             self.ahead = end - self._fix
             return None
         found = self._mean(start, step)
         self._fix, self._last, self.ahead = found.end, at, end - found.end
         if found.end == at:
-            self._way = []  # but for rounding
+            self._along.clear()  # but for rounding
         return found
 
     def _mean(self, start: float, step: PlanarStep) -> PlanarMeasurement:
         """Return the mean of the fixes that came together, the last of them with a step."""
         group, self._group = self._group, []
         sums = [math.fsum(column) for column in zip(*group)]
-        end, _, noise, x, y, a, b, c, d, *couplings = [total / len(group) for total in sums]
-        count = self._regressors[0]
+        end, _, noise, x, y, a, b, c, d = [total / len(group) for total in sums]
+        count, (of_surge, _) = len(step.pieces), self._regressors
+        parts = [self._along.take((end - start) / count) for _ in range(count)]
+        couplings = [math.fsum(column) / count for column in zip(*parts)][PIECE:]
         return PlanarMeasurement(
             start, end, (x, y), _looks((a, b, c, d)) if not step.interval else None, False,
-            self._mean_pieces(end - start, len(step.pieces)), noise, sums[1],
-            (tuple(couplings[:count]), tuple(couplings[count:])), self._rounding)
+            tuple([PlanarPiece(*part[:PIECE]) for part in parts]), noise, sums[1],
+            (tuple(couplings[:of_surge]), tuple(couplings[of_surge:])), self._rounding)
 
     @property
     def _rounding(self) -> float:
         # one of them may never change
         return min(*[one.noise for one in self._resolutions])
-
-    def _mean_pieces(self, length: float, count: int) -> tuple[PlanarPiece, ...]:
-        """Take equal parts of so many seconds off the way, each with the mean of its pieces."""
-        found, part = [], length / count
-        for _ in range(count):
-            sums, left = [0.0] * len(PlanarPiece._fields), part
-            while left > 0.0 and self._way:
-                h, piece = self._way[0]
-                used = min(h, left)
-                sums = [total + used * value for total, value in zip(sums, piece)]
-                left -= used
-                if used < h:
-                    self._way[0] = h - used, piece
-                else:
-                    del self._way[0]
-            found.append(PlanarPiece(*[total / (part - left) for total in sums]))
-        return tuple(found)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
@@ -210,20 +199,19 @@ class PlanarClock:
                 'last': self._last, 'ahead': self.ahead,
                 'group': [list(row) for row in self._group],
                 'resolutions': [one.state() for one in self._resolutions],
-                'way': [[h, *piece] for h, piece in self._way]}
+                'along': self._along.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         fix, last, ahead = floats([state[name] for name in ('fix', 'last', 'ahead')], 3)
-        group = [floats(row, 9 + sum(self._regressors)) for row in state['group']]
-        way = [floats(row, 1 + len(PlanarPiece._fields)) for row in state['way']]
+        group = [floats(row, 9) for row in state['group']]
+        self._along.restore(state['along'], PIECE + sum(self._regressors))
         one, other = state['recent']
         for recent, found in zip(self.recent, (one, other)):
             recent.restore(found)
         for resolution, seen in zip(self._resolutions, state['resolutions']):
             resolution.restore(seen)
         self._fix, self._last, self.ahead, self._group = fix, last, ahead, group
-        self._way = [(h, PlanarPiece(*piece)) for h, *piece in way]
 
 
 def _looks(axes: Sequence[float]) -> Looks:

@@ -63,6 +63,53 @@ class Resolution:
         self._value = math.nan if value is None else floats([value], 1)[0]
 
 
+class Along:
+    """
+    What there is along the way since the last measurement, part by part.
+
+    Fixes that are taken together stand at the mean of their times, which lies between two of
+    them: what belongs to the span up to there are the parts of it, each as long as it lasts.
+    """
+
+    def __init__(self) -> None:
+        self._parts: list[list[float]] = []  # length [s], and the values along it
+
+    @property
+    def is_empty(self) -> bool:
+        """Tell whether nothing is left of it."""
+        return not self._parts
+
+    def add(self, length: float, values: list[float]) -> None:
+        """Take the next part: its length [s] and what its means are."""
+        self._parts.append([length, *values])
+
+    def take(self, length: float) -> list[float]:
+        """Take so many seconds off its begin; return the means over them."""
+        sums, left = [0.0] * (len(self._parts[0]) - 1), length
+        while left > 0.0 and self._parts:
+            part = self._parts[0]
+            used = min(part[0], left)
+            sums = [total + used * value for total, value in zip(sums, part[1:])]
+            left -= used
+            if used < part[0]:
+                part[0] -= used
+            else:
+                del self._parts[0]
+        return [total / (length - left) for total in sums]
+
+    def clear(self) -> None:
+        """Forget what is left."""
+        self._parts = []
+
+    def state(self) -> list[list[float]]:
+        """Return all that is needed to go on from here."""
+        return [list(part) for part in self._parts]
+
+    def restore(self, state: Sequence[Any], count: int) -> None:
+        """Go on from ``state`` with so many values; raises ValueError if it does not fit."""
+        self._parts = [floats(part, 1 + count) for part in state]
+
+
 class Measurement:
     """
     The span that a filter moves over, and what is measured at its end.
@@ -150,6 +197,7 @@ class MeasurementClock:
         self._path = 0.0
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []
+        self._along = Along()
         self.ahead = 0.0
 
     def set_thrusters(self, thrusters: Thrusters) -> None:
@@ -186,16 +234,20 @@ class MeasurementClock:
         else:
             self._resolution.add_value(value)
         alone = at - self._last >= LEAST_INTERVAL
-        if alone and not self._group:
+        if alone and self._along.is_empty:
             found = Measurement(start, at, i, value, step.turn, step.path_noise / unit, dt,
                                 couplings, watched, self._resolution.noise)
         else:
-            self._group.append([at, value, step.turn, step.path_noise, dt, *couplings, *watched])
+            before = self._group[-1][0] if self._group else self._last
+            self._along.add(at - before, [*couplings, *watched])
+            self._group.append([at, value, step.turn, step.path_noise, dt])
             if not alone:
                 self.ahead = end - self._fix
                 return None
             found = self._mean(start, i)
         self._fix, self._last, self.ahead = found.end, at, end - found.end
+        if found.end == at:
+            self._along.clear()  # but for rounding
         return found
 
     def _mean(self, start: float, i: int) -> Measurement:
@@ -207,23 +259,24 @@ class MeasurementClock:
             sums = [x + y for x, y in zip(sums, row)]
             turn += row[2] * row[2]
             slip += row[3] * row[3]
-        means = [x / n for x in sums]
+        end = sums[0] / n
+        means = self._along.take(end - start)
         return Measurement(
-            start, means[0], i, means[1], math.sqrt(turn), math.sqrt(slip) / self._velocity,
-            sums[4], means[5:5 + self.couplings], means[5 + self.couplings:],
-            self._resolution.noise)
+            start, end, i, sums[1] / n, math.sqrt(turn), math.sqrt(slip) / self._velocity,
+            sums[4], means[:self.couplings], means[self.couplings:], self._resolution.noise)
 
     def state(self) -> dict[str, Any]:
         """Return all that is needed to go on from here."""
         return {'recent': self.recent.state(), 'path': self._path, 'fix': self._fix,
                 'last': self._last, 'ahead': self.ahead, 'resolution': self._resolution.state(),
-                'group': [list(row) for row in self._group]}
+                'group': [list(row) for row in self._group], 'along': self._along.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
         path, fix, last, ahead = floats(
             [state[name] for name in ('path', 'fix', 'last', 'ahead')], 4)
-        group = [floats(row, 5 + self.couplings + self.watched) for row in state['group']]
+        group = [floats(row, 5) for row in state['group']]
+        self._along.restore(state['along'], self.couplings + self.watched)
         self.recent.restore(state['recent'])
         self._resolution.restore(state['resolution'])
         self._path, self._fix, self._last, self.ahead = path, fix, last, ahead

@@ -1130,6 +1130,18 @@ MUTANTS = [
          ('what is along the way to the mean of fixes is what is along all of them',
           'self._along.take(end - start)', 'self._along.take(1e9)'),
          ('what is left of the way is forgotten', 'part[0] -= used', 'del self._parts[0]')),
+    *_of('rovid_core/identify/ekf/single/measurements.py', 'test/core/test_linearised_filter.py '
+         'how_couplings_rise_goes_by_the_intervals_around',
+         ('how couplings rise goes by the interval before alone',
+          '[mean for _, mean in step.couplings] if step.interval', '[] if False')),
+    *_of('rovid_core/identify/ekf/single/linearised_filter.py',
+         'test/core/test_linearised_filter.py '
+         'a_coupling_that_rises_pushes_as_it_does_in_short_steps',
+         ('what a coupling rises by moves nothing', 'du += one.value * regressor', 'du += 0.0'),
+         ('what a coupling rises by is no part of its sensitivity',
+          'one.push += more * rise', 'one.push += 0.0'),
+         ('a coupling stays at its mean in all parts of a step',
+          'mean + (2 * k + 1 - pieces) * rise', 'mean')),
     *_of('rovid_ros/discovery/candidates.py', 'test/discovery/test_init.py '
          'thrusters_may_have_a_topic_each',
          ('left and right are two kinds of thrusters', 'if word not in _SIDES', 'if word')),

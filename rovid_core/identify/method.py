@@ -132,6 +132,14 @@ class Identifier(Protocol):
         """Continue from ``state``; raise ValueError if it does not fit."""
 
 
+def floats(values: Any, count: int) -> list[float]:
+    """Return a list of finite floats; raises ValueError unless there are that many."""
+    found = [float(x) for x in values]
+    if len(found) != count or not all(map(math.isfinite, found)):
+        raise ValueError(f'{len(found)} numbers that do not fit')
+    return found
+
+
 def check_bounds(names: Sequence[str], values: Sequence[float], low: Sequence[float],
                  high: Sequence[float]) -> None:
     """Raise ValueError for a value of a saved state that is out of its bounds, or NaN."""

@@ -101,6 +101,45 @@ def test_the_force_ends_where_the_step_begins():
     assert filter.covariance[0] > 0.0
 
 
+def coupled(regressor, edges, kappa=0.9):
+    """Return a filter that went along a coupling which changes evenly, from edge to edge."""
+    theta = (0.5, -0.6, -0.9, 0.05, kappa, 0.0)
+    filter, force = LinearisedFilter(theta, [0.1] * 6, 0.0), DelayedForce()
+    filter.set_motion(0.4, (0.0, 0.0))
+    force.add([(2.0, 0.7)], True)
+    for start, end in zip(edges, edges[1:]):
+        middle, half = 0.5 * (start + end), 0.5 * (end - start)
+        filter.move(force, start, end, [regressor(middle)], (),
+                    [regressor(middle + half) - regressor(middle)])
+    return filter
+
+
+@pytest.mark.parametrize('end', [0.25, 1.0])
+def test_a_coupling_that_rises_pushes_as_it_does_in_short_steps(end):
+    """Path, velocity, and what both owe to the parameters; over a second in steps of its own."""
+    rising = lambda time: 0.3 + 1.1 * time  # noqa: E731
+    one, many = coupled(rising, [0.0, end]), coupled(rising, np.linspace(0.0, end, 401).tolist())
+    assert one.motion[:2] == pytest.approx(many.motion[:2], rel=2e-3)
+    for found, exact in zip(one.sensitivities, many.sensitivities):
+        assert found[4] == pytest.approx(exact[4], rel=0.03)
+    flat = coupled(lambda time: 0.3 + 0.55 * end, [0.0, end])
+    assert abs(flat.motion[0] / many.motion[0] - 1.0) > 0.01
+
+
+@pytest.mark.parametrize('interval', [0.2, 0.0])
+def test_how_couplings_rise_goes_by_the_intervals_around(interval):
+    """By both of a sensor of the path, by those before of one of the velocity."""
+    clock = MeasurementClock(2.0, 0.5, 1, 0, (-1, -1), True, AS_CONFIGURED)
+    found = []
+    for k in range(6):
+        mean, follows = 0.2 * k, 0.2 * (k + 1) if interval else 0.2 * k
+        span = clock.add_step(Step(
+            0.2, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), mean=1.0, interval=interval,
+            parts=(0.1, 0.1) if interval else (0.2, 0.0), couplings=((mean, follows),)))
+        found.append(list(span.rises))
+    assert found == [[], *[[pytest.approx(0.1)]] * 5]
+
+
 def behind_a_lag(values, first, lag, dt):
     """Return what follows values, each of them held for ``dt``, from a steady one on."""
     keep = np.exp(-dt / lag)

@@ -15,8 +15,7 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 from rovid_core.identify.ekf.evidence.innovations import CLIPPED, HUBER, Innovations
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.normalised_model import Unmodelled
-from rovid_core.identify.ekf.single.linearised_filter import floats
-from rovid_core.identify.method import DivergenceError
+from rovid_core.identify.method import DivergenceError, floats
 from rovid_core.model.dofs import Three
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep, Step
 

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 import math
+from typing import Final
 
-from rovid_core.identify.ekf.single.linearised_filter import LONGEST
+LONGEST: Final = 0.15
+"""[s] over which a velocity may go in a straight line: its products are 1 % off at 0.2 s."""
 
 Way = list[tuple[float, ...]]
 """How long before the end of a step [s], and velocities then."""

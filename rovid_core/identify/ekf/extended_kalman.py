@@ -50,12 +50,12 @@ from rovid_core.identify.ekf.normalised_model import (
     Unmodelled,
 )
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
-from rovid_core.identify.ekf.single.linearised_filter import ALPHA, floats
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
 from rovid_core.identify.ekf.thruster_search import SearchBeside, ThrusterSearch
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
-from rovid_core.identify.method import check_bounds, Identifier
+from rovid_core.identify.method import check_bounds, floats, Identifier
 from rovid_core.model.dofs import PARAMETERS
 from rovid_core.model.samples import Step
 from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters, Thrusters
@@ -384,7 +384,7 @@ class ExtendedKalman(Identifier):
             # at rest, say, under thrust that carries a weight: what comes may tell more
             start.clear()
             self._search.drop()
-            start.add(self._velocity(step) / self._scales.velocity)
+            start.add(self._follow(step)[-1][1] / self._scales.velocity)
             self._is_later, self._is_solved = True, False
         else:
             start.wait(known)
@@ -439,7 +439,7 @@ class ExtendedKalman(Identifier):
 
     def _begin_again(self, step: Step, changed_at: float) -> None:
         """Begin with what the parameters may have become; the noise is what it was."""
-        velocity = self._velocity(step)
+        velocity = self._follow(step)[-1][1]
         self._theta = list(self._bank.best.filter.theta)
         # a parameter that a fault has led to 0 must find its way back, too; the wrong model has
         # moved the delay by more than it was uncertain
@@ -452,15 +452,6 @@ class ExtendedKalman(Identifier):
         self._search.drop()
         self._idle, self._is_later, self._is_solved = 0.0, False, False
         self.restart(velocity)
-
-    def _velocity(self, step: Step) -> float:
-        """Return the velocity at the end of a short step [m/s or rad/s]."""
-        v, ahead = self._bank.tracker.filter.motion[1], self._clock.ahead
-        if ahead:
-            force = self._thrusters.given(
-                step.forces[1 if step.interval else 0] / self._scales.force)
-            v += ahead * self._rate(step, 1, force, v)
-        return self._scales.velocity * v
 
     def _rate(self, step: Step, part: int, force: float, v: float) -> float:
         """Return the acceleration at a velocity, under a force and the couplings of a part."""
@@ -475,12 +466,12 @@ class ExtendedKalman(Identifier):
 
     def _follow(self, step: Step) -> Way:
         """Return ``way`` of a step that was taken."""
-        if not (is_long(step.dt) and self._way):
-            return [(0.0, self._velocity(step))]
         ahead = self._clock.ahead
         found = self._scales.velocity * self._bank.tracker.filter.motion[1]
-        way = led_to(self._predicted(step, 0, self._way[-1][1], step.dt, ahead), [found])
-        return way + self._predicted(step, 1, found, ahead, 0.0)
+        way: Way = []
+        if is_long(step.dt) and self._way:
+            way = led_to(self._predicted(step, 0, self._way[-1][1], step.dt, ahead), [found])
+        return way + self._predicted(step, 1, found, ahead, 0.0) or [(0.0, found)]
 
     def _predicted(self, step: Step, part: int, velocity: float, begin: float,
                    end: float) -> Way:

@@ -27,12 +27,12 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     ALPHA,
     Bounds,
     CANDIDATES,
-    floats,
     LinearisedFilter,
     NONE_OWN,
     POSITION,
 )
 from rovid_core.identify.ekf.single.measurements import Measurement
+from rovid_core.identify.method import floats
 from rovid_core.model.dofs import EACH, OWN
 from rovid_core.model.plant import Array
 from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
@@ -123,8 +123,7 @@ class Member:
         self.innovations.least = span.rounding
         self.prediction.move(recent, span)
         if span.end > span.start:
-            filter.move(recent, span.start, span.end, span.couplings,
-                        span.watched)
+            filter.move(recent, span.start, span.end, span.couplings, span.watched, span.rises)
         # the noise of the fix between two intervals does not cancel when they are turned
         relative, noise = span.turn * span.turn, self.innovations.noise
         if span.i == POSITION and span.value is not None:

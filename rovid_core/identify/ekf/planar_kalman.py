@@ -63,10 +63,10 @@ from rovid_core.identify.ekf.planar.member import (
 )
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
-from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.ekf.thruster_search import SearchBeside, ThrusterSearch
 from rovid_core.identify.estimate import Current, KNOWN_CURRENT
 from rovid_core.identify.excitation import MIN_EXCITATION
+from rovid_core.identify.method import floats
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarStart, PlanarStep
 from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters
@@ -460,10 +460,10 @@ class PlanarKalman:
         filter, row = self._bank.tracker.filter, self._model.rows[k]
         theta, motion = filter.theta.tolist(), filter.motion.tolist()
         v, other = motion[2 + k], motion[3 - k]
-        ahead = self._clock.ahead
+        ahead, recent = self._clock.ahead, self._clock.recent[k]
         if ahead:
             scale, own = row.velocity, theta[row.first:row.end]
-            force = self._thrusters[k].given(step.forces[k][1] / self._model.scales[k].force)
+            force = recent.over(recent.end - ahead, recent.end, own[-1])[0] / ahead
             alpha, beta, gamma, delta = self._model.of[k].acting(own, force, v)
             gamma -= alpha * self._thrusters[k].slowing(force)
             rate = alpha * force + (beta * abs(v / scale) + gamma) * v / scale + delta

@@ -22,8 +22,8 @@ from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import f_tail
 from rovid_core.identify.ekf.evidence.verdict import Regression, Verdict
 from rovid_core.identify.ekf.planar.layout import AXES
-from rovid_core.identify.ekf.single.linearised_filter import floats
 from rovid_core.identify.estimate import Current, KNOWN_CURRENT, TURN
+from rovid_core.identify.method import floats
 from rovid_core.model.dofs import THRUSTS
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarPiece

@@ -19,8 +19,9 @@ from rovid_core.identify.ekf.evidence.block_fit import (
 from rovid_core.identify.ekf.evidence.unseen_terms import expected
 from rovid_core.identify.ekf.evidence.vehicle_change import contradicts
 from rovid_core.identify.ekf.evidence.verdict import Regression, Verdict
-from rovid_core.identify.ekf.single.linearised_filter import ALPHA, CANDIDATES, floats
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA, CANDIDATES
 from rovid_core.identify.ekf.single.watched_lag import LAGS, SECOND_LAG
+from rovid_core.identify.method import floats
 from rovid_core.model.dofs import HEADING
 
 Array = NDArray[np.float64]

@@ -33,14 +33,13 @@ from rovid_core.identify.ekf.single.linearised_filter import (
     Bounds,
     CANDIDATES,
     felt,
-    floats,
     FORCE_TIME,
     LARGEST_SPEED,
     LARGEST_SUBSTEPS,
     LONGEST,
 )
 from rovid_core.identify.ekf.single.watched_lag import WatchedLag
-from rovid_core.identify.method import DivergenceError
+from rovid_core.identify.method import DivergenceError, floats
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarPiece
 from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters

@@ -37,10 +37,10 @@ from rovid_core.identify.ekf.planar.layout import (
 )
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, SPAN
-from rovid_core.identify.ekf.single.linearised_filter import ALPHA, Bounds, floats
+from rovid_core.identify.ekf.single.linearised_filter import ALPHA, Bounds
 from rovid_core.identify.ekf.single.measurements import Along, LEAST_INTERVAL, Resolution
 from rovid_core.identify.ekf.single.watched_lag import LAGS
-from rovid_core.identify.method import DivergenceError
+from rovid_core.identify.method import DivergenceError, floats
 from rovid_core.model.dofs import OWN
 from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
 from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters

@@ -6,8 +6,7 @@ from collections.abc import Mapping
 import math
 from typing import Any, TYPE_CHECKING
 
-from rovid_core.identify.ekf.single.linearised_filter import floats
-from rovid_core.identify.method import check_bounds, Identifier
+from rovid_core.identify.method import check_bounds, floats, Identifier
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
 

@@ -7,8 +7,9 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
-from rovid_core.identify.ekf.single.linearised_filter import floats, LinearisedFilter, NONE_OWN
+from rovid_core.identify.ekf.single.linearised_filter import LinearisedFilter, NONE_OWN
 from rovid_core.identify.ekf.single.measurements import Measurement
+from rovid_core.identify.method import floats
 from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 
 SPAN: Final = 1.0

@@ -24,7 +24,7 @@ from typing import Any, Final
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.ekf.single.regressors import Parameter, Regressor
 from rovid_core.identify.ekf.single.watched_lag import LAGS, SECOND_LAG, WatchedLag
-from rovid_core.identify.method import DivergenceError
+from rovid_core.identify.method import DivergenceError, floats
 from rovid_core.model.dofs import EACH, Three
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 
@@ -166,7 +166,8 @@ class LinearisedFilter:
         self._force = math.nan  # at the end of the last step, where there was one
 
     def move(self, recent: DelayedForce, start: float, end: float,
-             couplings: Sequence[float] = (), watched: Sequence[float] = ()) -> None:
+             couplings: Sequence[float] = (), watched: Sequence[float] = (),
+             rises: Sequence[float] = ()) -> None:
         """
         Predict from ``start`` to ``end`` [s], in steps that resolve the drag.
 
@@ -177,14 +178,13 @@ class LinearisedFilter:
         start, end : float
             [s]
         couplings : sequence of floats
-            The measured regressors over that time, one per parameter of a coupling.
+            The means of the measured regressors over that time, one per parameter of a coupling.
         watched : sequence of floats
             Those that are only watched.
+        rises : sequence of floats
+            By how much those of ``couplings`` rise from the mean to the end; empty if by nothing.
 
         """
-        if self._couplings:
-            for one, regressor in zip(self._couplings, couplings):
-                one.push = regressor
         if any(watched) or self._pushed is self._columns:
             self._pushed = self._columns
             for column, regressor in zip(self._watched, watched):
@@ -193,15 +193,19 @@ class LinearisedFilter:
                    + self._alpha.value * self._thrusters.loss)
         turn = (end - start) * max(fastest, 1.0 / LONGEST)
         if turn < 1.000001:
-            self._predict(recent, start, end, couplings)
+            self._predict(recent, start, end, couplings, rises)
             return
         pieces = min(int(turn), LARGEST_SUBSTEPS - 1) + 1
+        means, each = couplings, [rise / pieces for rise in rises]
         for k in range(pieces):
+            if each:
+                means = [mean + (2 * k + 1 - pieces) * rise
+                         for mean, rise in zip(couplings, each)]
             self._predict(recent, start + (end - start) * k / pieces,
-                          start + (end - start) * (k + 1) / pieces, couplings)
+                          start + (end - start) * (k + 1) / pieces, means, each)
 
     def _predict(self, recent: DelayedForce, start: float, end: float,
-                 couplings: Sequence[float]) -> None:
+                 couplings: Sequence[float], rises: Sequence[float]) -> None:
         h = end - start
         x, v, f = self.motion
         alpha, beta, gamma = self._alpha.value, self._beta.value, self._gamma.value
@@ -211,9 +215,11 @@ class LinearisedFilter:
         # a straight line with the same integral and the same way; this is half its rise
         du = alpha * (3.0 * force - 6.0 * moment / (h * h))
         u = alpha * force + self._delta.value + f
-        if self._couplings:
-            for one, regressor in zip(self._couplings, couplings):
-                u += one.value * regressor
+        for one, regressor in zip(self._couplings, couplings):
+            u += one.value * regressor
+            one.push = regressor
+        for one, regressor in zip(self._couplings, rises):
+            du += one.value * regressor
         goes_back = v < 0.0
         slowing = self._thrusters.slowing
         gamma -= alpha * slowing(force)
@@ -251,6 +257,7 @@ class LinearisedFilter:
             reverse, cut = recent.bent(start, end, delay)
             backwards = felt(reverse[0], reverse[1], h, rate, s)
             small = felt(cut[0], cut[1], h, rate, s)
+        self._push_by_rises(rises, h, rate, (s, b))
         drag = w * size
         self._alpha.push = of_alpha - slowing(force) * w
         self._beta.push, self._gamma.push, self._delay.push = drag, w, -of_delay
@@ -345,6 +352,15 @@ class LinearisedFilter:
             self._parameters[i].path += way
         if k >= 0:
             self._parameters[k].push = drag
+
+    def _push_by_rises(self, rises: Sequence[float], h: float, rate: float,
+                       transition: tuple[float, float]) -> None:
+        """Let couplings push later than their means would, by how much they rise over a step."""
+        s, b = transition
+        more, way = felt(0.0, -h * h / 6.0, h, rate, s)
+        for one, rise in zip(self._couplings, rises):
+            one.push += more * rise
+            one.path += (way - b * more) * rise
 
     def _push_by_each(self, each: tuple[float, float, float, float, float], h: float,
                       rate: float, transition: tuple[float, float], w: float) -> None:
@@ -637,11 +653,3 @@ class Innovation:
                  told: float, i: int) -> None:
         self.error, self.given, self.total = error, given, total
         self.psi, self.told, self.i = psi, told, i
-
-
-def floats(values: Any, count: int) -> list[float]:
-    """Return a list of finite floats; raises ValueError unless there are that many."""
-    found = [float(x) for x in values]
-    if len(found) != count or not all(map(math.isfinite, found)):
-        raise ValueError(f'{len(found)} numbers that do not fit')
-    return found

@@ -7,7 +7,8 @@ import math
 from typing import Any, Final
 
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
-from rovid_core.identify.ekf.single.linearised_filter import floats, POSITION, VELOCITY
+from rovid_core.identify.ekf.single.linearised_filter import POSITION, VELOCITY
+from rovid_core.identify.method import floats
 from rovid_core.model.samples import Step
 from rovid_core.model.thrusters import Thrusters
 
@@ -130,6 +131,8 @@ class Measurement:
         [s] since the last measurement.
     couplings : sequence of m floats
         The mean of each regressor of the couplings over the span.
+    rises : sequence of m floats
+        By how much each rises from its mean to the end of the span; empty if by nothing.
     watched : sequence of floats
         The same of those that are only watched.
     rounding : float
@@ -138,14 +141,15 @@ class Measurement:
     """
 
     __slots__ = ('start', 'end', 'i', 'value', 'turn', 'slip', 'dt', 'couplings', 'watched',
-                 'rounding')
+                 'rounding', 'rises')
 
     def __init__(self, start: float, end: float, i: int, value: float | None, turn: float,
-                 slip: float, dt: float, couplings: Sequence[float],
-                 watched: Sequence[float], rounding: float) -> None:
+                 slip: float, dt: float, couplings: Sequence[float], watched: Sequence[float],
+                 rounding: float, rises: Sequence[float] = ()) -> None:
         self.start, self.end, self.i, self.value = start, end, i, value
         self.turn, self.slip, self.dt = turn, slip, dt
         self.couplings, self.watched, self.rounding = couplings, watched, rounding
+        self.rises = rises
 
 
 class MeasurementClock:
@@ -198,6 +202,7 @@ class MeasurementClock:
         self._fix = self._last = -1.0  # [s] time of the last measurement, and of its last fix
         self._group: list[list[float]] = []
         self._along = Along()
+        self._before: list[float] = []  # length [s] of the interval before, and its couplings
         self.ahead = 0.0
 
     def set_thrusters(self, thrusters: Thrusters) -> None:
@@ -221,6 +226,7 @@ class MeasurementClock:
         for i in self._own:
             couplings[i] = 0.0
         watched = step.watched or self._nothing_watched
+        rises = self._rises(step, at, couplings) if step.couplings else ()
         start = end - dt if first else self._fix
         i, value = VELOCITY, step.mean / unit
         if interval:
@@ -236,7 +242,7 @@ class MeasurementClock:
         alone = at - self._last >= LEAST_INTERVAL
         if alone and self._along.is_empty:
             found = Measurement(start, at, i, value, step.turn, step.path_noise / unit, dt,
-                                couplings, watched, self._resolution.noise)
+                                couplings, watched, self._resolution.noise, rises)
         else:
             before = self._group[-1][0] if self._group else self._last
             self._along.add(at - before, [*couplings, *watched])
@@ -249,6 +255,26 @@ class MeasurementClock:
         if found.end == at:
             self._along.clear()  # but for rounding
         return found
+
+    def _rises(self, step: Step, at: float, couplings: Sequence[float]) -> Sequence[float]:
+        """
+        Return by how much the means of an interval rise up to its end.
+
+        That goes by the intervals on both sides of it, or by the one before where the one after
+        is not known yet, as it is not of a velocity sensor.
+        """
+        goes_on = step.interval and self._last >= 0.0
+        before, h = self._before, at - self._last if goes_on else step.dt
+        self._before = [h, *couplings]
+        if not before:
+            return ()
+        follows = [mean for _, mean in step.couplings] if step.interval else couplings
+        share = 0.5 * h / (0.5 * before[0] + h + 0.5 * step.interval
+                           if step.interval else 0.5 * (before[0] + h))
+        rises = [share * (new - old) for new, old in zip(follows, before[1:])]
+        for i in self._own:
+            rises[i] = 0.0
+        return rises
 
     def _mean(self, start: float, i: int) -> Measurement:
         """Return the mean of the fixes that came together, which is one of less noise."""
@@ -269,7 +295,8 @@ class MeasurementClock:
         """Return all that is needed to go on from here."""
         return {'recent': self.recent.state(), 'path': self._path, 'fix': self._fix,
                 'last': self._last, 'ahead': self.ahead, 'resolution': self._resolution.state(),
-                'group': [list(row) for row in self._group], 'along': self._along.state()}
+                'group': [list(row) for row in self._group], 'along': self._along.state(),
+                'before': list(self._before)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from ``state``; raises ValueError if it does not fit."""
@@ -277,6 +304,8 @@ class MeasurementClock:
             [state[name] for name in ('path', 'fix', 'last', 'ahead')], 4)
         group = [floats(row, 5) for row in state['group']]
         self._along.restore(state['along'], self.couplings + self.watched)
+        before = state['before']
+        self._before = floats(before, 1 + self.couplings) if before else []
         self.recent.restore(state['recent'])
         self._resolution.restore(state['resolution'])
         self._path, self._fix, self._last, self.ahead = path, fix, last, ahead

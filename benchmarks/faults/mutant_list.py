@@ -1134,6 +1134,10 @@ MUTANTS = [
          'how_couplings_rise_goes_by_the_intervals_around',
          ('how couplings rise goes by the interval before alone',
           '[mean for _, mean in step.couplings] if step.interval', '[] if False')),
+    *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_couplings.py '
+         'they_belong_to_the_span_of_a_measurement',
+         ('no force acts from a measurement to the end of its step',
+          'recent.over(recent.end - ahead, recent.end, own[-1])[0] / ahead', '0.0')),
     *_of('rovid_core/identify/ekf/single/linearised_filter.py',
          'test/core/test_linearised_filter.py '
          'a_coupling_that_rises_pushes_as_it_does_in_short_steps',

@@ -161,7 +161,8 @@ class Step(Values):
         Standard deviation of the path over ``interval`` that comes from the noise of the
         attitude [m or rad].
     couplings : tuple of (float, float)
-        Mean of each regressor of the DOF's couplings over each part, not filtered.
+        Mean of each regressor of the DOF's couplings over the interval between fixes that each
+        part lies in, not filtered; over the step, twice, for a velocity sensor.
     filtered_couplings : tuple of float
         The same over the step, filtered like the velocity.
     pieces : tuple of (float, float)

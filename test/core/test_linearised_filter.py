@@ -116,8 +116,10 @@ def coupled(regressor, edges, kappa=0.9):
 
 @pytest.mark.parametrize('end', [0.25, 1.0])
 def test_a_coupling_that_rises_pushes_as_it_does_in_short_steps(end):
-    """Path, velocity, and what both owe to the parameters; over a second in steps of its own."""
-    rising = lambda time: 0.3 + 1.1 * time  # noqa: E731
+    """Path, velocity, and what both owe to the coupling; over a second in steps of its own."""
+    def rising(time):
+        return 0.3 + 1.1 * time
+
     one, many = coupled(rising, [0.0, end]), coupled(rising, np.linspace(0.0, end, 401).tolist())
     assert one.motion[:2] == pytest.approx(many.motion[:2], rel=2e-3)
     for found, exact in zip(one.sensitivities, many.sensitivities):

@@ -11,7 +11,7 @@ import math
 from typing import Final
 
 LONGEST: Final = 0.15
-"""[s] over which a velocity may go in a straight line: its products are 1 % off at 0.2 s."""
+"""[s] over which a velocity may go in a straight line: couplings by it are 2 % off at 0.2 s."""
 
 Way = list[tuple[float, ...]]
 """How long before the end of a step [s], and velocities then."""

@@ -48,11 +48,11 @@ from rovid_core.model.thrusters import AS_CONFIGURED, Thrusters
 Recent = tuple[DelayedForce, DelayedForce]
 """The force on surge and on sway."""
 
-PIECE: Final = len(PlanarPiece._fields)
-"""Numbers of a ``PlanarPiece``."""
-
 BothThrusters = tuple[Thrusters, Thrusters]
 """How those of surge and of sway are found to work, with the same lag; in typical forces."""
+
+PIECE: Final = len(PlanarPiece._fields)
+"""Numbers of a ``PlanarPiece``."""
 
 
 class PlanarMeasurement(NamedTuple):

@@ -870,6 +870,12 @@ MUTANTS = [
          'a_controller_whose_commands_are_stamped_late_pushes_along',
          ('a controller that brakes is accused', 'if sign < 0 and _goes_along(', 'if False and ('),
          ('no sign is ever accused', '>= push.explained:', '>= -9.0:')),
+    *_of('rovid_ros/discovery/decisions.py', 'test/discovery/test_init.py '
+         'commands_that_are_samples_of_faster_ones_hold_from_halfway_since_the_last',
+         ('every command that is logged was given then', 'if best < len(_DELAYS) or gained',
+          'if best < 99 or gained'),
+         ('slow commands are samples of faster ones',
+          'if best < len(_DELAYS) or gained <= found[best].by_chance(SURE**2):', 'if False:')),
     *_of('rovid_ros/logs/dataflash.py', 'test/logs/test_dataflash.py '
          'what_an_autopilot_writes_is_no_damage',
          ('columns that are numbers are damage', 'if column.isdigit() else column',

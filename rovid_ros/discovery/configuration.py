@@ -133,6 +133,9 @@ def _thrusters(made: Thrusters) -> list[str]:
         lines.append('      # the force on the body already: gain and allocation are not needed')
     else:
         lines += _chain(made)
+    if made.latency:
+        lines.append(_line(6, f'latency: {made.latency}',
+                           '[s] commands are samples of faster ones: half of their interval'))
     lines += [_line(6, f'delay: {made.delay}', '[s] roughly; rovid tune finds it better'),
               _line(6, f'timeout: {_up(max(timeout, 1.5 * min(signal.longest_gap, 1.0)))}',
                     '[s] an older command counts no more')]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
+from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.model.dofs import coupling_prior, DOFS, LINEAR_DOFS
 from rovid_ros.discovery.ardupilot import Motors
 from rovid_ros.discovery.candidates import Candidate, FAST, too_fast, upside_down, words_in
@@ -31,6 +32,7 @@ _SAME = 0.9  # correlation of one thing that is measured twice
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
 _LATENCIES = tuple(0.25 * k for k in range(1, 13))  # [s] of fixes that are tried
 _DELAYS = tuple(0.05 * k for k in range(13))  # [s] of the thrust
+_PARTS = 4  # of half an interval between commands, by which they are tried earlier
 _SPANS = range(1, 6)  # how much longer means of coarse fixes are than their rate asks for
 _DRY = 'dry mass'
 _TURNED = 0.25  # [rad] a smaller heading offset is left to rovid tune
@@ -153,6 +155,7 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
             made.yaw_offset = _heading_offset(made.thrusters, original)
             moved = _turned(original, made.yaw_offset)
             made.thrusters = with_delay(made.thrusters, moved)
+    made.thrusters = _as_samples(made.thrusters, moved)
     made.inputs['thrusters'] = replace(inputs['thrusters'], signal=made.thrusters.signal)
     _fit(made, moved)
     if not made.dofs:
@@ -228,6 +231,29 @@ def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
     likely = tuple([late for (_, late), one in zip(cases, found) if one.push > SURE and (
         one.left < found[best].left + found[best].by_chance(SURE**2))])
     return cases[best][1] if gained > found[best].by_chance() else 0.0, likely
+
+
+def _as_samples(thrusters: Thrusters, moved: Motion) -> Thrusters:
+    """
+    Return thrusters whose commands are taken earlier, where the motion says that they are samples.
+
+    A log with fewer commands than the vehicle was given has one now and then, which stands as much
+    for what was before it as for what came after: it holds from half an interval before its stamp.
+    A filter finds what is less than that by itself, but no delay so far below 0.
+    """
+    times = thrusters.signal.times
+    half = 0.5 * float(np.median(np.diff(times)))
+    early = [delay for k in range(_PARTS) if (delay := half * (k / _PARTS - 1.0)) < DELAYS[0]]
+    if not early:
+        return thrusters
+    found = misfits_by([(replace(thrusters, delay=delay), moved) for delay in [*_DELAYS, *early]])
+    best = _likeliest(found)
+    gained = min(one.left for one in found[:len(_DELAYS)]) - found[best].left
+    if best < len(_DELAYS) or gained <= found[best].by_chance(SURE**2):
+        return thrusters
+    latency = float(f'{half:.2g}')
+    return with_delay(replace(thrusters, latency=latency, signal=replace(
+        thrusters.signal, times=times - latency)), moved)
 
 
 def _told(inputs: dict[str, Candidate], frames: str, motors: Motors | None, spans: int) -> float:
@@ -511,6 +537,10 @@ def _say(made: Discovery) -> None:
         if dof in LINEAR_DOFS and known.velocity > FAST:
             made.guesses.append(f'{dof} moves at {known.velocity:.0f} m/s: is what measures it in '
                                 'metres?')
+    if thrusters.latency:
+        made.guesses.append(
+            f'thrusters.latency {thrusters.latency:g} s, half the time between two commands: the '
+            'vehicle follows them so early that they are samples of faster ones')
     weak = [dof for dof, known in made.dofs.items() if known.sign == 0]
     if weak:
         made.guesses.append(f'{", ".join(weak)}: the log hardly says how the command moves it')

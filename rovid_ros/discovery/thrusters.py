@@ -43,6 +43,7 @@ class Thrusters:
     frame: Frame | None = None
     sure_frame: bool = False  # the autopilot itself says so
     delay: float = 0.0  # [s]
+    latency: float = 0.0  # [s] by which the signal has been taken earlier than it is stamped
 
     def forces(self) -> Array:
         """Return what each thruster gives, or the wrench, at the times of the signal."""

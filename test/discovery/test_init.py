@@ -543,6 +543,35 @@ def test_a_controller_whose_commands_are_stamped_late_pushes_along(
     assert any('against its command' in one for one in made.guesses) is accused
 
 
+@pytest.mark.parametrize(('logged', 'held', 'latency'), [
+    (16, False, 0.4), (8, False, 0.2), (16, True, 0.0), (2, False, 0.0)])
+def test_commands_that_are_samples_of_faster_ones_hold_from_halfway_since_the_last(
+        logged: int, held: bool, latency: float) -> None:
+    """The vehicle follows each command, or ``held`` ones that are all in the log."""
+    draw, step, count = np.random.default_rng(4), 0.05, 4000
+    times, zero = step * np.arange(count), np.zeros(count)
+    moments = sum(np.sin(2.0 * np.pi * hz * times + draw.uniform(0.0, 6.0))
+                  for hz in (0.05, 0.11, 0.17, 0.29))
+    if held:
+        moments = np.repeat(moments[::logged], logged)
+    rate, rates = 0.0, []
+    for moment in np.concatenate([[0.0, 0.0], moments[:-2]]):  # 0.1 s later
+        rate += 0.5 * step * (moment - rate - rate * abs(rate))
+        rates.append(rate)
+    half = 0.5 * (step * np.cumsum(rates) + draw.normal(0.0, 0.001, count))
+    signals = [
+        Signal('/imu', 'sensor_msgs/msg/Imu', 'orientation', 'quaternion', times,
+               np.column_stack([zero, zero, np.sin(half), np.cos(half)]), rate=20.0),
+        Signal('/wrench', 'geometry_msgs/msg/WrenchStamped', 'wrench', 'wrench', times[::logged],
+               np.column_stack([zero] * 5 + [moments])[::logged], rate=20.0 / logged)]
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    assert made.thrusters.latency == pytest.approx(latency)
+    assert made.thrusters.delay <= 0.15
+    said = [one for one in made.guesses if f'thrusters.latency {latency:g} s' in one]
+    written = re.findall(r'latency: (\S+)', configuration(made, 'dive.mcap'))
+    assert (len(said), written) == ((1, [f'{latency}']) if latency else (0, []))
+
+
 def test_motors_that_are_known_push_the_way_they_point() -> None:
     """At the delay at which a controller seems to push against the motion it explains more."""
     heading, wrench = turns(0.15)

@@ -689,6 +689,14 @@ MUTANTS = [
          ('a term that data exclude is as likely as before',
           '- math.log1p(power))', '+ 0.0 * power)')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_unseen_terms.py '
+         'two_kinds_of_lag_make_a_dead_band_no_less_likely',
+         ('each kind of lag is as likely as a dead-band', 'weight=WEIGHTS.get(term, 1.0)',
+          'weight=1.0')),
+    *_of('rovid_core/identify/ekf/evidence/unseen_terms.py', 'test/core/test_unseen_terms.py '
+         'the_interval_is_that_of_the_average_over_vehicles_with_and_without',
+         ('all terms are as likely before any data', 'term.weight / whole *',
+          '1.0 / len(terms) *')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_unseen_terms.py '
          'thrust_may_fall_by_what_the_data_do_not_show',
          ('thrust that the data do not show to fall stays', 'own + averaged(ways, own)', 'own'),
          ('what thrust falls by is not what moves the mean',

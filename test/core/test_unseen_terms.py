@@ -43,6 +43,13 @@ def test_thrust_of_one_size_cannot_tell_the_mass_from_a_dead_band(name):
         assert 'push at several sizes' in ' '.join(found[-1][2])
 
 
+@pytest.mark.long
+@pytest.mark.parametrize('seed', range(4))
+def test_two_kinds_of_lag_make_a_dead_band_no_less_likely(seed):
+    *_, (_, holds, _) = said('dead-band, 5 N or -5 N', seed, 300.0)
+    assert holds
+
+
 def test_what_matters_little_is_not_asked_for():
     *_, (converged, _, reasons) = said('exact', 0, 150.0)
     assert converged
@@ -133,11 +140,13 @@ def test_what_data_say_of_a_term_is_bayes(coefficient, information, sign):
 
 
 def test_the_interval_is_that_of_the_average_over_vehicles_with_and_without():
-    terms = [judged([2.0, 0.1], 0.4, 5.0, 1.0, 0), judged([-1.0, 3.0], -0.3, 2.0, 0.5, -1)]
+    terms = [judged([2.0, 0.1], 0.4, 5.0, 1.0, 0),
+             replace(judged([-1.0, 3.0], -0.3, 2.0, 0.5, -1), weight=0.25)]
     covariance = np.array([[1.0, 0.3], [0.3, 0.5]])
     whole = covariance + averaged(terms, covariance)
     random = np.random.default_rng(0)
-    odds = np.array([1.0, *[0.5 * math.exp(term.evidence) for term in terms]])
+    odds = np.array([1.0, *[share * math.exp(term.evidence)
+                            for share, term in zip((0.8, 0.2), terms)]])
     which = random.choice(3, 400_000, p=odds / odds.sum())
     for i in range(2):
         # either way of the estimate, for nobody knows on which side it is

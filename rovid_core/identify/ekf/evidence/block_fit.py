@@ -24,6 +24,7 @@ from rovid_core.identify.ekf.evidence.unseen_terms import (
     judged,
     summed,
     UnseenTerm,
+    WEIGHTS,
 )
 from rovid_core.identify.ekf.evidence.verdict import (
     LAG_SHAPE,
@@ -384,7 +385,9 @@ class BlockFit:
         for term, (std, sign) in expected(self.all_parameters()[first:]).items():
             name = begin + term
             if name in candidates:
-                terms[name] = self._judged(alone[candidates[name][0]], scatter, std, sign)
+                terms[name] = replace(
+                    self._judged(alone[candidates[name][0]], scatter, std, sign),
+                    weight=WEIGHTS.get(term, 1.0))
         return terms
 
     def _judged(self, one: Remainder, scatter: float, std: float, sign: int) -> UnseenTerm:

@@ -17,6 +17,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, BETA, GAMMA
+from rovid_core.identify.ekf.single.watched_lag import LAGS
 from rovid_core.identify.intervals import Z95
 
 Array = NDArray[np.float64]
@@ -32,6 +33,9 @@ THRUST_LOSS = 0.25
 Of alpha, lost at the typical speed: a propeller that turns at n and moves along at v pushes by
 n |n| less a part that grows with |n| v, so by the root of the force times v.
 """
+
+WEIGHTS = dict.fromkeys(LAGS, 0.5)
+"""Of terms that are kinds of one thing: how likely each is before any data, beside others of 1."""
 
 LARGEST_Z = 30.0
 """Standard deviations beyond which a coefficient of the wrong sign is as good as excluded."""
@@ -75,6 +79,8 @@ class UnseenTerm:
         Logarithm of the odds that the data give for it.
     mean, variance : float
         Of its coefficient, if it is there.
+    weight : float
+        How likely it is before any data, beside others of 1.
 
     """
 
@@ -82,6 +88,7 @@ class UnseenTerm:
     evidence: float
     mean: float
     variance: float
+    weight: float = 1.0
 
 
 def judged(leaning: list[float], coefficient: float, information: float, std: float,
@@ -149,7 +156,8 @@ def averaged(terms: Sequence[UnseenTerm], covariance: Array) -> Array:
         Of the parameters of a vehicle that has none.
 
     """
-    odds = [math.exp(min(term.evidence, 500.0)) / len(terms) for term in terms]
+    whole = math.fsum([term.weight for term in terms])
+    odds = [term.weight / whole * math.exp(min(term.evidence, 500.0)) for term in terms]
     total = 1.0 + math.fsum(odds)
     shares = [one / total for one in odds]
     found = _spread(terms, shares, len(covariance))
@@ -169,7 +177,7 @@ def averaged(terms: Sequence[UnseenTerm], covariance: Array) -> Array:
 def foremost(terms: Mapping[str, UnseenTerm], i: int) -> str:
     """Return the name of the term that adds most to the variance of parameter ``i``."""
     def size(term: UnseenTerm) -> float:
-        square = term.leaning[i]**2 * (term.mean**2 + term.variance)
+        square = term.weight * term.leaning[i]**2 * (term.mean**2 + term.variance)
         return term.evidence + math.log(square) if square > 0.0 else -math.inf
 
     return max(terms, key=lambda name: size(terms[name]))

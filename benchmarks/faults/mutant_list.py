@@ -692,6 +692,10 @@ MUTANTS = [
          'two_kinds_of_lag_make_a_dead_band_no_less_likely',
          ('each kind of lag is as likely as a dead-band', 'weight=WEIGHTS.get(term, 1.0)',
           'weight=1.0')),
+    *_of('rovid_core/identify/ekf/between_fixes.py', 'test/core/test_between_fixes.py '
+         'a_span_has_equal_parts_and_what_is_left_by_rounding_none',
+         ('a force acts in what rounding leaves', '(begin - end - NS) / LONGEST',
+          '(begin - end) / LONGEST')),
     *_of('rovid_core/identify/ekf/evidence/unseen_terms.py', 'test/core/test_unseen_terms.py '
          'the_interval_is_that_of_the_average_over_vehicles_with_and_without',
          ('all terms are as likely before any data', 'term.weight / whole *',

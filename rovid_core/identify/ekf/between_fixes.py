@@ -10,6 +10,8 @@ from collections.abc import Sequence
 import math
 from typing import Final
 
+from rovid_core.model.samples import NS
+
 LONGEST: Final = 0.15
 """[s] over which a velocity may go in a straight line: couplings by it are 2 % off at 0.2 s."""
 
@@ -24,7 +26,8 @@ def is_long(dt: float) -> bool:
 
 def parts(begin: float, end: float) -> list[tuple[float, float]]:
     """Return equal parts, ``LONGEST`` at most, of a span [s before the end of a step]."""
-    count = math.ceil((begin - end) / LONGEST)
+    # what is left of a difference of two times may be rounding, in which no force is known
+    count = math.ceil((begin - end - NS) / LONGEST)
     times = [begin - (begin - end) * k / count for k in range(count + 1)] if count else []
     return list(zip(times, times[1:]))
 

@@ -692,6 +692,16 @@ MUTANTS = [
          'two_kinds_of_lag_make_a_dead_band_no_less_likely',
          ('each kind of lag is as likely as a dead-band', 'weight=WEIGHTS.get(term, 1.0)',
           'weight=1.0')),
+    *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
+         'a_lag_that_another_dof_shows_is_taken_where_it_fits '
+         'a_lag_that_another_dof_shows_has_to_be_no_more_than_likelier',
+         ('a lag of another DOF has to be clearly better', ' and better not in told', ''),
+         ('a lag of another DOF is not looked for', '_told(bank.best.thrusters, heard)', 'False'),
+         ('a lag at a force is heard as a lag', 'thrusters.lag and not thrusters.lag_at',
+          'thrusters.lag')),
+    *_of('rovid_core/pipeline/identification.py', 'test/core/test_identification.py '
+         'what_one_dof_shows_of_the_thrusters_the_others_hear',
+         ('a DOF hears itself', 'if other.identifier is not self.identifier:', 'if True:')),
     *_of('rovid_core/identify/ekf/between_fixes.py', 'test/core/test_between_fixes.py '
          'a_span_has_equal_parts_and_what_is_left_by_rounding_none',
          ('a force acts in what rounding leaves', '(begin - end - NS) / LONGEST',
@@ -903,7 +913,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'what_is_found_of_the_thrusters_goes_on_with_the_same_bits',
          ('surge and sway find nothing of the thrusters',
-          'self._search.begin(self._bank, self._start, self.state)', 'pass'),
+          'self._search.begin(self._bank, self._start, heard, self.state)', 'pass'),
          ('a search of surge and sway is forgotten',
           "self._search.restore(state['search'])", 'pass')),
     *_of('rovid_core/model/thrusters.py', 'test/core/test_reverse.py '

@@ -66,6 +66,10 @@ class Identifier(Protocol):
         """Return the standard deviation of the delay [s]."""
         return self.uncertainty.delay_std
 
+    def hear(self, thrusters: Thrusters) -> None:
+        """Learn how another DOF of the vehicle shows that its thrusters work."""
+        return  # of no use to most
+
     @property
     def is_found(self) -> bool:
         """Tell whether ``v_hat`` is of a model that some seconds of data gave."""

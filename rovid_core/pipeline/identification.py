@@ -84,6 +84,8 @@ class Identification:
         The method, where it is not the configured one for this DOF alone.
     weaker : set of str, optional
         Shared by the DOFs of a vehicle: those that show that thrusters push otherwise backwards.
+    family : list of Identification, optional
+        Those DOFs, each added by itself; they are told what this one finds of the thrusters.
 
     Attributes
     ----------
@@ -97,8 +99,11 @@ class Identification:
     """
 
     def __init__(self, settings: Settings, name: str, reject: Callable[[str, str], None],
-                 identifier: Identifier | None = None, weaker: set[str] | None = None) -> None:
+                 identifier: Identifier | None = None, weaker: set[str] | None = None,
+                 family: list[Identification] | None = None) -> None:
         self._name = name
+        self._family = [] if family is None else family
+        self._family.append(self)
         dof, method = settings.dof[name], settings.identifier
         self.identifier = identifier or make_identifier(
             method, dof, settings.raw_gains(name), settings.watched(name),
@@ -110,6 +115,7 @@ class Identification:
             settings.thrusters.pushes_both_ways(DOFS.index(name)), settings.thrusters.is_wrench)
         self.sizes = TypicalSizeCheck(name, dof, settings.max_speed)
         self._reject = reject
+        self._told = self.identifier.thrusters
         true = settings.simulation.dofs.get(name) if settings.simulation.publish_w else None
         self._truth = None if true is None else lumped(
             true.mass, true.quadratic_drag, true.linear_drag, true.bias)
@@ -160,6 +166,13 @@ class Identification:
             delay=identifier.delay, couplings=identifier.couplings,
             thrusters=identifier.thrusters)
 
+    def _tell(self) -> None:
+        """Tell the other DOFs how the thrusters are found to work."""
+        self._told = self.identifier.thrusters
+        for other in self._family:
+            if other.identifier is not self.identifier:
+                other.identifier.hear(self._told)
+
     def judgement(self) -> Judgement:
         """Return the judgement over all of the data, not that of the last step."""
         now = self.estimate.judgement
@@ -183,6 +196,8 @@ class Identification:
             self._steps += 1
         self._silence.end()
         judgement = self._status.update(identifier, step, refused, adapt)
+        if identifier.thrusters is not self._told:
+            self._tell()
         velocity, v_hat = step.velocity[2], identifier.v_hat
         status = self._status
         # in the order of the fields: by their names it would take three times as long

@@ -139,7 +139,8 @@ class Pipeline:
         self._watches = settings.watches
         rows = self._planar.filter.rows if self._planar is not None else {}
         weaker: set[str] = set()
-        self.dofs = [Identification(settings, dof, reject, rows.get(dof), weaker)
+        family: list[Identification] = []
+        self.dofs = [Identification(settings, dof, reject, rows.get(dof), weaker, family)
                      for dof in settings.dofs]
         self._tells_velocity = settings.identifier.method in WITH_CURRENT and any(
             self._couplings.has_velocity(one.couplings)

@@ -19,7 +19,7 @@ from rovid_core.settings.run import Settings, SettingsError
 from rovid_ros.config.keys import KEYS
 from rovid_ros.files.whole_files import before, create_unused, FileLock, prepare_file, write_text
 
-VERSION = 9
+VERSION = 10
 
 _FORCE = ('names', 'offset', 'scale', 'deadband', 'dead_zone', 'limit', 'model', 'gain', 'reverse',
           'polynomial', 'table_command', 'table_force', 'delay', 'time_constant',

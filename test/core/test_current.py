@@ -7,6 +7,7 @@ import re
 
 import pytest
 from rovid_core.model.samples import Sample
+from rovid_core.model.thrusters import Thrusters
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import CurrentSettings, DofSettings
 from rovid_core.trials.score import ScoreLog
@@ -400,6 +401,17 @@ def test_what_is_found_of_the_thrusters_goes_on_with_the_same_bits(at):
     assert 'reverse thrust is about 0.7' in ' '.join(surge.reasons)
     assert sway.thrusters.found == ['lag']
     assert all(masses_held(ends[0]))
+
+
+def test_surge_and_sway_hear_what_the_others_show_of_the_thrusters():
+    one, other = Stream(settings(FIXES)), Stream(settings(FIXES))
+    one.identifier('sway').hear(Thrusters(lag=0.1))
+    state = json.dumps(one.state())
+    assert '"heard": [0.1, false]' in state
+    other.restore(json.loads(state))
+    assert json.dumps(other.state()) == state
+    other.reset()
+    assert '"heard": [0.0, false]' in json.dumps(other.state())
 
 
 def test_turns_that_lag_are_those_of_surge_and_of_sway():

@@ -89,6 +89,31 @@ def test_a_lag_of_the_thrusters_is_found_and_said(lag, known, doubt):
     assert doubt[0] < drive.one.std[0] / drive.one.parameters[0] < doubt[1]
 
 
+@pytest.mark.parametrize(('lag', 'heard', 'taken'), [
+    (0.06, 0.0, False), (0.06, 0.06, True), (0.0, 0.15, False)])
+def test_a_lag_that_another_dof_shows_is_taken_where_it_fits(lag, heard, taken):
+    drive = Drive()
+    drive.one.hear(Thrusters(lag=heard))
+    drive.one.hear(Thrusters(dead_band=0.1))  # says nothing of a lag
+    drive.one.hear(Thrusters(lag=0.3, turns=True, lag_at=1.0))  # is one at some force
+    drive.go(pieces(Vehicle(lag=lag), 0, 150.0))
+    assert drive.one.thrusters.lag == pytest.approx(lag if taken else 0.0, abs=0.02)
+    assert drive.holds_mass is (taken or not lag)
+    other = ExtendedKalman(SCALES)
+    other.restore(drive.one.state())
+    assert other.state()['heard'] == [heard, False]
+    other.reset()
+    assert other.state()['heard'] == [0.0, False]
+
+
+def test_a_lag_that_another_dof_shows_has_to_be_no_more_than_likelier():
+    """A coupling that is missing makes the data worth less, and no lag clearly likelier."""
+    drive = Drive()
+    drive.one.hear(Thrusters(lag=0.12))
+    drive.go(pieces(Vehicle(lag=0.12, disturbance='coupled'), 0, 150.0))
+    assert drive.one.thrusters.lag == pytest.approx(0.12, abs=0.02)
+
+
 @pytest.mark.parametrize('lag', [0.15, 0.3])
 def test_turns_that_lag_are_told_from_a_force_that_does(lag):
     """Nothing that measures the motion lags in that way, so the mass is known."""

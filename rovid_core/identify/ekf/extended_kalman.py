@@ -52,7 +52,12 @@ from rovid_core.identify.ekf.normalised_model import (
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA
 from rovid_core.identify.ekf.single.measurements import Measurement, MeasurementClock
-from rovid_core.identify.ekf.thruster_search import SearchBeside, ThrusterSearch
+from rovid_core.identify.ekf.thruster_search import (
+    Heard,
+    read_heard,
+    SearchBeside,
+    ThrusterSearch,
+)
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.intervals import Uncertainty
 from rovid_core.identify.method import check_bounds, floats, Identifier
@@ -135,6 +140,7 @@ class ExtendedKalman(Identifier):
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
+        self._heard = Heard()
         self._model = NormalisedModel(scales)
         self.bounds = self._model.bounds
         self._largest = (LARGEST * scales.force, LARGEST * scales.velocity)
@@ -142,7 +148,12 @@ class ExtendedKalman(Identifier):
 
     def reset(self) -> None:
         """Go back to the initial values."""
+        self._heard = Heard()
         self._begin(self._model.initial)
+
+    def hear(self, thrusters: Thrusters) -> None:
+        """Learn how another DOF of the vehicle shows that its thrusters work."""
+        self._heard = self._heard.and_of(thrusters)
 
     def begin_anew(self) -> None:
         """Forget the data; begin with the parameters as they are."""
@@ -417,14 +428,14 @@ class ExtendedKalman(Identifier):
         for member in ended:
             member.judge()
         if bank.best in ended:
-            self._search.begin(bank, self._start, self.state)
+            self._search.begin(bank, self._start, self._heard, self.state)
             self._judge()
 
     def _new_search(self, state: Mapping[str, Any]) -> ThrusterSearch[Member]:
         """Return a search for what the thrusters have besides, on a copy of this filter."""
         copy = ExtendedKalman(self._scales)
         copy.restore(state)
-        return ThrusterSearch(copy._bank, copy._start, copy._use_thrusters)
+        return ThrusterSearch(copy._bank, copy._start, copy._use_thrusters, copy._heard)
 
     def _search_for(self, duration: float) -> bool:
         """Search for so much longer [s]; tell if that changes the filter."""
@@ -508,7 +519,7 @@ class ExtendedKalman(Identifier):
             'thrusters': list(self._thrusters), 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
-            'search': self._search.state(),
+            'search': self._search.state(), 'heard': list(self._heard),
             'time': self._time, 'moving': self._moving, 'usable': self._usable,
             'idle': self._idle, 'later': self._is_later, 'solved': self._is_solved,
             'v_hat': None if math.isnan(self.v_hat) else self.v_hat,
@@ -518,6 +529,7 @@ class ExtendedKalman(Identifier):
         """Go on from ``state``; raises ValueError if it does not fit."""
         check_bounds(PARAMETERS, floats(state['parameters'], 4), *self.bounds)
         self._begin(floats(state['theta'], len(self._theta)), read_thrusters(state['thrusters']))
+        self._heard = read_heard(state['heard'])
         self._prior = floats(state['prior'], len(self._prior))
         self._bank.restore(state['bank'])
         self._clock.restore(state['clock'])

@@ -63,13 +63,18 @@ from rovid_core.identify.ekf.planar.member import (
 )
 from rovid_core.identify.ekf.planar.row import PlanarRow
 from rovid_core.identify.ekf.single.free_prediction import HELD_FIT
-from rovid_core.identify.ekf.thruster_search import SearchBeside, ThrusterSearch
+from rovid_core.identify.ekf.thruster_search import (
+    Heard,
+    read_heard,
+    SearchBeside,
+    ThrusterSearch,
+)
 from rovid_core.identify.estimate import Current, KNOWN_CURRENT
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.method import floats
 from rovid_core.model.plant import Array
 from rovid_core.model.samples import PlanarStart, PlanarStep
-from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters
+from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters, Thrusters
 from rovid_core.settings.run import CurrentSettings, Scales
 
 CERTAIN = 5.0
@@ -123,13 +128,19 @@ class PlanarKalman:
         self._scales, self._settings = scales, settings
         self._model = PlanarModel(scales, settings.prior)
         self.newest: int | None = None
+        self._heard = Heard()
         self.rows = {dof: PlanarRow(self, k, self._model.of[k].bounds)
                      for k, dof in enumerate(DOFS) if dof in scales}
         self._begin(self._model.initial)
 
     def reset(self) -> None:
         """Go back to the initial values."""
+        self._heard = Heard()
         self._begin(self._model.initial)
+
+    def hear(self, thrusters: Thrusters) -> None:
+        """Learn how another DOF of the vehicle shows that its thrusters work."""
+        self._heard = self._heard.and_of(thrusters)
 
     def _begin(self, theta: Sequence[float],
                thrusters: BothThrusters = (AS_CONFIGURED, AS_CONFIGURED)) -> None:
@@ -374,7 +385,8 @@ class PlanarKalman:
         for member in ended:
             member.judge()
         if best in ended:
-            self._search.begin(self._bank, self._start, self.state)
+            heard = self._heard if self._free else Heard()
+            self._search.begin(self._bank, self._start, heard, self.state)
             self._prediction.end_block(best.filter, best.innovations.noise)
             self._judge()
 
@@ -382,7 +394,7 @@ class PlanarKalman:
         """Return a search for what the thrusters have besides, on a copy of this filter."""
         copy = PlanarKalman(self._scales, self._settings)
         copy.restore(state)
-        return ThrusterSearch(copy._bank, copy._start, copy._use_thrusters)
+        return ThrusterSearch(copy._bank, copy._start, copy._use_thrusters, copy._heard)
 
     def _search_for(self, duration: float) -> bool:
         """Search for so much longer [s]; tell if that changes the filter."""
@@ -575,7 +587,7 @@ class PlanarKalman:
             'knew_current': self._knew_current, 'bank': self._bank.state(),
             'clock': self._clock.state(),
             'start': None if self._start is None else self._start.state(),
-            'search': self._search.state(),
+            'search': self._search.state(), 'heard': list(self._heard),
             'prediction': self._prediction.state(), 'time': self._time,
             'moving': self._moving, 'usable': list(self._usable), 'idle': self._idle,
             'windows': self._windows,
@@ -590,6 +602,7 @@ class PlanarKalman:
         one, other = state['thrusters']
         self._begin(theta, (read_thrusters(one), read_thrusters(other)))
         self._theta = theta
+        self._heard = read_heard(state['heard'])
         self._variances = floats(state['variances'], self._model.size)
         self._free, self.is_found, self._knew_current = (
             bool(state[name]) for name in ('free', 'found', 'knew_current'))

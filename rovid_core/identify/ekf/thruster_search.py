@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import suppress
-from typing import Any, Final, Generic
+from typing import Any, Final, Generic, NamedTuple
 
 import numpy as np
 from rovid_core.identify.ekf.batch_start import BatchStart, finish, finite_number, PASSES
@@ -28,6 +28,29 @@ NEAR: Final = 0.03
 
 WIDE: Final = 0.25
 """The same within which the likelihood is about a parabola."""
+
+
+class Heard(NamedTuple):
+    """
+    What other DOFs of the vehicle show of its thrusters.
+
+    Attributes
+    ----------
+    lag : float
+        [s] 0 for none.
+    turns : bool
+        Whether it is that of the propellers' turns.
+
+    """
+
+    lag: float = 0.0
+    turns: bool = False
+
+    def and_of(self, thrusters: Thrusters) -> Heard:
+        """Return it with what one more shows."""
+        # a torque's lag is that at a force, which others measure in other units
+        known = thrusters.lag and not thrusters.lag_at
+        return Heard(thrusters.lag, thrusters.turns) if known else self
 
 
 class SearchBeside(Generic[M]):
@@ -62,10 +85,11 @@ class SearchBeside(Generic[M]):
         """Tell whether there is one."""
         return self._search is not None
 
-    def begin(self, bank: FilterBank[M], start: BatchStart[M] | None,
+    def begin(self, bank: FilterBank[M], start: BatchStart[M] | None, heard: Heard,
               state: Callable[[], dict[str, Any]]) -> None:
-        """Begin one on a copy of the filter as it is, where its blocks name something."""
-        if self.is_on or start is None or not (start.may_search and named_thrusters(bank)):
+        """Begin one on a copy of the filter as it is, where there is something to look for."""
+        if self.is_on or start is None or not (start.may_search and (
+                named_thrusters(bank) or _told(bank.best.thrusters, heard))):
             return
         start.failed = start.duration
         self._begun = state()
@@ -128,6 +152,8 @@ class ThrusterSearch(Generic[M]):
     use : callable
         Takes other thrusters for all members that are made from then on, and returns
         parameters of the best one whose delay is shorter by the lag.
+    heard : Heard
+        The lag that other DOFs of the vehicle show.
 
     Attributes
     ----------
@@ -137,10 +163,10 @@ class ThrusterSearch(Generic[M]):
     """
 
     def __init__(self, bank: FilterBank[M], start: BatchStart[M] | None,
-                 use: Callable[[Any], list[float]]) -> None:
+                 use: Callable[[Any], list[float]], heard: Heard) -> None:
         if start is None:
             raise ValueError('a search in no data')
-        self._bank, self._start, self._use = bank, start, use
+        self._bank, self._start, self._use, self._heard = bank, start, use, heard
         self._succeeded = False
         self.parts = self._search()
 
@@ -165,7 +191,9 @@ class ThrusterSearch(Generic[M]):
         """
         Go through all data with what is named, and keep it where it is better.
 
-        Clearly so, for something new; of what was found the size may become a better one.
+        Clearly so, for something new; of what was found the size may become a better one, and a
+        lag that another DOF shows clearly has to be no more than better here: the thrusters of a
+        vehicle are of one kind, and a delay hides a lag where couplings hide the rest.
         """
         bank = self._bank
         # compared are members that went through all the same data at parameters that fit them
@@ -178,10 +206,12 @@ class ThrusterSearch(Generic[M]):
         for better in named:
             proposals.append((yield from self._likeliest_lag(before, better)))
         proposals.append((yield from self._alternative(before, named)))
+        told = _told(before, self._heard)
+        proposals += told
         for better in proposals:
             if better != before and (yield from self._solve(better)):
                 value = bank.least
-                if bank.best.blocks.found != found:
+                if bank.best.blocks.found != found and better not in told:
                     value += _margin(bank.best)
                 if value < least:
                     least, taken, there = value, bank.best.thrusters, bank.way_back()
@@ -265,6 +295,18 @@ def named_thrusters(bank: FilterBank[M]) -> list[Any]:
         if better is not None and better not in named:
             named.append(better)
     return named
+
+
+def read_heard(state: Any) -> Heard:
+    """Return what a state has of it; ValueError if it does not fit."""
+    lag, turns = state
+    return Heard(finite_number(lag), bool(turns))
+
+
+def _told(thrusters: Any, heard: Heard) -> list[Any]:
+    """Return thrusters that lag as others were heard to, as a list; none where these lag."""
+    return [_with(thrusters, lag=heard.lag, turns=heard.turns)] if (
+        heard.lag and not _lag(thrusters)) else []
 
 
 def _margin(member: Any) -> float:

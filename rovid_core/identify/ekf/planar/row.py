@@ -9,6 +9,7 @@ from typing import Any, TYPE_CHECKING
 from rovid_core.identify.method import check_bounds, floats, Identifier
 from rovid_core.model.dofs import Four, PARAMETERS
 from rovid_core.model.samples import Step
+from rovid_core.model.thrusters import Thrusters
 
 if TYPE_CHECKING:
     from rovid_core.identify.ekf.planar_kalman import PlanarKalman
@@ -75,6 +76,10 @@ class PlanarRow(Identifier):
     def reset(self) -> None:
         """Go back to the initial values, with the other one."""
         self._filter.reset()
+
+    def hear(self, thrusters: Thrusters) -> None:
+        """Let the filter learn how another DOF shows that the thrusters work."""
+        self._filter.hear(thrusters)
 
     def conclude(self) -> bool:
         """Make the best of data that end here, for both."""

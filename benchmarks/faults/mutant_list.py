@@ -699,6 +699,9 @@ MUTANTS = [
          ('a lag of another DOF is not looked for', '_told(bank.best.thrusters, heard)', 'False'),
          ('a lag at a force is heard as a lag', 'thrusters.lag and not thrusters.lag_at',
           'thrusters.lag')),
+    *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
+         'surge_and_sway_take_a_lag_that_another_dof_shows',
+         ('surge and sway are deaf', 'self._heard if self._free else Heard()', 'Heard()')),
     *_of('rovid_core/pipeline/identification.py', 'test/core/test_identification.py '
          'what_one_dof_shows_of_the_thrusters_the_others_hear',
          ('a DOF hears itself', 'if other.identifier is not self.identifier:', 'if True:')),

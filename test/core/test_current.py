@@ -414,6 +414,16 @@ def test_surge_and_sway_hear_what_the_others_show_of_the_thrusters():
     assert '"heard": [0.0, false]' in json.dumps(other.state())
 
 
+@pytest.mark.parametrize('heard', [0.0, 0.06])
+def test_surge_and_sway_take_a_lag_that_another_dof_shows(heard):
+    run = Run(lag=0.06)
+    stream = Stream(settings(run))
+    stream.identifier('sway').hear(Thrusters(lag=heard))
+    for dof in followed(stream, run)[-1].dofs[:2]:
+        assert dof.thrusters.lag == heard
+        assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.01)
+
+
 def test_turns_that_lag_are_those_of_surge_and_of_sway():
     run = Run(duration=140.0, lag=0.25, turns=True)
     last = followed(Stream(settings(run)), run)[-1]

@@ -385,6 +385,7 @@ class PlanarKalman:
         for member in ended:
             member.judge()
         if best in ended:
+            # without the current the model is wrong, and a lag may be likelier only for that
             heard = self._heard if self._free else Heard()
             self._search.begin(self._bank, self._start, heard, self.state)
             self._prediction.end_block(best.filter, best.innovations.noise)

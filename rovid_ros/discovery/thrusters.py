@@ -193,8 +193,10 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     commands = made.forces()
     strength = np.sqrt(np.mean(commands * commands, axis=0))
     strength[strength == 0.0] = 1.0
-    # thrusters that are driven together cannot be told apart: each gets the same share
-    _, sizes, patterns = np.linalg.svd(commands / strength, full_matrices=False)
+    # thrusters that are driven together cannot be told apart: each gets the same share; and a
+    # push that hardly changes, as one that holds a depth, not from the bias
+    changes = (commands - commands.mean(axis=0)) / strength
+    _, sizes, patterns = np.linalg.svd(changes, full_matrices=False)
     if not sizes.any():
         return made
     patterns = patterns[sizes > _TOGETHER * sizes.max()].T
@@ -210,8 +212,11 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
         best = max(answers, key=lambda dof: answers[dof].explained)
         told = {best: answers[best]}
     for dof, push in told.items():
-        shares = patterns @ push.alphas
-        shares[np.abs(shares) < _SMALL * np.abs(shares).max()] = 0.0
+        # a pattern that is not known to push says more of chance than of the thrusters in it
+        known = np.abs(push.alphas) > SURE * push.errors
+        shares = patterns @ np.where(known | ~known.any(), push.alphas, 0.0)
+        moves = np.abs(shares) * changes.std(axis=0)
+        shares[moves < _SMALL * moves.max()] = 0.0
         alphas = shares / strength
         if alphas.any():
             made.rows[dof] = tuple(

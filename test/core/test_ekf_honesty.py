@@ -4,6 +4,7 @@ from dataclasses import replace
 import json
 from math import inf, isfinite
 import re
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from rovid_core.identify.ekf.extended_kalman import ExtendedKalman, PACE
 from rovid_core.identify.ekf.filter_bank import FilterBank, LOST, Member, stands_at_bound
 from rovid_core.identify.ekf.single.free_prediction import BlockFits, KEPT, predicted
 from rovid_core.identify.ekf.single.linearised_filter import CANDIDATES
-from rovid_core.identify.ekf.thruster_search import next_lag
+from rovid_core.identify.ekf.thruster_search import named_thrusters, next_lag
 from rovid_core.identify.intervals import intervals
 from rovid_core.identify.status import DofStatus
 from rovid_core.model.samples import Step
@@ -227,6 +228,22 @@ def test_thrust_that_comes_otherwise_than_with_a_lag_leaves_the_mass_open(name, 
         assert low < MASS < high
         assert ('comes and goes otherwise' in drive.notes[-1]) is comes_otherwise
         assert (high > 1.1 * low) is comes_otherwise
+
+
+@pytest.mark.parametrize('prefix', ['', 'surge '])
+@pytest.mark.parametrize(('best', 'searched'), [
+    (None, True), ('reverse_thrust', True), ('dead_band', True), ('reverse_drag', False)])
+def test_drag_in_reverse_is_not_looked_for_in_the_thrusters(prefix, best, searched):
+    """The first member takes it for thrust; another one, of an unknown force, is the best."""
+    def member(name):
+        missing = None if name is None else Missing(prefix + name, -0.2, 0.1, 1.0)
+        return SimpleNamespace(
+            verdict=SimpleNamespace(missing=missing),
+            better_thrusters=weaker if name == 'reverse_thrust' else None)
+
+    weaker = Thrusters(reverse=0.8)
+    bank = SimpleNamespace(best=member(best), members=[member('reverse_thrust')])
+    assert named_thrusters(bank) == ([weaker] if searched else [])
 
 
 def test_what_follows_another_axis_is_not_taken_for_the_thrusters():

@@ -11,7 +11,10 @@ from rovid_core.identify.ekf.batch_start import BatchStart, finish, finite_numbe
 from rovid_core.identify.ekf.filter_bank import FilterBank, M, MARGIN
 from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.identify.ekf.single.watched_lag import LAG
+from rovid_core.model.dofs import OWN
 from rovid_core.model.thrusters import Thrusters
+
+REVERSE_THRUST, REVERSE_DRAG = OWN
 
 TORQUE: Final = 'torque'
 """The kind of lag that propellers have which a torque turns."""
@@ -287,14 +290,24 @@ def named_thrusters(bank: FilterBank[M]) -> list[Any]:
     """
     Return thrusters that have what the best member says, and what the first one says.
 
-    Where an unknown force follows what is missing, hardly any of the error is left to say it.
+    Where an unknown force follows what is missing, hardly any of the error is left to say it. But
+    the first one takes drag in reverse for thrust, where the best one tells them apart.
     """
     named: list[Any] = []
+    drag = _missing(bank.best)
     for member in (bank.best, bank.members[0]):
         better = member.better_thrusters
-        if better is not None and better not in named:
+        is_drag = drag.endswith(REVERSE_DRAG) and (
+            _missing(member) == drag.replace(REVERSE_DRAG, REVERSE_THRUST))
+        if better is not None and better not in named and not is_drag:
             named.append(better)
     return named
+
+
+def _missing(member: Any) -> str:
+    """Return the name of what a model lacks, '' for nothing."""
+    verdict = member.verdict
+    return '' if verdict is None or verdict.missing is None else str(verdict.missing.name)
 
 
 def read_heard(state: Any) -> Heard:

@@ -109,17 +109,19 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
 
     Where a current shows, they are read once before, by the method that estimates it.
     """
+    # by heading offset: a latency hardly moves what goes on for minutes
+    found: dict[float, LogWater] = {}
+
     def read(tried: Settings) -> TuningLog:
-        water = None
-        if tried.sees_current:
+        if tried.sees_current and tried.yaw_offset not in found:
             # the others tell nothing of it
             plane = tuple([dof for dof in tried.dofs if dof in ('surge', 'sway')])
             first = replace(tried, dofs=plane, identifier=IdentifierSettings('ekf'))
             finder = TuningPlayer(first)
             replay(logs, first, finder, start=start, duration=duration)
-            water = finder.log.water
+            found[tried.yaw_offset] = finder.log.water
         read_with = reading_settings(tried)
-        player = TuningPlayer(read_with, water)
+        player = TuningPlayer(read_with, found.get(tried.yaw_offset))
         # typical sizes are found here, so that warnings about them would be out of place, as are
         # those about what is only tried
         try:

@@ -290,7 +290,8 @@ def test_nothing_fits_an_exact_vehicle_better_than_the_current(turning):
 
 
 @pytest.mark.parametrize(('of', 'seen', 'named', 'true', 'by'), [
-    (Run(pull=(0.8, -0.6), duration=110.0), events, r'a constant pull of ([\d.]+) N', 1.0, 0.2),
+    (Run(pull=(0.8, -0.6), duration=110.0), events,
+     r'a constant pull of ([\d.]+) in units of force', 1.0, 0.2),
     (replace(FIXES, duration=80.0), partial(with_headings_off, degrees=5.0),
      r'headings that are off by ([\d.]+) degrees', 5.0, 0.8),
     (FIXES, partial(with_lever_arm, ahead=0.5, to_port=0.0),

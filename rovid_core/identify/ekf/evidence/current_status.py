@@ -235,8 +235,8 @@ def _arm(found: Regression) -> str:
 def _pull(found: Regression) -> str:
     if not float(np.linalg.norm(found.moved[-AXES:])) > LEAST_CURRENT:
         return ''
-    return (f'a constant pull of {float(np.linalg.norm(found.kappa)):.1f} N fits better, as of a '
-            'tether')
+    return (f'a constant pull of {float(np.linalg.norm(found.kappa)):.2g} in units of force fits '
+            'better, as of a tether')
 
 
 def _offset(found: Regression) -> str:

@@ -626,7 +626,7 @@ MUTANTS = [
     *_of('rovid_ros/commands/tune.py', 'test/commands/test_tune.py '
          'a_current_is_no_weaker_thrust_in_reverse',
          ('tuning takes the water to be still',
-          'water = finder.log.water', 'pass')),
+          'found[tried.yaw_offset] = finder.log.water', 'pass')),
     *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_tuning.py '
          'a_latency_that_only_turns_want_is_not_taken',
          ('tuning takes a latency that predicts worse', 'if _predicts_better(', 'if bool('),
@@ -684,7 +684,19 @@ MUTANTS = [
     *_of('rovid_core/velocity/velocity_source.py', 'test/core/test_attitude_history.py',
          ('an angle does not drift by the noise of the others',
           "(self._needs_attitude or self.input == 'attitude')", 'self._needs_attitude')),
+    *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_ekf_honesty.py '
+         'drag_in_reverse_is_not_looked_for_in_the_thrusters',
+         ('drag in reverse is looked for in the thrusters',
+          'better not in named and not is_drag', 'better not in named'),
+         ('thrust in reverse is not looked for', 'is_drag = drag.endswith(REVERSE_DRAG) and (',
+          'is_drag = (')),
+    *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_init.py '
+         'a_thruster_that_holds_the_depth_does_not_drive_ahead',
+         ('a thruster drives what it hardly changes by',
+          'moves = np.abs(shares) * changes.std(axis=0)', 'moves = np.abs(shares)')),
     *_of('rovid_core/identify/ekf/evidence/unseen_terms.py', 'test/core/test_unseen_terms.py',
+         ('weaker thrust backwards is instead of all else',
+          "('thrust_loss', 'reverse_thrust')", "('thrust_loss',)"),
          ('a dead band is of no size', "'dead_band': (alpha,", "'dead_band': (0.0,"),
          ('a term that data exclude is as likely as before',
           '- math.log1p(power))', '+ 0.0 * power)')),
@@ -1220,11 +1232,15 @@ MUTANTS = [
           'share * gain for share, gain in zip', 'share for share, _ in zip')),
     *_of('rovid_core/identify/status.py', 'test/core/test_status.py '
          'what_a_dof_cannot_see_of_the_thrusters_it_is_told '
-         'of_a_wrench_any_dof_may_hide_it',
+         'of_a_wrench_any_dof_may_hide_it '
+         'a_dof_that_finds_what_it_pushes_backwards_needs_no_other',
          ('what another DOF shows does not count',
-          'if believes and self._weaker:', 'if False:'),
-         ('what a DOF shows itself counts twice', 'self._of_wrench and self._name not in '
-          'self._weaker', 'self._of_wrench'),
+          'self._of_others() or own', 'own'),
+         ('what a DOF shows itself counts twice',
+          'or self._name in self._weaker:', 'or False:'),
+         ('what a DOF has in its model it is told all the same', 'if has or not', 'if not'),
+         ('a DOF may be used that names what it does not take into account',
+          "mass is off by as much' if names", "mass is off by as much' if False"),
          ('what was forgotten still counts for the others',
           'self._weaker.discard(self._name)\n        self._was_excited',
           'self._was_excited')),

@@ -10,7 +10,7 @@ from typing import Final
 from rovid_core.identify.excitation import BATCH, Excitation, Gram, MIN_EXCITATION
 from rovid_core.identify.last_minute import KEYS, LastMinute
 from rovid_core.identify.method import Identifier
-from rovid_core.model.dofs import Four
+from rovid_core.model.dofs import Four, OWN
 from rovid_core.model.samples import Step
 from rovid_core.settings.run import Scales
 
@@ -65,10 +65,9 @@ class DofStatus:
     weaker : set of str
         The DOFs that show that the vehicle's thrusters push otherwise backwards; shared by all.
     hides_weaker : bool
-        Whether this DOF cannot say so itself: then it believes the others.
+        Whether this DOF cannot say so itself. All believe the others unless they show or have it.
     of_wrench : bool
-        Whether it may be such a DOF, as which thrusters drive it is not known: then it believes
-        the others unless it shows the same.
+        Whether it is not known which thrusters drive it.
 
     Attributes
     ----------
@@ -129,7 +128,8 @@ class DofStatus:
                 self._drift.reset()
                 self._judgement = Judgement('converging', (), gram)
                 if excited:
-                    self.settled = not self._objection(gram, identifier, self.settled, adapt)
+                    self.settled = not (self._of_others() or self._objection(
+                        gram, identifier, self.settled, adapt))
             elif excited:
                 self._judgement = self._judge(gram, identifier)
                 self.settled = self._judgement.status == 'converged'
@@ -160,17 +160,20 @@ class DofStatus:
         self._drift.window = max(3.0 * adaptation_time, 3.0 * PERIOD)
 
     def _judge(self, gram: Gram, identifier: Identifier) -> Judgement:
-        reason = self._objection(gram, identifier, self._judgement.status == 'converged', True)
-        # a covariance that says that all is known outweighs the shape of the regressors
-        excitation = None if identifier.covariance and not reason else gram
+        own = self._objection(gram, identifier, self._judgement.status == 'converged', True)
         note = identifier.note
-        texts = tuple([text for text in (note, '' if reason in note else reason) if text])
         found = 0.5 * (1.0 - min(identifier.thrusters.shares))
-        if not self._hides_weaker and (found > SCALED or found == 0.0 and any(
-                KEYS['reverse_thrust'] in text for text in texts)):
+        # named, but not taken into account
+        names = not found and any(KEYS['reverse_thrust'] in text for text in (note, own))
+        if not self._hides_weaker and (found > SCALED or names):
             self._weaker.add(self._name)
         else:
             self._weaker.discard(self._name)
+        reason = self._of_others() or own or (
+            'until that is taken into account the mass is off by as much' if names else '')
+        # a covariance that says that all is known outweighs the shape of the regressors
+        excitation = None if identifier.covariance and not reason else gram
+        texts = tuple([text for text in (note, '' if reason in note else reason) if text])
         return Judgement('converging' if reason else 'converged', texts, excitation)
 
     def _objection(self, gram: Gram, identifier: Identifier, trusted: bool, adapt: bool) -> str:
@@ -185,13 +188,17 @@ class DofStatus:
             reason = '' if trusted else 'the parameters are frozen'
         if not (reason or identifier.judges_errors):
             reason = self._last_minute.doubt(trusted)
-        believes = self._hides_weaker or self._of_wrench and self._name not in self._weaker
-        if believes and self._weaker:  # more of the same data would not help
-            advice = (': log what each thruster is commanded' if self._of_wrench else
-                      KEYS['reverse_thrust'])
-            reason = (f'{min(self._weaker)} shows that the thrusters push otherwise backwards, '
-                      f'which scales this mass, too{advice}')
         return reason
+
+    def _of_others(self) -> str:
+        """Return what other DOFs show that this one does not have, '' for nothing."""
+        has = OWN[0] in self._scales.couplings and not self._hides_weaker
+        if has or not self._weaker or self._name in self._weaker:
+            return ''
+        advice = (': log what each thruster is commanded' if self._of_wrench else
+                  KEYS['reverse_thrust'])
+        return (f'{min(self._weaker)} shows that the thrusters push otherwise backwards, '
+                f'which scales this mass, too{advice}')
 
 
 def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit: float) -> str:

@@ -93,18 +93,31 @@ def test_what_a_dof_cannot_see_of_the_thrusters_it_is_told(vehicle, shown):
     dof, weaker = vehicle
     heave, surge = dof('heave'), dof('surge', hides_weaker=True)
     assert judge(surge, Known(0.02))[0] == 'converged'
-    assert judge(heave, shown)[0] == 'converged'
+    # that it shows it is not yet that its mass is known with it
+    name, reasons = judge(heave, shown)
+    assert (name, reasons[1]) == (
+        'converging', 'until that is taken into account the mass is off by as much')
     name, reasons = judge(surge, Known(0.02))
     assert name == 'converging'
     assert reasons[0].startswith('heave shows that the thrusters push otherwise backwards')
     # more data would not help
     assert judge(surge, Known(0.2))[1][0] == reasons[0]
-    assert judge(dof('roll'), Known(0.02))[0] == 'converged'
+    # one that might show it itself, but does not yet
+    assert judge(dof('roll'), Known(0.02))[1][0] == reasons[0]
     heave.reset()
     assert judge(surge, Known(0.02))[0] == 'converged'
     # what it sees itself is no more than a chance
     judge(surge, shown)
     assert not weaker
+
+
+def test_a_dof_that_finds_what_it_pushes_backwards_needs_no_other(shown):
+    scales, weaker = Scales(150.0, 0.5, TRUTH, (True,) * 4), set()
+    own = replace(scales, couplings=('reverse_thrust',))
+    judge(DofStatus(scales, 3.0, 'heave', weaker), shown)
+    for hides_weaker, status in ((False, 'converged'), (True, 'converging')):
+        surge = DofStatus(own, 3.0, 'surge', weaker, hides_weaker)
+        assert judge(surge, Known(0.02))[0] == status
 
 
 def test_of_a_wrench_any_dof_may_hide_it(vehicle, shown):
@@ -113,8 +126,11 @@ def test_of_a_wrench_any_dof_may_hide_it(vehicle, shown):
     name, reasons = judge(surge, Known(0.02))
     assert name == 'converging'
     assert reasons[0].endswith('log what each thruster is commanded')
-    # one that shows it itself has it in its own model
-    assert judge(surge, shown)[0] == 'converged'
+    # one that found it itself has it in its own model
+    found = Known(0.02)
+    found.thrusters = AS_CONFIGURED._replace(reverse=0.8)
+    judge(surge, found)
+    assert judge(surge, found)[0] == 'converged'
     assert judge(heave, Known(0.02))[0] == 'converging'
 
 

@@ -7,7 +7,13 @@ import math
 import numpy as np
 import pytest
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
-from rovid_core.identify.ekf.evidence.unseen_terms import averaged, expected, judged, summed
+from rovid_core.identify.ekf.evidence.unseen_terms import (
+    averaged,
+    by_question,
+    expected,
+    judged,
+    summed,
+)
 from rovid_core.identify.ekf.extended_kalman import ExtendedKalman
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
 from rovid_core.identify.intervals import intervals
@@ -155,6 +161,13 @@ def test_the_interval_is_that_of_the_average_over_vehicles_with_and_without():
         off = random.normal(mean, np.sqrt(covariance[i, i] + variance))
         assert np.mean(abs(off) < 1.96 * math.sqrt(whole[i, i])) == pytest.approx(0.95, abs=2e-3)
     assert np.linalg.eigvalsh(whole).min() > 0.0
+
+
+def test_weaker_thrust_backwards_and_with_speed_come_on_top_of_all_else():
+    terms = dict.fromkeys(('sway lag', 'sway reverse_thrust', 'sway dead_band',
+                           'sway thrust_loss'), judged([1.0], 0.0, 0.0, 1.0, 0))
+    assert [set(group) for group in by_question(terms)] == [
+        {'sway lag', 'sway dead_band'}, {'sway thrust_loss'}, {'sway reverse_thrust'}]
 
 
 def test_the_sizes_are_those_of_thrusters_and_hulls():

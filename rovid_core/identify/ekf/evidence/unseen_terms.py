@@ -34,6 +34,9 @@ Of alpha, lost at the typical speed: a propeller that turns at n and moves along
 n |n| less a part that grows with |n| v, so by the root of the force times v.
 """
 
+OWN_QUESTIONS = ('thrust_loss', 'reverse_thrust')
+"""What a vehicle may have whatever else it has."""
+
 WEIGHTS = dict.fromkeys(LAGS, 0.5)
 """Of terms that are kinds of one thing: how likely each is before any data, beside others of 1."""
 
@@ -127,11 +130,13 @@ def by_question(terms: Mapping[str, UnseenTerm]) -> list[dict[str, UnseenTerm]]:
     """
     Return terms, by name, in groups of which the vehicle is taken to have one or none.
 
-    Whether thrust falls with speed is a question of its own.
+    Whether thrust falls with speed is a question of its own, and whether it is weaker backwards:
+    most propellers are made for one way.
     """
-    loss = {name: term for name, term in terms.items() if name.endswith('thrust_loss')}
-    others = {name: term for name, term in terms.items() if name not in loss}
-    return [group for group in (others, loss) if group]
+    own = [{name: term for name, term in terms.items() if name.endswith(question)}
+           for question in OWN_QUESTIONS]
+    others = {name: term for name, term in terms.items() if not name.endswith(OWN_QUESTIONS)}
+    return [group for group in (others, *own) if group]
 
 
 def summed(terms: Sequence[UnseenTerm], size: int, there: bool = False) -> Array:

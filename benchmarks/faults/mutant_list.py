@@ -693,7 +693,12 @@ MUTANTS = [
     *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_init.py '
          'a_thruster_that_holds_the_depth_does_not_drive_ahead',
          ('a thruster drives what it hardly changes by',
-          'moves = np.abs(shares) * changes.std(axis=0)', 'moves = np.abs(shares)')),
+          'moves = np.abs(shares) * changes.std(axis=0)', 'moves = np.abs(shares)'),
+         ('a push that stays the same drives',
+          'changes = (commands - commands.mean(axis=0)) / strength',
+          'changes = commands / strength'),
+         ('what is not known of thrusters together tells them apart',
+          'np.where(known | ~known.any(), push.alphas, 0.0)', 'push.alphas')),
     *_of('rovid_core/identify/ekf/evidence/unseen_terms.py', 'test/core/test_unseen_terms.py',
          ('weaker thrust backwards is instead of all else',
           "('thrust_loss', 'reverse_thrust')", "('thrust_loss',)"),

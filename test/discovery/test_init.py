@@ -573,18 +573,20 @@ def test_commands_that_are_samples_of_faster_ones_hold_from_halfway_since_the_la
 
 
 @pytest.mark.parametrize('seed', [0, 1, 2])
-def test_a_thruster_that_holds_the_depth_does_not_drive_ahead(seed: int) -> None:
+@pytest.mark.parametrize(('tilt', 'own', 'noise'), [(0.02, 0.1, 0.2), (0.08, 0.2, 0.05)])
+def test_a_thruster_that_holds_the_depth_does_not_drive_ahead(
+        tilt: float, own: float, noise: float, seed: int) -> None:
     """It pushes all the time, and a little more where those ahead push, which tilt the vehicle."""
     draw, step, count = np.random.default_rng(seed), 0.1, 3000
     ahead = np.repeat(draw.uniform(0.0, 20.0, count // 100), 100)
     sides = ahead[:, np.newaxis] + 3.0 * draw.normal(size=(count, 2)) * [1.0, -1.0]
-    down = -3.0 + 0.02 * (ahead - 10.0) + 0.1 * draw.normal(size=count)
+    down = -3.0 + tilt * (ahead - 10.0) + own * np.repeat(draw.normal(size=count // 20), 20)
     velocity, velocities = 0.0, []
     for force in sides.sum(axis=1):
         velocity += step * (force - 40.0 * velocity * abs(velocity)) / 60.0
         velocities.append(velocity)
     times, zero = step * np.arange(count), np.zeros(count)
-    measured = np.array(velocities) + draw.normal(0.0, 0.2, count)
+    measured = np.array(velocities) + draw.normal(0.0, noise, count)
     signals = [
         Signal('/dvl', 'geometry_msgs/msg/TwistStamped', 'twist.linear', 'vector', times,
                np.column_stack([measured, zero, zero]), rate=10.0),

@@ -4,7 +4,6 @@ from dataclasses import replace
 import json
 from math import inf, isfinite
 import re
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -230,20 +229,24 @@ def test_thrust_that_comes_otherwise_than_with_a_lag_leaves_the_mass_open(name, 
         assert (high > 1.1 * low) is comes_otherwise
 
 
-@pytest.mark.parametrize('prefix', ['', 'surge '])
 @pytest.mark.parametrize(('best', 'searched'), [
     (None, True), ('reverse_thrust', True), ('dead_band', True), ('reverse_drag', False)])
-def test_drag_in_reverse_is_not_looked_for_in_the_thrusters(prefix, best, searched):
+def test_drag_in_reverse_is_not_looked_for_in_the_thrusters(best, searched):
     """The first member takes it for thrust; another one, of an unknown force, is the best."""
-    def member(name):
-        missing = None if name is None else Missing(prefix + name, -0.2, 0.1, 1.0)
-        return SimpleNamespace(
-            verdict=SimpleNamespace(missing=missing),
-            better_thrusters=weaker if name == 'reverse_thrust' else None)
-
-    weaker = Thrusters(reverse=0.8)
-    bank = SimpleNamespace(best=member(best), members=[member('reverse_thrust')])
-    assert named_thrusters(bank) == ([weaker] if searched else [])
+    bank = FilterBank(lambda force: Member(
+        TRUTH, (0.1, 0.1, 0.1, 0.1), [(0, 0.1, 10.0)], force, 0.01))
+    random = np.random.default_rng(0)
+    for member, name in zip(bank.members, ('reverse_thrust', best)):
+        for _ in range(1200):
+            psi = random.normal(size=len(TRUTH) + len(CANDIDATES))
+            told = psi[:len(TRUTH)] @ TRUTH + 0.01 * random.normal()
+            if name is not None:
+                told -= 0.2 * TRUTH[0] * psi[len(TRUTH) + CANDIDATES.index(name)]
+            member.blocks.add(told, 1e-4, psi.tolist(), 0.1)
+        member.judge()
+        assert (member.verdict.missing and member.verdict.missing.name) == name
+    bank.number = 1
+    assert any(one.reverse < 1.0 for one in named_thrusters(bank)) is searched
 
 
 def test_what_follows_another_axis_is_not_taken_for_the_thrusters():

@@ -1245,7 +1245,7 @@ MUTANTS = [
           'or self._name in self._weaker:', 'or False:'),
          ('what a DOF has in its model it is told all the same', 'if has or not', 'if not'),
          ('a DOF may be used that names what it does not take into account',
-          "mass is off by as much' if names", "mass is off by as much' if False"),
+          'if _names(identifier, own) else', 'if False else'),
          ('what was forgotten still counts for the others',
           'self._weaker.discard(self._name)\n        self._was_excited',
           'self._was_excited')),

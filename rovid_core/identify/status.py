@@ -128,7 +128,7 @@ class DofStatus:
                 self._drift.reset()
                 self._judgement = Judgement('converging', (), gram)
                 if excited:
-                    self.settled = not (self._of_others() or self._objection(
+                    self.settled = not self._reason(identifier, self._objection(
                         gram, identifier, self.settled, adapt))
             elif excited:
                 self._judgement = self._judge(gram, identifier)
@@ -161,16 +161,11 @@ class DofStatus:
 
     def _judge(self, gram: Gram, identifier: Identifier) -> Judgement:
         own = self._objection(gram, identifier, self._judgement.status == 'converged', True)
-        note = identifier.note
-        found = 0.5 * (1.0 - min(identifier.thrusters.shares))
-        # named, but not taken into account
-        names = not found and any(KEYS['reverse_thrust'] in text for text in (note, own))
-        if not self._hides_weaker and (found > SCALED or names):
+        if not self._hides_weaker and (_scaled(identifier) > SCALED or _names(identifier, own)):
             self._weaker.add(self._name)
         else:
             self._weaker.discard(self._name)
-        reason = self._of_others() or own or (
-            'until that is taken into account the mass is off by as much' if names else '')
+        reason, note = self._reason(identifier, own), identifier.note
         # a covariance that says that all is known outweighs the shape of the regressors
         excitation = None if identifier.covariance and not reason else gram
         texts = tuple([text for text in (note, '' if reason in note else reason) if text])
@@ -190,6 +185,12 @@ class DofStatus:
             reason = self._last_minute.doubt(trusted)
         return reason
 
+    def _reason(self, identifier: Identifier, own: str) -> str:
+        """Return an objection of this DOF's own, or what is known of how the thrusters push."""
+        return self._of_others() or own or (
+            'until that is taken into account the mass is off by as much'
+            if _names(identifier, own) else '')
+
     def _of_others(self) -> str:
         """Return what other DOFs show that this one does not have, '' for nothing."""
         has = OWN[0] in self._scales.couplings and not self._hides_weaker
@@ -199,6 +200,17 @@ class DofStatus:
                   KEYS['reverse_thrust'])
         return (f'{min(self._weaker)} shows that the thrusters push otherwise backwards, '
                 f'which scales this mass, too{advice}')
+
+
+def _scaled(identifier: Identifier) -> float:
+    """Return by how much a mass is off where half of the thrusters push as was found."""
+    return 0.5 * (1.0 - min(identifier.thrusters.shares))
+
+
+def _names(identifier: Identifier, own: str) -> bool:
+    """Tell whether weaker thrust backwards is named, but not taken into account."""
+    return not _scaled(identifier) and any(
+        KEYS['reverse_thrust'] in text for text in (identifier.note, own))
 
 
 def _uncertain(gram: Gram, parameters: Four, covariance: Sequence[float], limit: float) -> str:

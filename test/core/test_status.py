@@ -97,6 +97,8 @@ def test_what_a_dof_cannot_see_of_the_thrusters_it_is_told(vehicle, shown):
     name, reasons = judge(heave, shown)
     assert (name, reasons[1]) == (
         'converging', 'until that is taken into account the mass is off by as much')
+    judge(heave, shown, adapt=False)
+    assert not heave.settled
     name, reasons = judge(surge, Known(0.02))
     assert name == 'converging'
     assert reasons[0].startswith('heave shows that the thrusters push otherwise backwards')

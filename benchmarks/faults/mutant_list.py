@@ -430,6 +430,17 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'a_coupling_is_named_that_is_known_better_than_to_what_it_may_be_at_all',
          ('a coupling may be of any size', '**watched.sizes, ', '')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_unseen_terms.py '
+         'what_explains_little_is_named_where_the_mass_depends_on_it',
+         ('what explains little is never named', ' or self._matters(name, moved, rows)', ''),
+         ('what explains little is always named', ' > MATTERS for i in whose',
+          ' > 0.0 for i in whose')),
+    *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_unseen_terms.py '
+         'each_thruster_is_weaker_backwards_only_where_the_data_say_so',
+         ('what data say of each thruster is in no interval',
+          'by_each = other.evidence > max(own.evidence, SPOKEN)', 'by_each = False'),
+         ('each thruster is weaker backwards whatever the data say',
+          'by_each = other.evidence > max(own.evidence, SPOKEN)', 'by_each = True')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '
          'the_variance_that_blocks_state_is_that_of_a_mean',
          ('the covariance of the blocks is doubled',
@@ -692,13 +703,11 @@ MUTANTS = [
           'is_drag = (')),
     *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_init.py '
          'a_thruster_that_holds_the_depth_does_not_drive_ahead',
-         ('a thruster drives what it hardly changes by',
-          'moves = np.abs(shares) * changes.std(axis=0)', 'moves = np.abs(shares)'),
          ('a push that stays the same drives',
           'changes = (commands - commands.mean(axis=0)) / strength',
           'changes = commands / strength'),
          ('what is not known of thrusters together tells them apart',
-          'np.where(known | ~known.any(), push.alphas, 0.0)', 'push.alphas')),
+          'known = np.abs(push.alphas) > SURE', 'known = np.abs(push.alphas) > 0.0')),
     *_of('rovid_core/identify/ekf/evidence/unseen_terms.py', 'test/core/test_unseen_terms.py',
          ('weaker thrust backwards is instead of all else',
           "('thrust_loss', 'reverse_thrust')", "('thrust_loss',)"),
@@ -901,6 +910,27 @@ MUTANTS = [
     *_of('rovid_ros/discovery/candidates.py', 'test/discovery/test_init.py '
          'a_pressure_is_in_the_unit_that_a_vehicle_can_dive_in',
          ('a vehicle dives at any speed', 'and not _dives_too_fast(signal)', '')),
+    *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_what_drives.py '
+         'of_thrusters_that_are_driven_together_those_that_are_driven_most_push_most',
+         ('all that are driven together push as much',
+          'alphas -= free @', 'alphas -= 0.0 * free @')),
+    *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_what_drives.py '
+         'a_thruster_that_answers_to_the_motion_a_little_does_not_drive_it',
+         ('what is not known to push is known not to', 'patterns[:, ~known], apart', 'apart')),
+    *_of('rovid_ros/discovery/lever_arm.py', 'test/discovery/test_what_drives.py '
+         'a_dvl_that_is_not_in_the_middle_shows_in_turns',
+         ('an arm is found at once', '_ROUNDS = 6', '_ROUNDS = 1')),
+    *_of('rovid_ros/discovery/decisions.py', 'test/discovery/test_init.py '
+         'the_rough_model_counts_with_couplings_and_fixes_in_time_are_not_late',
+         ('an arm is taken whatever it explains', 'if with_arm <= without or', 'if')),
+    *_of('rovid_ros/discovery/decisions.py', 'test/discovery/test_what_drives.py '
+         'a_dvl_that_is_not_in_the_middle_shows_in_turns',
+         ('the arm of a velocity goes without a gyro',
+          " or name == 'velocity' and not found.get('angular_velocity')", '')),
+    *_of('rovid_ros/discovery/decisions.py', 'test/discovery/test_what_drives.py '
+         'heave_of_a_vehicle_that_pitches_is_not_how_fast_its_depth_changes',
+         ('heave is how fast the depth changes',
+          "velocities['heave'] = replace(moved, velocities=velocities).heaving()", 'pass')),
     *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_init.py '
          'a_name_decides_what_the_motion_leaves_open',
          ('a speed needs as much evidence as a force', '2.0 if words & _SPEEDS',

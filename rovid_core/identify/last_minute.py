@@ -63,8 +63,13 @@ def lacking(share: float, name: str, said: str, couplings: Sequence[str]) -> str
     ``couplings`` are those that the DOF has.
     """
     advice = KEYS.get(name, f': add couplings: [{", ".join([*couplings, name])}]')
-    return (f'{100.0 * min(share, 1.0):.0f} % of the error follows {said}, which the model does '
-            f'not have{advice}')
+    return (f'{share_of_error(share)} of the error follows {said}, which the model does not '
+            f'have{advice}')
+
+
+def share_of_error(share: float) -> str:
+    """Return a share of the squared errors in words: a small one may be of what matters."""
+    return f'{100.0 * min(share, 1.0):.0f} %' if share >= 0.01 else 'less than 1 %'
 
 
 @dataclass(frozen=True)

@@ -287,9 +287,9 @@ def _thrusters(signal: Signal) -> Iterable[Candidate]:
     if signal.shape != 'array' or not _moves(signal, 1e-6):
         return
     words = signal.words
-    likely = ('thruster', 'thrusters', 'motor', 'motors', 'rc', 'rcou', 'out', 'pwm', 'servo',
-              'esc', 'command', 'cmd', 'force', 'forces', 'effort', 'current', 'axes', 'actuator',
-              'actuators', 'channels', 'thrust', 'rpm')
+    likely = ('thruster', 'thrusters', 'thr', 'motor', 'motors', 'rc', 'rcou', 'out', 'pwm',
+              'servo', 'esc', 'command', 'cmd', 'force', 'forces', 'effort', 'current', 'axes',
+              'actuator', 'actuators', 'channels', 'thrust', 'rpm')
     named = any(_THRUSTER.intersection(words_in(name)) for name in signal.names) or (
         bool(words & _THRUSTER) and signal.path in ('effort', 'velocity'))
     if not words & set(likely) or words & {'imu', 'magnetometer', 'gps'} or (

@@ -11,6 +11,7 @@ from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.model.dofs import coupling_prior, DOFS, LINEAR_DOFS
 from rovid_ros.discovery.ardupilot import Motors
 from rovid_ros.discovery.candidates import Candidate, FAST, too_fast, upside_down, words_in
+from rovid_ros.discovery.lever_arm import lever_arm, seen_from_middle
 from rovid_ros.discovery.moments import Misfit
 from rovid_ros.discovery.motion import answer, Motion, motion, noise_of, Push, STEP
 from rovid_ros.discovery.signals import Array, Signal
@@ -114,13 +115,7 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
         If there are no commands, or nothing that moves.
 
     """
-    if 'thrusters' not in found:
-        raise DiscoveryError('nothing in it that changes is named as thruster commands or a wrench'
-                             f'; it has {_list(signals)}')
-    inputs = {name: choose(name, found[name]) for name in _wanted(found)}
-    if inputs.keys() == {'thrusters'}:
-        raise DiscoveryError('nothing in it looks like a position, depth, attitude, velocity or '
-                             f'gyro that moves; it has {_list(signals)}')
+    inputs = _inputs(found, signals, choose)
     others = {name: [one for one in found[name] if one is not inputs.get(name)]
               for name in found}
     guesses: list[str] = []
@@ -149,12 +144,15 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
             'much later after its command than what the other inputs show')
     guesses += _too_fast(signals) if 'position' not in inputs else []
     made = Discovery(frames, inputs, others, thrusters, guesses=guesses, latencies=likely)
-    original = moved
     if heading and thrusters.how != 'data' and {'surge', 'sway'} <= moved.velocities.keys():
+        original = moved
         for _ in range(2):  # what is far off spoils the delay, and that the angle
             made.yaw_offset = _heading_offset(made.thrusters, original)
             moved = _turned(original, made.yaw_offset)
             made.thrusters = with_delay(made.thrusters, moved)
+    moved = _from_middle(made, moved, found, choose, lambda middle: with_delay(
+        thrusters, middle) if thrusters.how != 'data' else find_thrusters(
+            inputs['thrusters'], frames, middle, motors, []))
     made.thrusters = _as_samples(made.thrusters, moved)
     made.inputs['thrusters'] = replace(inputs['thrusters'], signal=made.thrusters.signal)
     _fit(made, moved)
@@ -173,6 +171,19 @@ def _too_fast(signals: Sequence[Signal]) -> list[str]:
 
 def _list(signals: Sequence[Signal]) -> str:
     return ', '.join(sorted({f'{one.topic} ({one.type})' for one in signals})) or 'no numbers'
+
+
+def _inputs(found: Mapping[str, list[Candidate]], signals: Sequence[Signal],
+            choose: Choose) -> dict[str, Candidate]:
+    """Return the inputs, of which there are commands and something that moves."""
+    if 'thrusters' not in found:
+        raise DiscoveryError('nothing in it that changes is named as thruster commands or a wrench'
+                             f'; it has {_list(signals)}')
+    inputs = {name: choose(name, found[name]) for name in _wanted(found)}
+    if inputs.keys() == {'thrusters'}:
+        raise DiscoveryError('nothing in it looks like a position, depth, attitude, velocity or '
+                             f'gyro that moves; it has {_list(signals)}')
+    return inputs
 
 
 def _wanted(found: Mapping[str, Sequence[Candidate]]) -> list[str]:
@@ -199,6 +210,35 @@ def _unused(found: Mapping[str, Sequence[Candidate]],
     used = {one.signal.topic for one in inputs.values()}
     return [f'{signal.place} is not used, for one source of the motion is enough'
             for signal in both if len(both) == 2 and signal.topic not in used]
+
+
+def _from_middle(made: Discovery, moved: Motion, found: Mapping[str, list[Candidate]],
+                 choose: Choose, thrusters_of: Callable[[Motion], Thrusters]) -> Motion:
+    """
+    Return the motion of the middle of the vehicle, where it seems to be measured elsewhere.
+
+    That is taken where with it thrust explains more of sway; what drives the vehicle follows.
+    """
+    arm = lever_arm(moved, made.inputs['thrusters'].signal)
+    if not arm:
+        return moved
+    middle = seen_from_middle(moved, arm)
+    thrusters = thrusters_of(middle)
+    without, with_arm = [one['sway'][0].explained if 'sway' in one else 0.0 for one in (
+        answers_to(thrusters, moved), answers_to(thrusters, middle))]
+    inputs, name = made.inputs, 'velocity' if 'velocity' in made.inputs else 'position'
+    said = (f'{name}.lever_arm: in turns {inputs[name].signal.topic} goes sideways as what is '
+            f'{abs(arm):.2g} m {"ahead of" if arm > 0.0 else "behind"} the middle does')
+    if with_arm <= without or name == 'velocity' and not found.get('angular_velocity'):
+        made.unknown.append(f'{said}, or as the vehicle itself may: measure it')
+        return moved
+    if name == 'velocity' and 'angular_velocity' not in inputs:  # an arm takes a gyro
+        gyro = inputs['angular_velocity'] = choose('angular_velocity', found['angular_velocity'])
+        made.others['angular_velocity'].remove(gyro)
+    inputs[name] = replace(inputs[name], keys={**inputs[name].keys, 'lever_arm': [arm, 0.0, 0.0]})
+    made.guesses.append(f'{said}: measure it')
+    made.thrusters = thrusters
+    return middle
 
 
 def _latency(inputs: Mapping[str, Candidate], frames: str, thrusters: Thrusters,
@@ -361,9 +401,14 @@ def _moved(inputs: dict[str, Candidate], frames: str, guesses: list[str],
         for dof in ('sway', 'yaw', *(() if depth else ('heave',))):
             if dof in velocities:
                 velocities[dof] = -velocities[dof]
+        if moved.turned is not None and moved.upright is not None:
+            moved = replace(moved, turned=-moved.turned,
+                            upright=moved.upright * np.array([[-1.0], [1.0], [1.0]]))
     if depth and 'position' in used:
         velocities['heave'] = _agreed_heave(inputs, depth, frames, moved.times,
                                             velocities['heave'], guesses)
+    if depth:
+        velocities['heave'] = replace(moved, velocities=velocities).heaving()
     return replace(moved, velocities={
         dof: v for dof, v in velocities.items()
         if np.isfinite(v).sum() > 20 and np.nanstd(v) > 1e-3}), 'position' in used and bool(

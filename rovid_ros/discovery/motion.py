@@ -15,6 +15,7 @@ DELAYS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)  # [s] of the thrust that are tr
 _MOST_GAPS = 1000
 _FAR = 8.0  # times the median of the residuals: what misses by more is left out
 _FAST = 5.0  # times the speed that is seldom exceeded: no vehicle does
+_STEEP = 0.5  # of the vertical: a body that tilts more says next to nothing of its heave
 _COARSE = 0.3  # of the speed that fixes show; where more is noise, they are coarse
 
 
@@ -37,6 +38,8 @@ class Motion:
         Rates of roll and pitch [rad/s], where an attitude says them.
     turned : array, optional
         How far the vehicle has turned about its own z [rad].
+    upright : array, shape (3, n), optional
+        What of each axis of the body points along the vertical of the attitude.
 
     """
 
@@ -46,6 +49,7 @@ class Motion:
     tilting: Mapping[str, Array] = field(default_factory=dict)
     turned: Array | None = None
     coarse: frozenset[str] = frozenset()
+    upright: Array | None = None
 
     def coupled(self, dof: str) -> dict[str, Array]:
         """Return what the other motions may push a DOF with, by name of the coupling."""
@@ -53,6 +57,21 @@ class Motion:
         known = {letter: rates[one] for letter, one in zip('uvwpqr', DOFS) if one in rates}
         return {name: np.prod([known[letter] for letter in name], axis=0)
                 for name in COUPLINGS[dof] if {*name} <= known.keys()}
+
+    def turning(self, dof: str) -> Array:
+        """Return how fast it turns [rad/s], a mean over the span of the velocity of a DOF."""
+        return _rate(self.times, np.zeros_like(self.times) if self.turned is None else self.turned,
+                     self.times, self.halves[dof])
+
+    def heaving(self) -> Array:
+        """Return the heave of a body that tilts, where the one that is known is vertical."""
+        heave = self.velocities['heave']
+        if self.upright is None or not {'surge', 'sway'} <= self.velocities.keys():
+            return heave
+        ahead, aside, up = self.upright
+        steep = np.abs(up) < _STEEP
+        return np.where(steep, np.nan, heave - ahead * self.velocities['surge']
+                        - aside * self.velocities['sway']) / np.where(steep, 1.0, up)
 
     def drifting(self, dof: str) -> list[Array]:
         """Return what a current of the water pushes a DOF with: it turns with the heading."""
@@ -71,6 +90,7 @@ class Push:
     explained: float  # share of the changes of the velocity that only the commands explain
     errors: Array  # standard errors of the alphas
     coupled: Mapping[str, Sequence[float]]  # each coupling, and its standard error
+    swung: tuple[float, float] = (0.0, 0.0)  # how far it goes with ``swinging``, and its error
 
 
 def motion(used: Mapping[str, Signal], angles: Array | None = None,
@@ -94,7 +114,7 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
     halves, coarse = dict.fromkeys(DOFS, half), frozenset[str]()
     velocities: dict[str, Array] = {}
     tilting: dict[str, Array] = {}
-    known, attitudes, turned = np.empty(0), np.empty((0, 4)), None
+    known, attitudes, turned, upright = np.empty(0), np.empty((0, 4)), None, None
     if 'attitude' in used:
         attitude = used['attitude']
         known, attitudes = _continuous(attitude) if angles is None else (
@@ -103,6 +123,9 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
         tilting = {'roll': _rate(known, roll, times, half),
                    'pitch': _rate(known, pitch, times, half)}
         velocities['yaw'], turned = _rate(known, yaw, times, half), np.interp(times, known, yaw)
+        x, y, z, w = [np.interp(times, known, column) for column in attitudes.T]
+        upright = np.array([2.0 * (x * z - w * y), 2.0 * (y * z + w * x),
+                            w * w + z * z - x * x - y * y]) / (x * x + y * y + z * z + w * w)
     if 'angular_velocity' in used:
         gyro = used['angular_velocity']
         velocities['yaw'] = _mean(gyro.times, gyro.values[:, 2], times, half)
@@ -128,7 +151,7 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
         velocities['heave'] = _rate(depth.times, depth_scale * depth.values[:, 0], times, half)
         halves['heave'], coarse = half, coarse - {'heave'}
     return Motion(times, {dof: _plausible(v) for dof, v in velocities.items()}, halves, tilting,
-                  turned, coarse)
+                  turned, coarse, upright)
 
 
 def _are_coarse(times: Array, fixes: Array, grid: Array, half: float) -> bool:
@@ -263,11 +286,16 @@ class Windows:
             [np.ones_like(self.velocity), *pushing, *moved.drifting(dof)])
         self._whole = np.convolve(~known, np.ones(width + 1), 'valid') < 0.5 if (
             len(velocity) > 3 * width) else np.zeros(max(len(velocity) - width, 0), bool)
-        self.changes = (self.velocity[width:] - self.velocity[:-width])[self._whole]
+        self.changes = self.changes_of(self.velocity)
 
     def are_enough(self) -> bool:
         """Return whether ten of them can stand side by side, and the velocity changes."""
         return len(self.changes) >= 10 * self.width and bool(np.ptp(self.changes) > 0.0)
+
+    def changes_of(self, values: Array) -> Array:
+        """Return by how much something else changes over each window."""
+        values = np.where(self.known, values, 0.0)
+        return np.asarray((values[self.width:] - values[:-self.width])[self._whole])
 
     def integrals(self, values: Array) -> Array:
         """Return the integrals of columns over each window."""
@@ -276,12 +304,13 @@ class Windows:
         return np.asarray((sums[self.width:] - sums[:-self.width])[self._whole])
 
 
-def answer(moved: Motion, dof: str, commands: Array) -> Push | None:
+def answer(moved: Motion, dof: str, commands: Array,
+           swinging: Array | None = None) -> Push | None:
     """
     Return how a DOF answers to commands, one column each; None where the log does not say.
 
     By least squares of the changes over a window on the integrals over it, which asks for no
-    derivative.
+    derivative. With ``swinging`` the velocity also has a part of that in it.
     """
     windows = Windows(moved, dof)
     if not windows.are_enough():
@@ -289,6 +318,8 @@ def answer(moved: Motion, dof: str, commands: Array) -> Push | None:
     velocity, width, changes = windows.velocity, windows.width, windows.changes
     regressors = windows.integrals(np.column_stack(
         [commands, velocity * np.abs(velocity), velocity, windows.beside]))
+    if swinging is not None:
+        regressors = np.column_stack([regressors, windows.changes_of(swinging)])
     count = commands.shape[1]
     for _ in range(2):  # again without what is far off, such as a sensor that was lost
         if len(changes) < 10 * width or not np.ptp(changes) > 0.0:
@@ -306,7 +337,8 @@ def answer(moved: Motion, dof: str, commands: Array) -> Push | None:
     return Push(solution[:count], float(solution[count]), float(solution[count + 1]),
                 max(0.0, without - left) / whole if whole else 0.0, errors[:count],
                 dict(zip(windows.coupled,
-                         np.column_stack([solution, errors])[count + 3:].tolist())))
+                         np.column_stack([solution, errors])[count + 3:].tolist())),
+                (float(solution[-1]), float(errors[-1])) if swinging is not None else (0.0, 0.0))
 
 
 def _fitted(regressors: Array, changes: Array) -> tuple[Array, Array, Array]:

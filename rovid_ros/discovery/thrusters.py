@@ -191,16 +191,9 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     """Return thrusters whose allocation is what each command does to each DOF in the log."""
     made = Thrusters(signal, 'data', chain, {})
     commands = made.forces()
-    strength = np.sqrt(np.mean(commands * commands, axis=0))
-    strength[strength == 0.0] = 1.0
-    # thrusters that are driven together cannot be told apart: each gets the same share; and a
-    # push that hardly changes, as one that holds a depth, not from the bias
-    changes = (commands - commands.mean(axis=0)) / strength
-    _, sizes, patterns = np.linalg.svd(changes, full_matrices=False)
-    if not sizes.any():
+    together, patterns, apart, strength = patterns_of(commands)
+    if not together.shape[1]:
         return made
-    patterns = patterns[sizes > _TOGETHER * sizes.max()].T
-    together = commands / strength @ patterns
     made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
     answers = {dof: push for dof in moved.velocities if (push := answer(moved, dof, held(
         signal.times + made.delay, together, moved.times, moved.halves[dof])))}
@@ -212,16 +205,46 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
         best = max(answers, key=lambda dof: answers[dof].explained)
         told = {best: answers[best]}
     for dof, push in told.items():
-        # a pattern that is not known to push says more of chance than of the thrusters in it
+        # what is not known to push says more of chance than of the thrusters in it
         known = np.abs(push.alphas) > SURE * push.errors
-        shares = patterns @ np.where(known | ~known.any(), push.alphas, 0.0)
-        moves = np.abs(shares) * changes.std(axis=0)
-        shares[moves < _SMALL * moves.max()] = 0.0
-        alphas = shares / strength
+        if not known.any():
+            known[:] = True
+        # of thrusters that are so not told apart those that are driven most push most
+        alphas = patterns[:, known] @ push.alphas[known] / strength
+        free = np.column_stack([patterns[:, ~known], apart]) / strength[:, np.newaxis]
+        alphas -= free @ np.linalg.lstsq(free, alphas, rcond=None)[0]
+        moves = np.abs(alphas) * commands.std(axis=0)
+        alphas[moves < _SMALL * moves.max()] = 0.0
         if alphas.any():
             made.rows[dof] = tuple(
                 round(float(x), 2) + 0.0 for x in alphas / np.abs(alphas).max())
     return made
+
+
+def patterns_of(commands: Array) -> tuple[Array, Array, Array, Array]:
+    """
+    Return commands as patterns of what is driven together.
+
+    A push that hardly changes, as one that holds a depth, is not told from the bias.
+
+    Returns
+    -------
+    together : array, shape (n, k)
+        How strong each pattern is at each time; k is 0 where nothing changes.
+    patterns, apart : array, shapes (commands, k) and (commands, commands - k)
+        The share of each command in these, and in those that hardly come, in terms of its
+        strength: commands that are driven together are not told apart.
+    strength : array, shape (commands,)
+        The root mean square of each command, 1 for one that is not used.
+
+    """
+    strength = np.sqrt(np.mean(commands * commands, axis=0))
+    strength[strength == 0.0] = 1.0
+    changes = (commands - commands.mean(axis=0)) / strength
+    squares, patterns = np.linalg.eigh(changes.T @ changes)
+    there = squares > max(_TOGETHER ** 2 * squares[-1], 0.0)
+    return commands / strength @ patterns[:, there], patterns[:, there], patterns[:, ~there], (
+        strength)
 
 
 def force_of(made: Thrusters, dof: str, moved: Motion) -> Array:

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from rovid_core.identify.ekf.evidence.missing_terms import described
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.unseen_terms import (
     averaged,
@@ -81,6 +82,36 @@ def test_a_coefficient_that_nothing_can_have_is_chance(size, coefficient, name):
                    0.025)
     missing = blocks.verdict().missing
     assert (missing and missing.name) == name
+
+
+def of_two(name, coefficient, alike, seed=0):
+    """Return blocks of a thrust and of what is missing, which may be much like it."""
+    blocks, random = ScoreBlocks([1.0, *[0.0] * 4], [1.0, *[0.0] * 4], ['reverse_thrust', name]), (
+        np.random.default_rng(seed))
+    for _ in range(16000):
+        thrust, other, own = random.normal(size=3)
+        other = alike * thrust + 0.2 * other
+        blocks.add(thrust + coefficient * other + random.normal(), 1.0,
+                   [thrust, *[0.0] * 4, own, other], 0.025)
+    return blocks.verdict()
+
+
+@pytest.mark.parametrize(('alike', 'named'), [(1.0, 'pq'), (0.0, None)])
+def test_what_explains_little_is_named_where_the_mass_depends_on_it(alike, named):
+    """Where measurements come fast their noise is most of the error, whatever is missing."""
+    missing = of_two('pq', 0.3, alike).missing
+    assert (missing and missing.name) == named
+    if missing:
+        assert 'less than 1 % of the error' in described(missing, [1.0, *[0.0] * 4], SCALES)
+
+
+@pytest.mark.parametrize(('coefficient', 'wide'), [(-0.14, True), (0.0, False)])
+def test_each_thruster_is_weaker_backwards_only_where_the_data_say_so(coefficient, wide):
+    """Where one of two always runs backwards, nothing but a larger mass may come of it."""
+    verdicts = [of_two('reverse_of_each', coefficient, 1.0, seed) for seed in range(5)]
+    assert not any(verdict.missing for verdict in verdicts)
+    alpha = [math.sqrt(verdict.covariance[0][0]) for verdict in verdicts]
+    assert bool(np.median(alpha) > 0.05) is wide
 
 
 @pytest.mark.long

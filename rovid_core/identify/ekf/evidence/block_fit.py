@@ -18,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rovid_core.identify.ekf.evidence.unseen_terms import (
     averaged,
+    BY_EACH,
     by_question,
     expected,
     foremost,
     judged,
+    SPOKEN,
     summed,
     UnseenTerm,
     WEIGHTS,
@@ -71,7 +73,7 @@ DRIFT = 0.25
 """Share of the thrust that may be lost from the beginning to the end: a battery runs down."""
 
 MATTERS = 0.05
-"""Least change of the force that is one, in what the model says."""
+"""Least change of the thrust, or of the mass, that is one, in what the model says."""
 
 WIDE = 1e6
 """Variance of a regressor that is added, in that with which all blocks tell it."""
@@ -252,7 +254,7 @@ class BlockFit:
             for name, (std, _) in expected(self.all_parameters()[first:]).items()}}
         whole, left, unexplained = self, dict(candidates), scatter
         alone = self._remainders([*_single(candidates), *doubted])
-        missing = self._most_missing(candidates, alone, float(counts.sum()), sizes)
+        missing = self._most_missing(candidates, alone, float(counts.sum()), sizes, rows)
         if missing is not None:  # it hides what else there may be
             whole = self._with(left.pop(missing.name))
             unexplained = whole.scatter()
@@ -314,28 +316,30 @@ class BlockFit:
                       for _, name in sorted(off, reverse=True)])
 
     def _most_missing(self, candidates: Mapping[str, list[int]],
-                      alone: Mapping[int, Remainder], count: float,
-                      sizes: Mapping[str, float]) -> Missing | None:
+                      alone: Mapping[int, Remainder], count: float, sizes: Mapping[str, float],
+                      rows: Sequence[tuple[str, int]]) -> Missing | None:
         """
         Return the regressor that explains most of what the model does not.
 
-        None of those that are not significant, or known less well than to what they may be at all:
-        chance makes some huge ones of a regressor that hardly acts. Of several columns the
-        coefficient is their size.
+        Where measurements come fast their noise is most of that: one that explains little counts
+        as well if the mass depends on it. None of those that are not significant, or known less
+        well than to what they may be at all: chance makes some huge ones of a regressor that
+        hardly acts. Of several columns the coefficient is their size.
         """
-        missing, most = None, NAMED_GAIN
+        missing, most = None, 0.0
         for name, columns in candidates.items():
             if len(columns) > 1:
                 found = self.regression(columns)
                 if found is None:
                     continue
                 size, power = float(np.linalg.norm(found.kappa)), found.power
-                t_squared = found.t_squared
+                t_squared, moved = found.t_squared, found.moved
             else:
                 one = alone[columns[0]]
                 if not one.left > NAMED_LEFT:
                     continue
                 size, total = one.coefficient, one.coefficient * one.known
+                moved = one.coefficient * np.array(one.leaning)
                 power = total * size
                 spread = self.n / (self.n - 1) * one.spread
                 t_squared = total * total / spread if spread > 0.0 else 0.0
@@ -344,9 +348,14 @@ class BlockFit:
             if min(power, t_squared) > NAMED_T * NAMED_T:
                 # with the regressor the squared innovations are as many as there are of them
                 share = power / (power + count)
-                if share > most:
+                if share > most and (share > NAMED_GAIN or self._matters(name, moved, rows)):
                     missing, most = Missing(name, size, share), share
         return missing
+
+    def _matters(self, name: str, moved: Array, rows: Sequence[tuple[str, int]]) -> bool:
+        """Tell whether what a DOF lacks moves its mass by as much as matters."""
+        whose = [self.active.index(first) for begin, first in rows if name.startswith(begin)]
+        return any(abs(float(moved[i] / self.theta[i])) > MATTERS for i in whose)
 
     def _with(self, columns: Sequence[int], information: Array | None = None,
               score: Array | None = None) -> BlockFit:
@@ -383,11 +392,16 @@ class BlockFit:
         """Return what the blocks say of terms that a DOF may have, by name."""
         terms: dict[str, UnseenTerm] = {}
         for term, (std, sign) in expected(self.all_parameters()[first:]).items():
-            name = begin + term
-            if name in candidates:
-                terms[name] = replace(
-                    self._judged(alone[candidates[name][0]], scatter, std, sign),
-                    weight=WEIGHTS.get(term, 1.0))
+            found = [self._judged(alone[candidates[name][0]], scatter, std, sign)
+                     for name in (begin + term, begin + BY_EACH.get(term, term))
+                     if name in candidates]
+            if not found:
+                continue
+            own, other = found[0], found[-1]
+            # what may be one of the whole DOF is that, unless the data speak of each thruster
+            by_each = other.evidence > max(own.evidence, SPOKEN)
+            terms[begin + term] = replace(
+                other if by_each else own, weight=WEIGHTS.get(term, 1.0))
         return terms
 
     def _judged(self, one: Remainder, scatter: float, std: float, sign: int) -> UnseenTerm:

@@ -20,7 +20,7 @@ from rovid_core.identify.ekf.single.linearised_filter import (
 )
 from rovid_core.identify.ekf.single.watched_lag import LAG, LAGS
 from rovid_core.identify.estimate import KNOWN_CURRENT
-from rovid_core.identify.last_minute import KEYS, lacking, UNTOLD_DEAD_BAND
+from rovid_core.identify.last_minute import KEYS, lacking, share_of_error, UNTOLD_DEAD_BAND
 from rovid_core.model.dofs import EACH, Four
 from rovid_core.model.thrusters import DEAD_BAND, Thrusters
 from rovid_core.settings.inputs import LONGEST_LAG
@@ -99,7 +99,8 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
     kappa, alpha = missing.coefficient, theta[ALPHA]
     if missing.name == 'reverse_of_each':
         if not 0.0 <= 1.0 + kappa / alpha < MOST:
-            return f'{_percent(missing)} of the error follows which of the thrusters run backwards'
+            return (f'{share_of_error(missing.share)} of the error follows which of the thrusters '
+                    'run backwards')
         said = ('the reverse thrust of each thruster: about '
                 f'{1.0 + kappa / alpha:.2f} of the forward one')
     elif missing.name == 'reverse_thrust':
@@ -109,11 +110,11 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
         said = 'reverse drag' + (f': about {drag:.2f} of the forward one' if drag > 0.0 else '')
     elif missing.name in ODD:
         if kappa >= 0.0:  # the other way about it is none of thrusters
-            return f'{_percent(missing)} of the error follows {ODD[missing.name]}'
+            return f'{share_of_error(missing.share)} of the error follows {ODD[missing.name]}'
         said = _of_force(missing.name, kappa / alpha, scales.force)
         if not said:
-            return (f'{_percent(missing)} of the error follows the thrust more slowly than '
-                    'thrusters do: is what is measured smoothed?')
+            return (f'{share_of_error(missing.share)} of the error follows the thrust more slowly '
+                    'than thrusters do: is what is measured smoothed?')
     elif missing.name == 'current':
         # it is dragged along at the slope of the drag at half of the typical velocity
         slope = abs(theta[BETA]) + abs(theta[GAMMA])
@@ -125,8 +126,8 @@ def described(missing: Missing, theta: Sequence[float], scales: Scales) -> str:
     else:
         name = missing.name
         written = name.replace('_', ' ') if '_' in name else ' '.join(name)
-        return (f'{_percent(missing)} of the error follows {written} with a coefficient of about '
-                f'{kappa * scales.velocity:.2g}: add couplings: '
+        return (f'{share_of_error(missing.share)} of the error follows {written} with a '
+                f'coefficient of about {kappa * scales.velocity:.2g}: add couplings: '
                 f'[{", ".join([*scales.couplings, name])}]')
     return '' if ALIKE in said else lacking(
         missing.share, missing.name, said, scales.couplings)
@@ -310,7 +311,3 @@ def clocks_in_doubt(verdict: Verdict | None, k: int, lag: float) -> str:
         if beyond > AT_BOUND * std:
             return f'the delay of the thrust stands at its bound of {bound:g} s: see {key}'
     return ''
-
-
-def _percent(missing: Missing) -> str:
-    return f'{100.0 * missing.share:.0f} %'

@@ -37,6 +37,13 @@ n |n| less a part that grows with |n| v, so by the root of the force times v.
 OWN_QUESTIONS = ('thrust_loss', 'reverse_thrust')
 """What a vehicle may have whatever else it has."""
 
+BY_EACH = {'thrust_loss': 'thrust_loss_of_each', 'reverse_thrust': 'reverse_of_each',
+           'dead_band': 'dead_band_of_each'}
+"""The same of thrusters that drive other DOFs, too: no function of the force of one DOF."""
+
+SPOKEN = math.log(20.0)
+"""Evidence from which data speak for a term: with it they are as much likelier."""
+
 WEIGHTS = dict.fromkeys(LAGS, 0.5)
 """Of terms that are kinds of one thing: how likely each is before any data, beside others of 1."""
 

@@ -109,9 +109,8 @@ def test_what_explains_little_is_named_where_the_mass_depends_on_it(alike, named
 def test_each_thruster_is_weaker_backwards_only_where_the_data_say_so(coefficient, wide):
     """Where one of two always runs backwards, nothing but a larger mass may come of it."""
     verdicts = [of_two('reverse_of_each', coefficient, 1.0, seed) for seed in range(5)]
-    assert not any(verdict.missing for verdict in verdicts)
-    alpha = [math.sqrt(verdict.covariance[0][0]) for verdict in verdicts]
-    assert bool(np.median(alpha) > 0.05) is wide
+    alpha = [math.sqrt(one.covariance[0][0]) for one in verdicts if not one.missing]
+    assert (max(alpha) > 0.05) is wide
 
 
 @pytest.mark.long

@@ -84,15 +84,15 @@ def test_a_coefficient_that_nothing_can_have_is_chance(size, coefficient, name):
     assert (missing and missing.name) == name
 
 
-def of_two(name, coefficient, alike, seed=0):
-    """Return blocks of a thrust and of what is missing, which may be much like it."""
+def of_two(name, coefficient, alike, seed=0, own=0.2):
+    """Return what is said of a thrust and of what is missing, which may be much like it."""
     blocks, random = ScoreBlocks([1.0, *[0.0] * 4], [1.0, *[0.0] * 4], ['reverse_thrust', name]), (
         np.random.default_rng(seed))
     for _ in range(16000):
-        thrust, other, own = random.normal(size=3)
-        other = alike * thrust + 0.2 * other
+        thrust, other, reverse = random.normal(size=3)
+        other = alike * thrust + own * other
         blocks.add(thrust + coefficient * other + random.normal(), 1.0,
-                   [thrust, *[0.0] * 4, own, other], 0.025)
+                   [thrust, *[0.0] * 4, reverse, other], 0.025)
     return blocks.verdict()
 
 
@@ -105,10 +105,11 @@ def test_what_explains_little_is_named_where_the_mass_depends_on_it(alike, named
         assert 'less than 1 % of the error' in described(missing, [1.0, *[0.0] * 4], SCALES)
 
 
-@pytest.mark.parametrize(('coefficient', 'wide'), [(-0.14, True), (0.0, False)])
-def test_each_thruster_is_weaker_backwards_only_where_the_data_say_so(coefficient, wide):
+@pytest.mark.parametrize(('coefficient', 'own', 'wide'), [
+    (-0.14, 0.2, True), (0.0, 0.2, False), (0.0, 0.005, False)])
+def test_each_thruster_is_weaker_backwards_only_where_the_data_say_so(coefficient, own, wide):
     """Where one of two always runs backwards, nothing but a larger mass may come of it."""
-    verdicts = [of_two('reverse_of_each', coefficient, 1.0, seed) for seed in range(5)]
+    verdicts = [of_two('reverse_of_each', coefficient, 1.0, seed, own) for seed in range(5)]
     alpha = [math.sqrt(one.covariance[0][0]) for one in verdicts if not one.missing]
     assert (max(alpha) > 0.05) is wide
 

@@ -219,7 +219,7 @@ def _from_middle(made: Discovery, moved: Motion, found: Mapping[str, list[Candid
 
     That is taken where with it thrust explains more of sway; what drives the vehicle follows.
     """
-    arm = lever_arm(moved, made.inputs['thrusters'].signal)
+    arm = lever_arm(moved, made.thrusters.signal.times, made.thrusters.forces())
     if not arm:
         return moved
     middle = seen_from_middle(moved, arm)

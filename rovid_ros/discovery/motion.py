@@ -293,7 +293,7 @@ class Windows:
         return len(self.changes) >= 10 * self.width and bool(np.ptp(self.changes) > 0.0)
 
     def changes_of(self, values: Array) -> Array:
-        """Return by how much something else changes over each window."""
+        """Return by how much something changes over each window."""
         values = np.where(self.known, values, 0.0)
         return np.asarray((values[self.width:] - values[:-self.width])[self._whole])
 

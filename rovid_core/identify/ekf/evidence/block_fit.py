@@ -23,6 +23,7 @@ from rovid_core.identify.ekf.evidence.unseen_terms import (
     expected,
     foremost,
     judged,
+    LESS,
     SPOKEN,
     summed,
     UnseenTerm,
@@ -348,14 +349,17 @@ class BlockFit:
             if min(power, t_squared) > NAMED_T * NAMED_T:
                 # with the regressor the squared innovations are as many as there are of them
                 share = power / (power + count)
-                if share > most and (share > NAMED_GAIN or self._matters(name, moved, rows)):
+                if share > most and (share > NAMED_GAIN or self._matters(
+                        name, size, moved, rows)):
                     missing, most = Missing(name, size, share), share
         return missing
 
-    def _matters(self, name: str, moved: Array, rows: Sequence[tuple[str, int]]) -> bool:
-        """Tell whether what a DOF lacks moves its mass by as much as matters."""
+    def _matters(self, name: str, size: float, moved: Array,
+                 rows: Sequence[tuple[str, int]]) -> bool:
+        """Tell whether what a DOF lacks, and thrusters have, moves its mass by what matters."""
         whose = [self.active.index(first) for begin, first in rows if name.startswith(begin)]
-        return any(abs(float(moved[i] / self.theta[i])) > MATTERS for i in whose)
+        return not (size > 0.0 and name.endswith(LESS)) and any(
+            abs(float(moved[i] / self.theta[i])) > MATTERS for i in whose)
 
     def _with(self, columns: Sequence[int], information: Array | None = None,
               score: Array | None = None) -> BlockFit:
@@ -393,7 +397,7 @@ class BlockFit:
         terms: dict[str, UnseenTerm] = {}
         for term, (std, sign) in expected(self.all_parameters()[first:]).items():
             found = [self._judged(alone[candidates[name][0]], scatter, std, sign)
-                     for name in (begin + term, begin + BY_EACH.get(term, term))
+                     for name, sign in ((begin + term, sign), (begin + BY_EACH.get(term, ''), -1))
                      if name in candidates]
             if not found:
                 continue

@@ -41,6 +41,9 @@ BY_EACH = {'thrust_loss': 'thrust_loss_of_each', 'reverse_thrust': 'reverse_of_e
            'dead_band': 'dead_band_of_each'}
 """The same of thrusters that drive other DOFs, too: no function of the force of one DOF."""
 
+LESS = ('dead_band', *LAGS, *BY_EACH.values(), 'thrust_loss')
+"""What thrusters have that takes of their force: the other way about it is something else."""
+
 SPOKEN = math.log(20.0)
 """Evidence from which data speak for a term: with it they are as much likelier."""
 

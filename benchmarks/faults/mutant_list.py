@@ -432,13 +432,15 @@ MUTANTS = [
          ('a coupling may be of any size', '**watched.sizes, ', '')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_unseen_terms.py '
          'what_explains_little_is_named_where_the_mass_depends_on_it',
-         ('what explains little is never named', ' or self._matters(name, moved, rows)', ''),
+         ('what explains little is never named', ' or self._matters(name, size, moved, rows)', ''),
          ('what explains little is always named', ' > MATTERS for i in whose',
           ' > 0.0 for i in whose')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_unseen_terms.py '
          'each_thruster_is_weaker_backwards_only_where_the_data_say_so',
          ('what data say of each thruster is in no interval',
           'by_each = other.evidence > max(own.evidence, SPOKEN)', 'by_each = False'),
+         ('a thruster may as well be stronger backwards',
+          "begin + BY_EACH.get(term, ''), -1)", "begin + BY_EACH.get(term, ''), 0)"),
          ('each thruster is weaker backwards whatever the data say',
           'by_each = other.evidence > max(own.evidence, SPOKEN)', 'by_each = True')),
     *_of('rovid_core/identify/ekf/evidence/block_fit.py', 'test/core/test_ekf_honesty.py '

@@ -106,7 +106,7 @@ def test_what_explains_little_is_named_where_the_mass_depends_on_it(alike, named
 
 
 @pytest.mark.parametrize(('coefficient', 'own', 'wide'), [
-    (-0.14, 0.2, True), (0.0, 0.2, False), (0.0, 0.005, False)])
+    (-0.14, 0.2, True), (0.14, 0.2, False), (0.0, 0.2, False), (0.0, 0.005, False)])
 def test_each_thruster_is_weaker_backwards_only_where_the_data_say_so(coefficient, own, wide):
     """Where one of two always runs backwards, nothing but a larger mass may come of it."""
     verdicts = [of_two('reverse_of_each', coefficient, 1.0, seed, own) for seed in range(5)]

@@ -349,8 +349,8 @@ class BlockFit:
             if min(power, t_squared) > NAMED_T * NAMED_T:
                 # with the regressor the squared innovations are as many as there are of them
                 share = power / (power + count)
-                if share > most and (share > NAMED_GAIN or self._matters(
-                        name, size, moved, rows)):
+                matters = share > NAMED_GAIN or self._matters(name, size, moved, rows)
+                if matters and share > most:
                     missing, most = Missing(name, size, share), share
         return missing
 

@@ -243,8 +243,8 @@ def patterns_of(commands: Array) -> tuple[Array, Array, Array, Array]:
     changes = (commands - commands.mean(axis=0)) / strength
     squares, patterns = np.linalg.eigh(changes.T @ changes)
     there = squares > max(_TOGETHER ** 2 * squares[-1], 0.0)
-    return commands / strength @ patterns[:, there], patterns[:, there], patterns[:, ~there], (
-        strength)
+    seen, apart = patterns[:, there], patterns[:, ~there]
+    return commands / strength @ seen, seen, apart, strength
 
 
 def force_of(made: Thrusters, dof: str, moved: Motion) -> Array:

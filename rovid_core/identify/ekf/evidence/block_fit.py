@@ -396,8 +396,8 @@ class BlockFit:
         """Return what the blocks say of terms that a DOF may have, by name."""
         terms: dict[str, UnseenTerm] = {}
         for term, (std, sign) in expected(self.all_parameters()[first:]).items():
-            found = [self._judged(alone[candidates[name][0]], scatter, std, sign)
-                     for name, sign in ((begin + term, sign), (begin + BY_EACH.get(term, ''), -1))
+            found = [self._judged(alone[candidates[name][0]], scatter, std, way)
+                     for name, way in ((begin + term, sign), (begin + BY_EACH.get(term, ''), -1))
                      if name in candidates]
             if not found:
                 continue

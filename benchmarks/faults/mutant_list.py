@@ -1229,10 +1229,20 @@ MUTANTS = [
     *_of('rovid_ros/discovery/candidates.py', 'test/discovery/test_init.py '
          'thrusters_may_have_a_topic_each',
          ('left and right are two kinds of thrusters', 'if word not in _SIDES', 'if word')),
+    *_of('rovid_ros/discovery/handedness.py', 'test/discovery/test_init.py',
+         ('fixes that are mostly noise replace a depth',
+          'math.sqrt(2.0) * noise_of(', '0.0 * noise_of(')),
+    *_of('rovid_ros/discovery/handedness.py', 'test/discovery/test_what_drives.py '
+         'a_dvl_with_y_to_the_right_shows_in_turns_or_by_the_depth',
+         ('turns tell nothing of a velocity', 'if abs(kappa) > SURE * error:', 'if False:'),
+         ('a velocity is mirrored where it is right', "'' if kappa < 0.0", "'' if kappa > 0.0"),
+         ('a depth tells nothing of a velocity', "if against else ''", "if False else ''"),
+         ('a gap of the attitude is none', 'seen_from_middle(moved, 0.0)', 'moved')),
+    *_of('rovid_ros/discovery/candidates.py', 'test/discovery/test_init.py '
+         'joints_may_be_thrusters_by_their_topic_or_names',
+         ('names of joints are no names', 'if not (named or words', 'if not (words')),
     *_of('rovid_ros/discovery/decisions.py', 'test/discovery/test_init.py',
          ('slow fixes go before a DVL', 'velocity.rate > position.rate', 'False'),
-         ('fixes that are mostly noise replace a depth',
-          'math.sqrt(2.0) * noise_of(', '0.0 * noise_of('),
          ('a delay that is left open makes fixes late',
           'told[least].left + told[least].by_chance(SURE**2)', 'told[least].left + 1e-9'),
          ('fixes are late against the thrust',
@@ -1313,7 +1323,7 @@ MUTANTS = [
          'an_accelerometer_is_turned_over_as_its_attitude_says',
          ('the motion says nothing of the frames',
           "if told['ned'] > told['enu'] + EXPLAINED:", 'if False:'),
-         ('how fast a boat turns is its heave', 'not depth and _is_turning(velocities)', 'False'),
+         ('how fast a boat turns is its heave', '_is_turning(velocities):', 'not velocities:'),
          ('an accelerometer is always upright', '(-1.0 if over else 1.0)', '1.0')),
     *_of('rovid_ros/results/text.py', 'test/commands/test_replay.py '
          'masses_that_are_no_kilograms_are_told',

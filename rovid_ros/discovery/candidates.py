@@ -292,7 +292,7 @@ def _thrusters(signal: Signal) -> Iterable[Candidate]:
               'actuator', 'actuators', 'channels', 'thrust', 'rpm')
     named = any(_THRUSTER.intersection(words_in(name)) for name in signal.names) or (
         bool(words & _THRUSTER) and signal.path in ('effort', 'velocity'))
-    if not words & set(likely) or words & {'imu', 'magnetometer', 'gps'} or (
+    if not (named or words & set(likely)) or words & {'imu', 'magnetometer', 'gps'} or (
             'states' in words and not named):
         return
     pulses = is_pwm(signal.values)

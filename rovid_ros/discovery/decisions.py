@@ -11,9 +11,10 @@ from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.model.dofs import coupling_prior, DOFS, LINEAR_DOFS
 from rovid_ros.discovery.ardupilot import Motors
 from rovid_ros.discovery.candidates import Candidate, FAST, too_fast, upside_down, words_in
+from rovid_ros.discovery.handedness import agreed_heave, mirrored
 from rovid_ros.discovery.lever_arm import lever_arm, seen_from_middle
 from rovid_ros.discovery.moments import Misfit
-from rovid_ros.discovery.motion import answer, Motion, motion, noise_of, Push, STEP
+from rovid_ros.discovery.motion import answer, Motion, motion, Push
 from rovid_ros.discovery.signals import Array, Signal
 from rovid_ros.discovery.thrusters import (
     answers_to,
@@ -28,7 +29,7 @@ from rovid_ros.discovery.thrusters import (
 )
 
 _DRIVEN = ('surge', 'sway', 'heave', 'yaw')
-_ENOUGH, _STILL, _ALIKE = 50, 0.02, 0.5  # times; [m/s]; correlation of depth and position
+_ENOUGH = 50  # times
 _SAME = 0.9  # correlation of one thing that is measured twice
 _AKAIKE = 2.0  # squared standard errors: a smaller term makes predictions worse
 _LATENCIES = tuple(0.25 * k for k in range(1, 13))  # [s] of fixes that are tried
@@ -131,6 +132,12 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
             'have no time in common: ' + ', '.join(
                 f'{one.signal.topic} goes from {one.signal.times[0]:.0f} to '
                 f'{one.signal.times[-1]:.0f} s of the log' for one in inputs.values()))
+    if 'velocity' in inputs and (why := mirrored(moved, inputs.get('depth'), find_thrusters(
+            inputs['thrusters'], frames, moved, motors, []))):
+        other, velocity = 'enu' if frames == 'ned' else 'ned', inputs['velocity']
+        inputs['velocity'] = replace(velocity, keys={**velocity.keys, 'frames': other})
+        guesses.append(f'velocity.frames: {other}, for {why}')
+        moved, heading = _moved(inputs, frames, [])
     spans = max(_SPANS if moved.coarse else [1], key=lambda n: _told(inputs, frames, motors, n))
     moved, heading = _moved(inputs, frames, [], spans)
     thrusters = find_thrusters(inputs['thrusters'], frames, moved, motors, guesses)
@@ -393,20 +400,23 @@ def _moved(inputs: dict[str, Candidate], frames: str, guesses: list[str],
     scale = float(depth.keys.get('scale', 1.0)) if depth else 1.0
     moved = motion(used, angles, scale, spans)
     velocities = dict(moved.velocities)
-    if 'velocity' in used and not depth and _is_turning(velocities):
+    if 'velocity' in used and _is_turning(velocities):
         del velocities['heave']
         guesses.append(f'heave: left out, for the third number of {used["velocity"].place} is how '
                        'fast the vehicle turns')
-    if frames == 'ned':
-        for dof in ('sway', 'yaw', *(() if depth else ('heave',))):
-            if dof in velocities:
-                velocities[dof] = -velocities[dof]
-        if moved.turned is not None and moved.upright is not None:
-            moved = replace(moved, turned=-moved.turned,
-                            upright=moved.upright * np.array([[-1.0], [1.0], [1.0]]))
+    if 'velocity' in used:
+        depth = None  # beside a velocity it is of no use
+    body = inputs['velocity'].keys.get('frames', frames) if 'velocity' in used else frames
+    # a depth has its own sign
+    for dof, of in (('sway', body), ('yaw', frames), ('heave', 'enu' if depth else body)):
+        if of == 'ned' and dof in velocities:
+            velocities[dof] = -velocities[dof]
+    if frames == 'ned' and moved.turned is not None and moved.upright is not None:
+        moved = replace(moved, turned=-moved.turned,
+                        upright=moved.upright * np.array([[-1.0], [1.0], [1.0]]))
     if depth and 'position' in used:
-        velocities['heave'] = _agreed_heave(inputs, depth, frames, moved.times,
-                                            velocities['heave'], guesses)
+        velocities['heave'] = agreed_heave(inputs, depth, frames, moved.times,
+                                           velocities['heave'], guesses)
     if depth:
         velocities['heave'] = replace(moved, velocities=velocities).heaving()
     return replace(moved, velocities={
@@ -423,35 +433,6 @@ def _is_turning(velocities: Mapping[str, Array]) -> bool:
     both = both[np.isfinite(both).all(axis=1)]
     return len(both) > _ENOUGH and bool(np.ptp(both, axis=0).all()) and (
         abs(float(np.corrcoef(both[:, 0], both[:, 1])[0, 1])) > _SAME)
-
-
-def _agreed_heave(inputs: dict[str, Candidate], depth: Candidate, frames: str, times: Array,
-                  heave: Array, guesses: list[str]) -> Array:
-    """Return the heave of the depth as the position agrees with it, or that of the position."""
-    fixes = motion({'position': inputs['position'].signal, 'thrusters': depth.signal})
-    own = np.interp(fixes.times, times, heave)
-    up = fixes.velocities['heave'] * (-1.0 if frames == 'ned' else 1.0)
-    both = np.isfinite(own) & np.isfinite(up)
-    if both.sum() < _ENOUGH or np.std(up[both]) < _STILL:
-        return heave
-    alike = float(np.corrcoef(own[both], up[both])[0, 1])
-    half = fixes.halves['heave']
-    noisy = np.std(up[both]) < math.sqrt(2.0) * noise_of(
-        inputs['position'].signal.values[:, 2]) / half
-    if abs(alike) < _ALIKE and not noisy:
-        guesses.append(f'depth: {depth.signal.place} does not move as the position does, so the '
-                       'position is used for heave')
-        del inputs['depth']
-        return np.asarray(np.interp(times, fixes.times, up))
-    if abs(alike) < SURE / math.sqrt(both.sum() * STEP / (2.0 * half)):
-        return heave  # so noisy that it does not even tell the direction
-    if alike > 0.0:
-        return heave
-    scale = -float(depth.keys.get('scale', 1.0))
-    inputs['depth'] = replace(depth, keys={**depth.keys, 'scale': scale})
-    guesses.append('depth.scale: negative, for the depth moves against the position' if scale < 0.0
-                   else 'depth.scale: positive, for the depth moves with the position')
-    return -heave
 
 
 def _fit(made: Discovery, moved: Motion) -> None:

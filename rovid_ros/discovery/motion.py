@@ -146,7 +146,7 @@ def motion(used: Mapping[str, Signal], angles: Array | None = None,
         body = used['velocity']
         for dof, column in zip(DOFS, body.values.T):
             velocities[dof] = _mean(body.times, column, times, half)
-    if 'depth' in used:
+    elif 'depth' in used:  # beside a velocity it is of no use
         depth = used['depth']
         velocities['heave'] = _rate(depth.times, depth_scale * depth.values[:, 0], times, half)
         halves['heave'], coarse = half, coarse - {'heave'}

@@ -256,7 +256,8 @@ def read_estimates(path: Path, method: str = '', trained_on: str = '') -> list[I
     try:
         document = json.loads(path.read_bytes().decode('utf-8-sig'))
     except (ValueError, RecursionError) as error:
-        raise EstimatesError(f'{path}: is not JSON: {error}') from None
+        raise EstimatesError(f'{path}: is not JSON: {error}: takes what rovid replay or rovid '
+                             'compare writes with --json') from None
     if not isinstance(document, dict) or not {'dofs', 'models'} & document.keys():
         raise EstimatesError(f'{path}: is not the JSON of rovid replay or rovid compare: takes '
                              'an object with dofs or models')

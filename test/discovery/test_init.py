@@ -215,14 +215,19 @@ def test_what_is_measured_of_a_motor_is_no_command() -> None:
         assert ('thrusters' in candidates([signal])) is is_one
 
 
-@pytest.mark.parametrize(('topic', 'path', 'is_one'), [
-    ('/thrusters/joint_states', 'effort', True), ('/thruster_states', 'velocity', True),
-    ('/thruster_states', 'temperatures', False), ('/joint_states', 'effort', False)])
-def test_joints_may_be_thrusters_by_their_topic(topic: str, path: str, is_one: bool) -> None:
+@pytest.mark.parametrize(('topic', 'path', 'names', 'is_one'), [
+    ('/thrusters/joint_states', 'effort', ('port_main', 'fore_lateral'), True),
+    ('/thruster_states', 'velocity', ('port_main', 'fore_lateral'), True),
+    ('/thruster_states', 'temperatures', ('port_main', 'fore_lateral'), False),
+    ('/joint_states', 'effort', ('port_main', 'fore_lateral'), False),
+    ('/propulsion/state', 'velocity', ('thruster_0', 'thruster_1'), True),
+    ('/propulsion/state', 'velocity', ('port_main', 'fore_lateral'), False)])
+def test_joints_may_be_thrusters_by_their_topic_or_names(
+        topic: str, path: str, names: tuple[str, ...], is_one: bool) -> None:
     times = np.arange(0.0, 30.0, 0.2)
     values = np.column_stack([np.sin(times), np.cos(times)])
     found = candidates([Signal(topic, 'sensor_msgs/msg/JointState', path, 'array', times, values,
-                               ('port_main', 'fore_lateral'), rate=5.0)])
+                               names, rate=5.0)])
     assert ('thrusters' in found) is is_one
 
 

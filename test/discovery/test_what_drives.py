@@ -1,6 +1,7 @@
 """What ``rovid init`` finds of thrusters and sensors in logs whose vehicle is known."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 import re
 
 import numpy as np
@@ -102,16 +103,50 @@ def test_a_thruster_that_answers_to_the_motion_a_little_does_not_drive_it(seed: 
     assert made.thrusters.rows['surge'] == (1.0,)
 
 
+def depth_of(rising: Array) -> Signal:
+    """Return the depth of a vehicle that rises so fast, 20 times a second."""
+    return Signal('/depth', 'std_msgs/msg/Float64', 'data', 'number',
+                  0.05 * np.arange(len(rising)),
+                  (20.0 - 0.05 * np.cumsum(rising))[:, np.newaxis], rate=20.0)
+
+
+@pytest.mark.parametrize(('turns', 'is_mirrored'), [
+    (True, True), (True, False), (False, True), (False, False)])
+def test_a_dvl_with_y_to_the_right_shows_in_turns_or_by_the_depth(
+        turns: bool, is_mirrored: bool) -> None:
+    """The attitude has y to the left."""
+    forces = commanded([20.0, 20.0, 20.0, 3.0] if turns else [20.0, 20.0, 20.0, 0.0])
+    moved = driven(forces)
+    rising = moved['w'].copy()
+    if is_mirrored:
+        moved['v'], moved['w'] = -moved['v'], -moved['w']
+    signals = [*signals_of(moved, forces), depth_of(-rising if turns else rising)]
+    attitude = signals[1]
+    there = np.abs(attitude.times - 50.0) > 4.0  # lost for a while
+    signals[1] = replace(attitude, times=attitude.times[there], values=attitude.values[there])
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    assert made.inputs['velocity'].keys.get('frames') == ('ned' if is_mirrored else None)
+    if is_mirrored:
+        [said] = [one for one in made.guesses if one.startswith('velocity.frames')]
+        assert ('in turns' if turns else '/depth') in said
+        assert re.search('frames: ned', configuration(made, 'dive.mcap'))
+    assert made.thrusters.rows['sway'][1] > 0.9
+    assert made.thrusters.rows['heave'][2] > 0.9
+
+
 def test_heave_of_a_vehicle_that_pitches_is_not_how_fast_its_depth_changes() -> None:
     forces = commanded([40.0, 0.0, 20.0, 0.0])
     pitch = np.repeat(np.random.default_rng(6).uniform(-0.6, 0.6, 40), 100)
     pitch = np.convolve(pitch, np.ones(40) / 40.0, 'same')
     moved = driven(forces)
     rising = np.cos(pitch) * moved['w'] - np.sin(pitch) * moved['u']
-    signals = signals_of(moved, forces[:, [0, 2]], pitch=pitch)
-    signals.append(Signal(
-        '/depth', 'std_msgs/msg/Float64', 'data', 'number', signals[0].times,
-        (20.0 - 0.05 * np.cumsum(rising))[:, np.newaxis], rate=20.0))
+    ahead = np.cos(pitch) * moved['u'] + np.sin(pitch) * moved['w']
+    _, *signals = signals_of(moved, forces[:, [0, 2]], pitch=pitch)
+    path = 0.05 * np.cumsum(np.column_stack([ahead, 0.0 * ahead, rising]), axis=0)
+    path += np.random.default_rng(9).normal(0.0, 0.002, path.shape)
+    signals += [depth_of(rising), Signal(
+        '/lbl', 'geometry_msgs/msg/PointStamped', 'point', 'vector', signals[0].times, path,
+        rate=20.0)]
     made = decide(candidates(signals), signals, lambda name, found: found[0])
     assert made.inputs['depth'].signal.topic == '/depth'
     assert made.thrusters.rows['heave'] == (0.0, 1.0)

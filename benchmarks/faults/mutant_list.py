@@ -733,6 +733,13 @@ MUTANTS = [
     *_of('rovid_core/pipeline/identification.py', 'test/core/test_identification.py '
          'what_one_dof_shows_of_the_thrusters_the_others_hear',
          ('a DOF hears itself', 'if other.identifier is not self.identifier:', 'if True:')),
+    *_of('rovid_core/pipeline/identification.py', 'test/core/test_identification.py '
+         'a_change_that_one_dof_shows_the_others_look_for',
+         ('a change is told to nobody', 'if self._changed_at > changed_at:', 'if False:')),
+    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_identification.py '
+         'a_change_that_one_dof_shows_the_others_look_for',
+         ('a change that is expected has to be as sure as any', 'EXPECTED if', 'FALSE_ALARM if'),
+         ('a change is expected for ever', 'self._expecting -= 1', 'pass')),
     *_of('rovid_core/identify/ekf/between_fixes.py', 'test/core/test_between_fixes.py '
          'a_span_has_equal_parts_and_what_is_left_by_rounding_none',
          ('a force acts in what rounding leaves', '(begin - end - NS) / LONGEST',

@@ -66,9 +66,18 @@ class Identifier(Protocol):
         """Return the standard deviation of the delay [s]."""
         return self.uncertainty.delay_std
 
+    @property
+    def changed_at(self) -> float:
+        """Return after how long [s] the vehicle was found to have changed last, 0 for never."""
+        return 0.0
+
     def hear(self, thrusters: Thrusters) -> None:
         """Learn how another DOF of the vehicle shows that its thrusters work."""
         return  # of no use to most
+
+    def hear_of_change(self) -> None:
+        """Learn that another DOF has shown that the vehicle changed."""
+        return
 
     @property
     def is_found(self) -> bool:

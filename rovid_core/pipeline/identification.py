@@ -143,7 +143,7 @@ class Identification:
     def refresh(self) -> None:
         """Let the estimate say what the identifier holds by now, without a step."""
         self._status.reset()
-        self._steps = 0
+        self._steps, self._changed_at = 0, self.identifier.changed_at
         self._silence.end()
         self.estimate = DofEstimate(
             dof=self._name, parameters=self.identifier.parameters,
@@ -167,11 +167,15 @@ class Identification:
             thrusters=identifier.thrusters)
 
     def _tell(self) -> None:
-        """Tell the other DOFs how the thrusters are found to work."""
-        self._told = self.identifier.thrusters
+        """Tell the other DOFs how the thrusters are found to work, or that the vehicle changed."""
+        told, changed_at = self._told, self._changed_at
+        self._told, self._changed_at = self.identifier.thrusters, self.identifier.changed_at
         for other in self._family:
             if other.identifier is not self.identifier:
-                other.identifier.hear(self._told)
+                if self._told is not told:
+                    other.identifier.hear(self._told)
+                if self._changed_at > changed_at:
+                    other.identifier.hear_of_change()
 
     def judgement(self) -> Judgement:
         """Return the judgement over all of the data, not that of the last step."""
@@ -196,7 +200,7 @@ class Identification:
             self._steps += 1
         self._silence.end()
         judgement = self._status.update(identifier, step, refused, adapt)
-        if identifier.thrusters is not self._told:
+        if identifier.thrusters is not self._told or identifier.changed_at != self._changed_at:
             self._tell()
         velocity, v_hat = step.velocity[2], identifier.v_hat
         status = self._status

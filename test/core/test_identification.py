@@ -1,5 +1,7 @@
 """What the DOFs of a vehicle tell each other."""
 
+import pytest
+from rovid_core.model.samples import Step
 from rovid_core.model.thrusters import Thrusters
 from rovid_core.pipeline.identification import Identification
 from rovid_core.settings.inputs import InputSettings, ThrusterSettings
@@ -32,3 +34,31 @@ def test_what_one_dof_shows_of_the_thrusters_the_others_hear() -> None:
     others[0].add_step(0, step.replaced(watched=()), True, 0.0)
     assert [one.identifier.state()['heard'] for one in family] == [
         [0.1, False], [0.2, True], [0.1, False]]
+
+
+@pytest.mark.parametrize(('together', 'factor', 'changed'), [
+    (True, 1.2, True), (False, 1.2, False), (True, 1.0, False)])
+def test_a_change_that_one_dof_shows_the_others_look_for(
+        together: bool, factor: float, changed: bool) -> None:
+    """Sway is pushed about so much that it takes 20 % more mass alone for chance."""
+    settings = Settings(
+        dofs=('surge', 'sway'), dof={'surge': GUESS, 'sway': GUESS},
+        velocity=InputSettings(topic='/dvl'), thrusters=ThrusterSettings(
+            topics=('/thrusters',), gain=(1.0, 1.0),
+            allocation=((1.0, 0.0), (0.0, 1.0), *((0.0, 0.0),) * 4)),
+        identifier=IdentifierSettings('ekf'))
+    family: list[Identification] = []
+    surge, sway = [Identification(settings, dof, print, family=family if together else None)
+                   for dof in settings.dofs]
+    of_surge = pieces(Vehicle(change=(200.0, 1.2)), 0, 300.0)
+    of_sway = pieces(Vehicle(disturbance='unknown', change=(200.0, factor)), 50, 300.0)
+    for both in zip(of_surge, of_sway):
+        for one, piece in zip((surge, sway), both):
+            if isinstance(piece, Step):
+                one.add_step(0, piece.replaced(watched=()), True, 0.0)
+            else:
+                one.identifier.restart(piece)
+    assert 200.0 < surge.identifier.changed_at < 240.0
+    assert (200.0 < sway.identifier.changed_at < 260.0) is changed
+    assert (sway.identifier.changed_at > 0.0) is changed
+    assert sway.identifier.state()['bank']['expecting'] == 0  # a minute has passed

@@ -151,6 +151,15 @@ class ExtendedKalman(Identifier):
         self._heard = Heard()
         self._begin(self._model.initial)
 
+    @property
+    def changed_at(self) -> float:
+        """Return after how long [s] the vehicle was found to have changed last, 0 for never."""
+        return self._bank.changed_at
+
+    def hear_of_change(self) -> None:
+        """Learn that another DOF has shown that the vehicle changed."""
+        self._bank.expect_change()
+
     def hear(self, thrusters: Thrusters) -> None:
         """Learn how another DOF of the vehicle shows that its thrusters work."""
         self._heard = self._heard.and_of(thrusters)

@@ -18,7 +18,12 @@ from rovid_core.identify.ekf.batch_start import (
 from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
 from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters, share_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
-from rovid_core.identify.ekf.evidence.vehicle_change import SCATTERED
+from rovid_core.identify.ekf.evidence.vehicle_change import (
+    EXPECTED,
+    FALSE_ALARM,
+    NEWEST,
+    SCATTERED,
+)
 from rovid_core.identify.ekf.evidence.verdict import Verdict
 from rovid_core.identify.ekf.normalised_model import UNMODELLED, Unmodelled
 from rovid_core.identify.ekf.single.delayed_force import DelayedForce
@@ -304,6 +309,7 @@ class FilterBank(Generic[M]):
         self.number = 0
         self.changed_at = 0.0
         self.confirmed = False
+        self._expecting = 0  # blocks of the best member that may be of a changed vehicle yet
         self._losses: list[float] = []
         self._noises = [math.inf for _ in UNMODELLED]  # least before a change
 
@@ -433,9 +439,16 @@ class FilterBank(Generic[M]):
 
     def contradicted(self, ended: Sequence[M]) -> bool:
         """Tell whether the newest blocks contradict the older ones."""
+        false_alarm = EXPECTED if self._expecting else FALSE_ALARM
+        if self._expecting and self.best in ended:
+            self._expecting -= 1
         # a filter that is not the best one tells only while it understands the vehicle
-        return True in [member.blocks.has_changed(math.inf if member is self.best else SCATTERED)
-                        for member in ended]
+        return True in [member.blocks.has_changed(
+            math.inf if member is self.best else SCATTERED, false_alarm) for member in ended]
+
+    def expect_change(self) -> None:
+        """Look closer at the blocks to come: another DOF has shown that the vehicle changed."""
+        self._expecting = NEWEST[-1]
 
     def said_of_change(self, time: float) -> str:
         """Return what is to be said of the last change of the vehicle, '' if there was none."""
@@ -454,7 +467,7 @@ class FilterBank(Generic[M]):
         self.members = [self._new(unmodelled) for unmodelled in UNMODELLED]
         for member, noise in zip(self.members, self._noises):
             member.innovations.noise = noise
-        self.number, self.changed_at, self._losses = 0, changed_at, []
+        self.number, self.changed_at, self._losses, self._expecting = 0, changed_at, [], 0
 
     def changes_on(self, time: float) -> bool:
         """Tell whether what came since the vehicle changed is of more than one vehicle."""
@@ -465,6 +478,7 @@ class FilterBank(Generic[M]):
         """Return all that is needed to go on from here."""
         return {'members': [member.state() for member in self.members], 'best': self.number,
                 'changed_at': self.changed_at, 'losses': list(self._losses),
+                'expecting': self._expecting,
                 'noises': None if math.inf in self._noises else list(self._noises)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -478,4 +492,4 @@ class FilterBank(Generic[M]):
             [state['changed_at'], *state['losses']], 1 + len(state['losses']))
         if state['noises'] is not None:
             self._noises = floats(state['noises'], len(self.members))
-        self.number = best
+        self.number, self._expecting = best, min(max(int(state['expecting']), 0), NEWEST[-1])

@@ -17,7 +17,7 @@ from rovid_core.identify.ekf.evidence.block_fit import (
     Watched,
 )
 from rovid_core.identify.ekf.evidence.unseen_terms import expected
-from rovid_core.identify.ekf.evidence.vehicle_change import contradicts
+from rovid_core.identify.ekf.evidence.vehicle_change import contradicts, FALSE_ALARM, NEWEST
 from rovid_core.identify.ekf.evidence.verdict import Regression, Verdict
 from rovid_core.identify.ekf.single.linearised_filter import ALPHA, CANDIDATES
 from rovid_core.identify.ekf.single.watched_lag import LAGS, SECOND_LAG
@@ -233,7 +233,7 @@ class ScoreBlocks:
         return math.fsum([(theta[i] - self._theta[i])**2 / self._variances[i]
                           for i in self._active])
 
-    def has_changed(self, largest_scatter: float) -> bool:
+    def has_changed(self, largest_scatter: float, false_alarm: float = FALSE_ALARM) -> bool:
         """
         Tell whether the newest blocks contradict the older ones.
 
@@ -244,21 +244,24 @@ class ScoreBlocks:
         ----------
         largest_scatter : float
             Of the older blocks, from which they do not tell.
+        false_alarm : float
+            Probability that one test takes an unchanged vehicle for changed.
 
         """
-        for newest in (3, 6):  # one or two may be odd ones
+        for newest in NEWEST:
             older = self.count - newest
             if older < max(LEAST_COUNT, len(self._active) + 1):
                 break
             fit = self._fit(older)
             if not contradicts(self._information[older:], self._score[older:], fit,
-                               largest_scatter):
+                               largest_scatter, false_alarm):
                 continue
             blocks = self._information, self._score
             drift = drift_of(fit, *blocks, self._counts, self._watched.rows)
             information, score = drift.beside(*blocks)
             whole = self._with_all_that_may_be_missing(fit, information[:older], score[:older])
-            if contradicts(information[older:], score[older:], whole, largest_scatter):
+            if contradicts(information[older:], score[older:], whole, largest_scatter,
+                           false_alarm):
                 return True
         return False
 

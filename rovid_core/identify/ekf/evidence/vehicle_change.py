@@ -26,6 +26,12 @@ vehicle that was driven for two minutes before its load was dropped there are fe
 FALSE_ALARM = 1e-6
 """Probability that one test takes an unchanged vehicle for changed."""
 
+EXPECTED = 1e-3
+"""The same while another DOF has just shown a change: a load changes all of them."""
+
+NEWEST = (3, 6)
+"""How many blocks are held against the older ones: one or two may be odd ones."""
+
 STILL = 0.1
 """
 Motion that the model sees in the newer blocks, relative to that in the older ones, below which
@@ -36,7 +42,8 @@ SCATTERED = 1.5
 """Excess scatter above which the newest blocks are taken to scatter as the old ones."""
 
 
-def contradicts(information: Array, score: Array, fit: BlockFit, largest_scatter: float) -> bool:
+def contradicts(information: Array, score: Array, fit: BlockFit, largest_scatter: float,
+                false_alarm: float) -> bool:
     """
     Tell whether newer blocks contradict what older ones gave, in a way that matters.
 
@@ -50,6 +57,8 @@ def contradicts(information: Array, score: Array, fit: BlockFit, largest_scatter
         Of the older ones.
     largest_scatter : float
         Of the older ones, from which they do not tell.
+    false_alarm : float
+        Probability of that for a vehicle that has not changed.
 
     """
     a, n, w, m = fit.active, fit.n, len(information), fit.free
@@ -82,14 +91,14 @@ def contradicts(information: Array, score: Array, fit: BlockFit, largest_scatter
     told = by_model.T @ inverse @ u
     t = float(told @ np.linalg.pinv(by_model.T @ inverse @ by_model, hermitian=True)
               @ told) / m
-    if f_tail(t, m, freedom) < FALSE_ALARM:
+    if f_tail(t, m, freedom) < false_alarm:
         return True
     for g in (theta, np.eye(m)[0]):
         row = by_model @ g
         bottom = float(row @ inverse @ row)
         if bottom > 0.0:
             t = float(row @ inverse @ u)**2 / bottom
-            if f_tail(t, 1, freedom) < FALSE_ALARM:
+            if f_tail(t, 1, freedom) < false_alarm:
                 return True
     return False
 

@@ -77,6 +77,15 @@ class PlanarRow(Identifier):
         """Go back to the initial values, with the other one."""
         self._filter.reset()
 
+    @property
+    def changed_at(self) -> float:
+        """Return after how long [s] both were found to have changed last, 0 for never."""
+        return self._filter.changed_at
+
+    def hear_of_change(self) -> None:
+        """Let the filter learn that another DOF has shown that the vehicle changed."""
+        self._filter.hear_of_change()
+
     def hear(self, thrusters: Thrusters) -> None:
         """Let the filter learn how another DOF shows that the thrusters work."""
         self._filter.hear(thrusters)

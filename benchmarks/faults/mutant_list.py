@@ -736,6 +736,14 @@ MUTANTS = [
     *_of('rovid_core/pipeline/identification.py', 'test/core/test_identification.py '
          'a_change_that_one_dof_shows_the_others_look_for',
          ('a change is told to nobody', 'if self._changed_at > changed_at:', 'if False:')),
+    *_of('rovid_core/pipeline/identification.py', 'test/core/test_identification.py '
+         'thrust_that_another_dof_shows_to_be_less_is_in_the_interval',
+         ('what others show of the thrust is in no interval',
+          'if not share else', 'if True else')),
+    *_of('rovid_core/identify/status.py', 'test/core/test_status.py '
+         'what_a_dof_cannot_see_of_the_thrusters_it_is_told',
+         ('thrust is in doubt where the DOF shows it itself', 'if self._of_others() else 0.0',
+          'if self._weaker else 0.0')),
     *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_identification.py '
          'a_change_that_one_dof_shows_the_others_look_for',
          ('a change that is expected has to be as sure as any', 'EXPECTED if', 'FALSE_ALARM if'),
@@ -1296,8 +1304,8 @@ MUTANTS = [
          ('a DOF may be used that names what it does not take into account',
           'if _names(identifier, own) else', 'if False else'),
          ('what was forgotten still counts for the others',
-          'self._weaker.discard(self._name)\n        self._was_excited',
-          'self._was_excited')),
+          'self._weaker.pop(self._name, None)\n        self.scale_in_doubt',
+          'self.scale_in_doubt')),
     *_of('rovid_core/inputs/configuration_check.py', 'test/config/test_stock_vehicles.py '
          'upright_thrusters_that_all_have_one_command_are_not_accused',
          ('rounding accuses a thruster', 'if np.allclose(evidence, right):', 'if False:')),

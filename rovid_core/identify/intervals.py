@@ -52,6 +52,46 @@ class KnownUncertainty(NamedTuple):
 
 NO_UNCERTAINTY = KnownUncertainty()
 
+
+class WithScaleInDoubt:
+    """
+    An uncertainty that has in it that all thrust may be other than it is taken to be.
+
+    Parameters
+    ----------
+    of : Uncertainty
+        Where the thrust is right.
+    alpha_std : float
+        Standard deviation of alpha for that alone; above 0.
+
+    """
+
+    def __init__(self, of: Uncertainty, alpha_std: float) -> None:
+        self._of, self._alpha_std = of, alpha_std
+
+    @property
+    def covariance(self) -> tuple[float, ...]:
+        """Return the covariance of the parameters."""
+        found = self._of.covariance
+        return found and (found[0] + self._alpha_std**2, *found[1:])
+
+    @property
+    def std(self) -> Four:
+        """Return the standard deviations of the parameters."""
+        alpha, beta, gamma, delta = self._of.std
+        return math.hypot(alpha, self._alpha_std), beta, gamma, delta
+
+    @property
+    def delay_std(self) -> float:
+        """Return the standard deviation of the delay [s]."""
+        return self._of.delay_std
+
+    @property
+    def couplings_std(self) -> tuple[float, ...]:
+        """Return the standard deviations of the couplings."""
+        return self._of.couplings_std
+
+
 Interval = tuple[float, float]
 Z95 = 1.959963984540054  # half the width of a Gaussian's 95 % interval, in standard deviations
 UNBOUNDED: Interval = (-math.inf, math.inf)

@@ -62,8 +62,9 @@ class DofStatus:
     ----------
     name : str
         Of the DOF.
-    weaker : set of str
-        The DOFs that show that the vehicle's thrusters push otherwise backwards; shared by all.
+    weaker : dict of str to float
+        The DOFs that show that the vehicle's thrusters push otherwise backwards, and by how much
+        that scales a mass, 0 where it is not known; shared by all.
     hides_weaker : bool
         Whether this DOF cannot say so itself. All believe the others unless they show or have it.
     of_wrench : bool
@@ -77,15 +78,17 @@ class DofStatus:
     fit : float
         How much of the motion the model predicts without corrections: 1 - rms(error) / std, over
         up to a minute; NaN at first.
+    scale_in_doubt : float
+        Share of the thrust that may not be there, as other DOFs show and this one does not have.
 
     """
 
     def __init__(self, scales: Scales, adaptation_time: float, name: str = '',
-                 weaker: set[str] | None = None, hides_weaker: bool = False,
+                 weaker: dict[str, float] | None = None, hides_weaker: bool = False,
                  of_wrench: bool = False) -> None:
         self._scales = scales
         self._name, self._hides_weaker, self._of_wrench = name, hides_weaker, of_wrench
-        self._weaker = set() if weaker is None else weaker
+        self._weaker = {} if weaker is None else weaker
         self._drift = _Drift()
         self._set_times(adaptation_time)
         self.reset()
@@ -103,7 +106,8 @@ class DofStatus:
         self._last_minute = LastMinute(self._scales)
         self._time = 0.0
         self._judgement = CONVERGING
-        self._weaker.discard(self._name)
+        self._weaker.pop(self._name, None)
+        self.scale_in_doubt = 0.0
         self._was_excited = False
         self.settled = False
         self.fit = math.nan
@@ -162,9 +166,10 @@ class DofStatus:
     def _judge(self, gram: Gram, identifier: Identifier) -> Judgement:
         own = self._objection(gram, identifier, self._judgement.status == 'converged', True)
         if not self._hides_weaker and (_scaled(identifier) > SCALED or _names(identifier, own)):
-            self._weaker.add(self._name)
+            self._weaker[self._name] = _scaled(identifier)
         else:
-            self._weaker.discard(self._name)
+            self._weaker.pop(self._name, None)
+        self.scale_in_doubt = max(self._weaker.values()) if self._of_others() else 0.0
         reason, note = self._reason(identifier, own), identifier.note
         # a covariance that says that all is known outweighs the shape of the regressors
         excitation = None if identifier.covariance and not reason else gram

@@ -8,6 +8,7 @@ import math
 
 from rovid_core.identify import make_identifier, retuned_identifier
 from rovid_core.identify.estimate import DofEstimate
+from rovid_core.identify.intervals import Uncertainty, WithScaleInDoubt
 from rovid_core.identify.method import Identifier
 from rovid_core.identify.status import DofStatus, Judgement
 from rovid_core.inputs.units_and_signs import TypicalSizeCheck
@@ -82,8 +83,8 @@ class Identification:
         Called with the DOF and the reason for every step that is refused.
     identifier : Identifier, optional
         The method, where it is not the configured one for this DOF alone.
-    weaker : set of str, optional
-        Shared by the DOFs of a vehicle: those that show that thrusters push otherwise backwards.
+    weaker : dict of str to float, optional
+        Shared by the DOFs of a vehicle, as of a ``DofStatus``.
     family : list of Identification, optional
         Those DOFs, each added by itself; they are told what this one finds of the thrusters.
 
@@ -99,7 +100,7 @@ class Identification:
     """
 
     def __init__(self, settings: Settings, name: str, reject: Callable[[str, str], None],
-                 identifier: Identifier | None = None, weaker: set[str] | None = None,
+                 identifier: Identifier | None = None, weaker: dict[str, float] | None = None,
                  family: list[Identification] | None = None) -> None:
         self._name = name
         self._family = [] if family is None else family
@@ -162,9 +163,15 @@ class Identification:
         """Let the last estimate have the parameters that the identifier has by now."""
         identifier = self.identifier
         self.estimate = self.estimate.replaced(
-            parameters=identifier.parameters, uncertainty=identifier.uncertainty,
+            parameters=identifier.parameters, uncertainty=self._uncertainty(),
             delay=identifier.delay, couplings=identifier.couplings,
             thrusters=identifier.thrusters)
+
+    def _uncertainty(self) -> Uncertainty:
+        """Return that of the method, with what is known of the thrust from other DOFs."""
+        identifier, share = self.identifier, self._status.scale_in_doubt
+        return identifier.uncertainty if not share else WithScaleInDoubt(
+            identifier.uncertainty, share * identifier.parameters[0])
 
     def _tell(self) -> None:
         """Tell the other DOFs how the thrusters are found to work, or that the vehicle changed."""
@@ -206,7 +213,7 @@ class Identification:
         status = self._status
         # in the order of the fields: by their names it would take three times as long
         self.estimate = DofEstimate(
-            self._name, identifier.parameters, identifier.uncertainty, judgement, time,
+            self._name, identifier.parameters, self._uncertainty(), judgement, time,
             self._steps, velocity,
             # NaN after a divergence: it goes on from what is measured
             velocity if v_hat != v_hat else v_hat,

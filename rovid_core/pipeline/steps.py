@@ -138,7 +138,7 @@ class Pipeline:
         self._waits_for_commands = settings.thrusters.hold == 'linear'
         self._watches = settings.watches
         rows = self._planar.filter.rows if self._planar is not None else {}
-        weaker: set[str] = set()
+        weaker: dict[str, float] = {}
         family: list[Identification] = []
         self.dofs = [Identification(settings, dof, reject, rows.get(dof), weaker, family)
                      for dof in settings.dofs]

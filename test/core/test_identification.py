@@ -62,3 +62,21 @@ def test_a_change_that_one_dof_shows_the_others_look_for(
     assert (200.0 < sway.identifier.changed_at < 260.0) is changed
     assert (sway.identifier.changed_at > 0.0) is changed
     assert sway.identifier.state()['bank']['expecting'] == 0  # a minute has passed
+
+
+def test_thrust_that_another_dof_shows_to_be_less_is_in_the_interval() -> None:
+    settings = Settings(
+        dofs=('surge',), dof={'surge': GUESS}, velocity=InputSettings(topic='/dvl'),
+        thrusters=ThrusterSettings(
+            topics=('/thrusters',), gain=(1.0, 1.0), allocation=((1.0, -1.0),) * 6),
+        identifier=IdentifierSettings('ekf'))
+    one = Identification(settings, 'surge', print, weaker={'heave': 0.1})
+    for piece in pieces(Vehicle(), 0, 10.0):
+        if isinstance(piece, Step):
+            one.add_step(0, piece.replaced(watched=()), True, 0.0)
+        else:
+            one.identifier.restart(piece)
+    alpha, known = one.identifier.parameters[0], one.identifier.std[0]
+    assert one.estimate.std[0]**2 == pytest.approx(known**2 + (0.1 * alpha)**2)
+    one.take_up()
+    assert one.estimate.std[0] > known

@@ -4,7 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from rovid_core.identify.intervals import intervals
+from rovid_core.identify.intervals import (
+    intervals,
+    KnownUncertainty,
+    NO_UNCERTAINTY,
+    WithScaleInDoubt,
+)
 from rovid_core.model.dofs import PARAMETERS, PHYSICAL
 from rovid_core.model.plant import lumped, physical
 
@@ -102,3 +107,13 @@ def test_no_estimate_breaks_it(alpha, variance, theta):
     cov[::5] = [variance] * 4
     for low, high in intervals((alpha, theta, theta, theta), cov).values():
         assert low <= high
+
+
+def test_thrust_that_may_not_be_there_widens_mass_and_drag_and_none_of_the_rest():
+    known = KnownUncertainty(covariance([0.03, 0.02, 0.02, 0.02]), tuple(
+        np.abs(TRUTH) * [0.03, 0.02, 0.02, 0.02]), 0.01, (0.1,))
+    doubt = WithScaleInDoubt(known, 0.04 * TRUTH[0])
+    assert doubt.std == pytest.approx((0.05 * TRUTH[0], *known.std[1:]))
+    assert doubt.covariance == pytest.approx((doubt.std[0]**2, *known.covariance[1:]))
+    assert (doubt.delay_std, doubt.couplings_std) == (0.01, (0.1,))
+    assert WithScaleInDoubt(NO_UNCERTAINTY, 0.1).covariance == ()

@@ -85,7 +85,7 @@ def shown():
 @pytest.fixture
 def vehicle():
     """Return what makes a DOF of a vehicle, and those of its DOFs that show it."""
-    scales, weaker = Scales(150.0, 0.5, TRUTH, (True,) * 4), set()
+    scales, weaker = Scales(150.0, 0.5, TRUTH, (True,) * 4), {}
     return lambda name, **how: DofStatus(scales, 3.0, name, weaker, **how), weaker
 
 
@@ -102,19 +102,27 @@ def test_what_a_dof_cannot_see_of_the_thrusters_it_is_told(vehicle, shown):
     name, reasons = judge(surge, Known(0.02))
     assert name == 'converging'
     assert reasons[0].startswith('heave shows that the thrusters push otherwise backwards')
+    # how much of the thrust it is that may not be there is not known before heave has found it
+    assert surge.scale_in_doubt == 0.0
+    shown.thrusters = AS_CONFIGURED._replace(reverse=0.8)
+    judge(heave, shown)
+    judge(surge, Known(0.02))
+    assert surge.scale_in_doubt == pytest.approx(0.1)
+    assert heave.scale_in_doubt == 0.0
     # more data would not help
     assert judge(surge, Known(0.2))[1][0] == reasons[0]
     # one that might show it itself, but does not yet
     assert judge(dof('roll'), Known(0.02))[1][0] == reasons[0]
     heave.reset()
     assert judge(surge, Known(0.02))[0] == 'converged'
+    assert surge.scale_in_doubt == 0.0
     # what it sees itself is no more than a chance
     judge(surge, shown)
     assert not weaker
 
 
 def test_a_dof_that_finds_what_it_pushes_backwards_needs_no_other(shown):
-    scales, weaker = Scales(150.0, 0.5, TRUTH, (True,) * 4), set()
+    scales, weaker = Scales(150.0, 0.5, TRUTH, (True,) * 4), {}
     own = replace(scales, couplings=('reverse_thrust',))
     judge(DofStatus(scales, 3.0, 'heave', weaker), shown)
     for hides_weaker, status in ((False, 'converged'), (True, 'converging')):

@@ -1304,8 +1304,8 @@ MUTANTS = [
          ('a DOF may be used that names what it does not take into account',
           'if _names(identifier, own) else', 'if False else'),
          ('what was forgotten still counts for the others',
-          'self._weaker.pop(self._name, None)\n        self.scale_in_doubt',
-          'self.scale_in_doubt')),
+          'self._weaker.pop(self._name, None)\n        self._was_excited',
+          'self._was_excited')),
     *_of('rovid_core/inputs/configuration_check.py', 'test/config/test_stock_vehicles.py '
          'upright_thrusters_that_all_have_one_command_are_not_accused',
          ('rounding accuses a thruster', 'if np.allclose(evidence, right):', 'if False:')),

@@ -106,8 +106,8 @@ class DofStatus:
         self._last_minute = LastMinute(self._scales)
         self._time = 0.0
         self._judgement = CONVERGING
-        self._weaker.pop(self._name, None)
         self.scale_in_doubt = 0.0
+        self._weaker.pop(self._name, None)
         self._was_excited = False
         self.settled = False
         self.fit = math.nan

@@ -1252,7 +1252,7 @@ MUTANTS = [
          ('turns tell nothing of a velocity', 'if abs(kappa) > SURE * error:', 'if False:'),
          ('a velocity is mirrored where it is right', "'' if kappa < 0.0", "'' if kappa > 0.0"),
          ('a depth tells nothing of a velocity', "if against else ''", "if False else ''"),
-         ('a gap of the attitude is none', 'seen_from_middle(moved, 0.0)', 'moved')),
+         ('it is always known how fast a vehicle turns', 'seen_from_middle(moved, 0.0)', 'moved')),
     *_of('rovid_ros/discovery/candidates.py', 'test/discovery/test_init.py '
          'joints_may_be_thrusters_by_their_topic_or_names',
          ('names of joints are no names', 'if not (named or words', 'if not (words')),

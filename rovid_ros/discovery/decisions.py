@@ -400,13 +400,13 @@ def _moved(inputs: dict[str, Candidate], frames: str, guesses: list[str],
     scale = float(depth.keys.get('scale', 1.0)) if depth else 1.0
     moved = motion(used, angles, scale, spans)
     velocities = dict(moved.velocities)
-    if 'velocity' in used and _is_turning(velocities):
-        del velocities['heave']
-        guesses.append(f'heave: left out, for the third number of {used["velocity"].place} is how '
-                       'fast the vehicle turns')
+    body = frames
     if 'velocity' in used:
-        depth = None  # beside a velocity it is of no use
-    body = inputs['velocity'].keys.get('frames', frames) if 'velocity' in used else frames
+        depth, body = None, inputs['velocity'].keys.get('frames', frames)
+        if _is_turning(velocities):
+            del velocities['heave']
+            guesses.append(f'heave: left out, for the third number of {used["velocity"].place} is '
+                           'how fast the vehicle turns')
     # a depth has its own sign
     for dof, of in (('sway', body), ('yaw', frames), ('heave', 'enu' if depth else body)):
         if of == 'ned' and dof in velocities:

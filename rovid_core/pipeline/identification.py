@@ -86,7 +86,8 @@ class Identification:
     weaker : dict of str to float, optional
         Shared by the DOFs of a vehicle, as of a ``DofStatus``.
     family : list of Identification, optional
-        Those DOFs, each added by itself; they are told what this one finds of the thrusters.
+        Those DOFs, each added by itself; they are told what this one finds of the thrusters, and
+        that the vehicle changed.
 
     Attributes
     ----------

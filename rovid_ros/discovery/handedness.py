@@ -60,7 +60,7 @@ def mirrored(moved: Motion, depth: Candidate | None, thrusters: Thrusters) -> st
         push = answer(seen_from_middle(moved, 0.0), 'sway', pushing, moved.turning('sway'))
     kappa, error = push.coupled['ur'] if push else (0.0, 0.0)
     if abs(kappa) > SURE * error:
-        return '' if kappa < 0.0 else 'else its inertia would push the vehicle inwards in turns'
+        return '' if kappa < 0.0 else 'otherwise inertia would push the vehicle inwards in turns'
     heave = moved.velocities.get('heave')
     if depth is None or heave is None:
         return ''

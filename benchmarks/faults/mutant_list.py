@@ -640,11 +640,38 @@ MUTANTS = [
          'a_current_is_no_weaker_thrust_in_reverse',
          ('tuning takes the water to be still',
           'found[tried.yaw_offset] = finder.log.water', 'pass')),
-    *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_tuning.py '
+    *_of('rovid_core/trials/tuning/clocks.py', 'test/core/test_tuning.py '
          'a_latency_that_only_turns_want_is_not_taken',
-         ('tuning takes a latency that predicts worse', 'if _predicts_better(', 'if bool('),
+         ('tuning takes a latency that predicts worse', 'if _predicts_better(', 'if bool(')),
+    *_of('rovid_core/trials/tuning/cross_validation.py', 'test/core/test_tuning.py '
+         'a_latency_that_only_turns_want_is_not_taken',
          ('a latency that stays is not among those that are as good',
           'Change(change.before, change.before)', 'replace(change, after=change.before)')),
+    *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_thruster_likelihood.py '
+         'what_is_too_fast_for_blocks_the_filter_may_say',
+         ('what blocks told of the thrusters is told beside what the filter says',
+          'if not one.keys.keys() & stage.keys.keys()]', ']'),
+         ('the delay that the filter found is left out',
+          'told.delay if math.isnan(found.delay) else', 'told.delay if True else')),
+    *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_thruster_likelihood.py '
+         'what_blocks_clearly_tell_stays',
+         ('blocks cannot contradict the filter', 'if choose(errors, 0).is_better:', 'if False:')),
+    *_of('rovid_core/trials/tuning/likelihood.py', 'test/core/test_thruster_likelihood.py',
+         ('the filter may predict a DOF worse', '[2] >= -WORTH for', '[2] >= -9.0 for'),
+         ('gains by chance are taken', 'gain > WORTH and low > 0.0', 'gain > 0.0'),
+         ('what changes nothing is taken', '<= tried.score(best) + WORTH:', '<= -1e9:'),
+         ('the lag of turns is not tried', 'else (False, True)', 'else (False,)'),
+         ('what the filter loses is taken', 'prediction.errors.keys() >= {*self.dofs}', 'True'),
+         ('other values lie above all that was tried', '2.0 * values[i] - values[i - 1]',
+          'values[i]')),
+    *_of('rovid_core/identify/ekf/thruster_search.py', 'test/core/test_thruster_likelihood.py '
+         'the_filter_predicts_best_with_the_thrusters_that_there_are',
+         ('thrusters that are as configured are searched for', 'not self._pace or', '')),
+    *_of('rovid_core/identify/ekf/filter_bank.py', 'test/core/test_thruster_likelihood.py '
+         'the_filter_predicts_best_with_the_thrusters_that_there_are',
+         ('how sure a prediction is does not count',
+          'self.surprise = surprise(normalised, found.total)',
+          'self.surprise = surprise(normalised, 1.0)')),
     *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_reverse.py '
          'tuning_adds_the_drag_and_leaves_the_thrust_to_the_thrusters',
          ('drag that is larger in reverse makes weaker thrusters', 'own.errors)], 0).is_better',
@@ -673,10 +700,10 @@ MUTANTS = [
     *_of('rovid_ros/commands/tune.py', 'test/commands/test_tune.py '
          'warns_of_the_settings_in_use_alone',
          ('what is only tried is warned of', 'tried is not settings or', 'False or')),
-    *_of('rovid_core/trials/tuning/tune.py', 'test/core/test_tuning.py '
+    *_of('rovid_core/trials/tuning/clocks.py', 'test/core/test_tuning.py '
          'with_another_heading_the_log_is_read_again_and_couplings_are_sought',
          ('another heading leaves the log as it was read',
-          'if _changes(heading):', 'if False:')),
+          'heading is not None and heading.changes:', 'False:')),
     *_of('rovid_core/trials/tuning/log.py', 'test/core/test_tuning.py '
          'turns_alone_tell_how_late_fixes_are',
          ('fixes that are late are turned by a later attitude',

@@ -75,6 +75,19 @@ class Identifier(Protocol):
         """Learn how another DOF of the vehicle shows that its thrusters work."""
         return  # of no use to most
 
+    def trust_thrusters(self) -> None:
+        """Begin with thrusters that are taken to be as configured, and look for nothing else."""
+        return
+
+    @property
+    def surprise(self) -> tuple[float, int]:
+        """
+        Return -2 log of the likelihood of what was measured so far, and how many numbers that was.
+
+        Each is predicted from those before it; NaN and 0 if the method does not know it.
+        """
+        return math.nan, 0
+
     def hear_of_change(self) -> None:
         """Learn that another DOF has shown that the vehicle changed."""
         return

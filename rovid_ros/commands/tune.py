@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 import math
@@ -17,8 +18,10 @@ from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.run import IdentifierSettings, Settings
 from rovid_core.trials.record import LogWater
 from rovid_core.trials.tuning.cross_validation import Result
+from rovid_core.trials.tuning.likelihood import Prediction, PredictionErrors
 from rovid_core.trials.tuning.log import TuningLog
-from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningError
+from rovid_core.trials.tuning.reading import reading_settings, TuningError
+from rovid_core.trials.tuning.tune import tune, Tuned
 from rovid_ros.commands.arguments import add_json, add_logs, add_params_file, add_part
 from rovid_ros.commands.long_work import in_parallel, Progress
 from rovid_ros.commands.replay import replay
@@ -34,6 +37,7 @@ from rovid_ros.commands.running import (
 from rovid_ros.config.keys import KEYS
 from rovid_ros.config.parameter_file import edited, override
 from rovid_ros.files.whole_files import write_json, write_text
+from rovid_ros.logs.log import LogMessage
 from rovid_ros.logs.player import PipelinePlayer
 from rovid_ros.messages.converter import Converter
 from rovid_ros.results.documents import json_number, json_numbers
@@ -42,6 +46,8 @@ from rovid_ros.results.text import NONE, number, table, unit
 DESCRIPTION = (
     'Tries them on blocks of the log that the model was not identified from, and writes a '
     'parameter file with what clearly predicts better; the rest of the file stays as it is.')
+
+ENOUGH = 300.0  # [s] of a log that the filter predicts with each of some dozens of thrusters
 
 _STAYS = 'stays'
 
@@ -79,18 +85,8 @@ def run(args: argparse.Namespace) -> None:
     print(f'next      rovid replay {shlex.join([*map(str, args.logs), *found.arguments])}')
 
 
-class TuningPlayer(PipelinePlayer):
-    """
-    The pipeline, which keeps what is needed to predict the log with other settings.
-
-    It is for the velocities: what a recorded node did with its identifier is left out.
-    """
-
-    def __init__(self, settings: Settings, water: LogWater | None = None) -> None:
-        self.scores = self.log = TuningLog(settings, water)
-        self.stream = Stream(settings, recorder=self.log, scorer=self.log,
-                             water=None if water is None else water.at)
-        self.converter = Converter(settings, self.stream.reject)
+class AnewPlayer(PipelinePlayer):
+    """The pipeline, which leaves out what a recorded node did with its identifier."""
 
     def restore(self, state: Mapping[str, Any]) -> str:
         """Begin anew: the state of an identifier is of no use here."""
@@ -99,6 +95,31 @@ class TuningPlayer(PipelinePlayer):
     def repeat_control(self, name: str, value: str) -> list[Estimate]:
         """Do a control again only if it is about time."""
         return super().repeat_control(name, value) if name in ('time_jump', 'interrupt') else []
+
+
+class TuningPlayer(AnewPlayer):
+    """The pipeline, which keeps what is needed to predict the log with other settings."""
+
+    def __init__(self, settings: Settings, water: LogWater | None = None) -> None:
+        self.scores = self.log = TuningLog(settings, water)
+        self.stream = Stream(settings, recorder=self.log, scorer=self.log,
+                             water=None if water is None else water.at)
+        self.converter = Converter(settings, self.stream.reject)
+
+
+class PredictingPlayer(AnewPlayer):
+    """The pipeline with the filter, of which it notes how well it predicts."""
+
+    def __init__(self, settings: Settings) -> None:
+        super().__init__(settings)
+        self.errors = PredictionErrors(self.stream)
+
+    def add_message(self, message: LogMessage) -> list[Estimate]:
+        """Add the next message, and note what comes of it."""
+        estimates = super().add_message(message)
+        if estimates:
+            self.errors.note(estimates[-1].time)
+        return estimates
 
 
 def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
@@ -134,6 +155,14 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
             raise TuningError(str(error)) from None
         return player.log
 
+    def predict(tried: Settings) -> Prediction:
+        filtered = replace(tried, identifier=IdentifierSettings('ekf'))
+        player = PredictingPlayer(filtered)
+        with suppress(CommandError):  # with some thrusters nothing can be made of a log
+            replay(logs, filtered, player, start=start,
+                   duration=ENOUGH if duration is None else min(ENOUGH, duration))
+        return player.errors.prediction()
+
     share = 0.0
     with Progress('tune', lambda: share) as progress:
         def show(done: float) -> None:
@@ -145,7 +174,7 @@ def tune_logs(logs: Sequence[Path], settings: Settings, *, start: float = 0.0,
             return in_parallel(work, given, lambda count: progress.tick())
 
         try:
-            return tune(read, settings, show, each)
+            return tune(read, settings, show, each, predict)
         except TuningError as error:
             raise CommandError(f'{", ".join(map(str, logs))}: {error}') from None
 
@@ -191,11 +220,11 @@ def _notes(tuned: Tuned) -> str:
     stay: list[str] = []
     told: list[str] = []
     for stage in tuned.stages:
-        if any(change.after != change.before for change in stage.keys.values()):
-            better.append((stage.gain, f'{" and ".join(stage.keys)}: '
+        changes = stage.changes
+        if changes:
+            better.append((stage.gain, f'{" and ".join(changes)}: '
                            f'{_percent(stage.gain, stage.spread)} better'))
-        else:
-            stay += stage.keys
+        stay += [key for key in stage.keys if key not in changes]
         if stage.note:
             told.append(stage.note)
     for names in tuned.lists:

@@ -36,7 +36,8 @@ from rovid_core.trials.joint_simulation import ForceSegment, JointModel
 from rovid_core.trials.offline import METHODS
 from rovid_core.trials.score import ScoreLog
 from rovid_core.trials.tuning.log import TuningLog
-from rovid_core.trials.tuning.tune import reading_settings, tune
+from rovid_core.trials.tuning.reading import reading_settings
+from rovid_core.trials.tuning.tune import tune
 from rovid_ros.model import Model
 from rovid_ros.results.documents import dofs_document, read_estimates
 from rovid_ros.results.outputs import ARRAY_TYPE, DIAGNOSTIC_TYPE, Outputs

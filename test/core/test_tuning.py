@@ -21,8 +21,9 @@ from rovid_core.thrust.force_history import ForceHistory
 from rovid_core.trials.tuning.cross_validation import choose, FOLDS, part_bounds
 from rovid_core.trials.tuning.heading import around_the_best
 from rovid_core.trials.tuning.log import CommandedForce, TuningLog
+from rovid_core.trials.tuning.reading import reading_settings, TuningError
 from rovid_core.trials.tuning.timing import tune_thrust
-from rovid_core.trials.tuning.tune import reading_settings, tune, Tuned, TuningError
+from rovid_core.trials.tuning.tune import tune, Tuned
 from rovid_ros.config.parameter_file import load
 from rovid_ros.config.parameters import settings_from
 

@@ -140,7 +140,8 @@ class ExtendedKalman(Identifier):
 
     def __init__(self, scales: Scales) -> None:
         self._scales = scales
-        self._heard = Heard()
+        self._heard, self._pace = Heard(), PACE
+        self._surprise, self._measured = 0.0, 0
         self._model = NormalisedModel(scales)
         self.bounds = self._model.bounds
         self._largest = (LARGEST * scales.force, LARGEST * scales.velocity)
@@ -164,6 +165,11 @@ class ExtendedKalman(Identifier):
         """Learn how another DOF of the vehicle shows that its thrusters work."""
         self._heard = self._heard.and_of(thrusters)
 
+    def trust_thrusters(self) -> None:
+        """Begin with thrusters as configured, and look for nothing else."""
+        self._pace = 0.0
+        self.reset()
+
     def begin_anew(self) -> None:
         """Forget the data; begin with the parameters as they are."""
         self._begin(self._model.of(self.parameters))
@@ -175,7 +181,7 @@ class ExtendedKalman(Identifier):
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[Member] | None = self._new_start()
-        self._search: SearchBeside[Member] = SearchBeside(self._new_search, PACE)
+        self._search: SearchBeside[Member] = SearchBeside(self._new_search, self._pace)
         self._time = 0.0
         self._moving = self._usable = False
         self._idle = 0.0  # [s] without anything to learn, during the start
@@ -268,8 +274,7 @@ class ExtendedKalman(Identifier):
         span = clock.add_step(step)
         found = [0] * len(self._bank.members)
         if span is not None:
-            found = [self._update(member, span, adapt, beginning)
-                     for member in self._bank.members]
+            found = self._take(span, adapt, beginning)
             if adapt:
                 self._bank.choose()
         came = found[self._bank.number]
@@ -292,11 +297,22 @@ class ExtendedKalman(Identifier):
         if is_other or adapt and span is not None:
             self._publish()
 
-    def _update(self, member: Member, span: Measurement, adapt: bool, beginning: bool) -> int:
-        member.move(self._clock.recent, span)
-        if span.value is None:
-            return 0
-        return member.update(span.i, span.value, span.dt, adapt, beginning)
+    def _take(self, span: Measurement, adapt: bool, beginning: bool) -> list[int]:
+        """Take a measurement; return what comes of it for each member."""
+        found = []
+        for member in self._bank.members:
+            member.move(self._clock.recent, span)
+            found.append(0 if span.value is None else member.update(
+                span.i, span.value, span.dt, adapt, beginning))
+        if span.value is not None:
+            self._surprise += self._bank.best.surprise
+            self._measured += 1
+        return found
+
+    @property
+    def surprise(self) -> tuple[float, int]:
+        """Return -2 log of the likelihood of what was measured, and how much that was."""
+        return self._surprise, self._measured
 
     @property
     def is_found(self) -> bool:

@@ -15,7 +15,7 @@ from rovid_core.identify.ekf.batch_start import (
     LONGEST,
     PASSES,
 )
-from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
+from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations, surprise
 from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters, share_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import (
@@ -91,6 +91,8 @@ class Member:
         As given.
     prediction : FreePrediction
         What its model predicts without corrections.
+    surprise : float
+        That of the last measurement, before it was taken.
 
     """
 
@@ -111,7 +113,7 @@ class Member:
         self.prediction = FreePrediction(own, thrusters)
         self._verdict: Verdict | None = None
         self._is_judged = True
-        self.bounds = bounds
+        self.bounds, self.surprise = bounds, 0.0
         self._slip = unmodelled.slip
 
     def restart(self, velocity: float) -> None:
@@ -141,6 +143,7 @@ class Member:
         filter, innovations = self.filter, self.innovations
         found = filter.innovation(i, value, innovations.noise * innovations.noise)
         normalised = found.error / math.sqrt(found.total)
+        self.surprise = surprise(normalised, found.total)
         outlier = innovations.is_outlier(normalised)
         if adapt:
             innovations.learn_noise(normalised)

@@ -128,7 +128,8 @@ class PlanarKalman:
         self._scales, self._settings = scales, settings
         self._model = PlanarModel(scales, settings.prior)
         self.newest: int | None = None
-        self._heard = Heard()
+        self._heard, self._pace = Heard(), PACE
+        self._surprise, self._measured = 0.0, 0
         self.rows = {dof: PlanarRow(self, k, self._model.of[k].bounds)
                      for k, dof in enumerate(DOFS) if dof in scales}
         self._begin(self._model.initial)
@@ -151,6 +152,11 @@ class PlanarKalman:
         """Learn how another DOF of the vehicle shows that its thrusters work."""
         self._heard = self._heard.and_of(thrusters)
 
+    def trust_thrusters(self) -> None:
+        """Begin with thrusters as configured, and look for nothing else."""
+        self._pace = 0.0
+        self.reset()
+
     def _begin(self, theta: Sequence[float],
                thrusters: BothThrusters = (AS_CONFIGURED, AS_CONFIGURED)) -> None:
         self._take_thrusters(thrusters)
@@ -161,7 +167,7 @@ class PlanarKalman:
         self._bank = FilterBank(lambda unmodelled: self._new(unmodelled, self._theta))
         self._clock = self._new_clock()
         self._start: BatchStart[PlanarMember] | None = self._new_start()
-        self._search: SearchBeside[PlanarMember] = SearchBeside(self._new_search, PACE)
+        self._search: SearchBeside[PlanarMember] = SearchBeside(self._new_search, self._pace)
         self._prediction = PlanarPrediction(self._model.rows, self._model.size, thrusters)
         self._time = 0.0
         self._moving = False
@@ -312,7 +318,15 @@ class PlanarKalman:
         for member in self._bank.members:
             member.move(recent, span)
             found.append(0 if span.begins else member.update(span, learns, beginning))
+        if not span.begins:
+            self._surprise += self._bank.best.surprise
+            self._measured += AXES
         return found
+
+    @property
+    def surprise(self) -> tuple[float, int]:
+        """Return -2 log of the likelihood of what was measured, and how many numbers that was."""
+        return self._surprise, self._measured
 
     def _in_range(self, step: PlanarStep) -> bool:
         return all(abs(force) <= LARGEST * scales.force

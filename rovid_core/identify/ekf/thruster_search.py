@@ -91,7 +91,7 @@ class SearchBeside(Generic[M]):
     def begin(self, bank: FilterBank[M], start: BatchStart[M] | None, heard: Heard,
               state: Callable[[], dict[str, Any]]) -> None:
         """Begin one on a copy of the filter as it is, where there is something to look for."""
-        if self.is_on or start is None or not (start.may_search and (
+        if self.is_on or not self._pace or start is None or not (start.may_search and (
                 named_thrusters(bank) or _told(bank.best.thrusters, heard))):
             return
         start.failed = start.duration

@@ -10,7 +10,7 @@ a part that is hard to predict, or of another degree of freedom, counts no more 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import math
 from typing import Protocol, TypeVar
 
@@ -146,6 +146,7 @@ def _joined(nodes: NDArray[np.int64], means: Array) -> tuple[NDArray[np.int64], 
 # Anything else has to lower the error by this share: what is in use is simpler, or known.
 WORTH = 0.01
 
+DIGITS = 4  # what is written of a value; the data never tell more
 TINY = 1e-12  # [m/s or rad/s] no smaller error counts: of a ratio it would be a division by 0
 
 Result = TypeVar('Result')
@@ -259,3 +260,29 @@ class Stage:
     gain: float
     spread: float
     note: str = ''  # what has to be known about it, '' if nothing
+
+    @property
+    def changes(self) -> dict[str, float]:
+        """Return the keys that have a better value, with that."""
+        return {key: change.after for key, change in self.keys.items()
+                if change.after != change.before}
+
+    def unchanged(self) -> Stage:
+        """Return it with keys that stay; which values are as good is not known then."""
+        return replace(self, gain=0.0, spread=0.0, keys={
+            key: Change(change.before, change.before) for key, change in self.keys.items()})
+
+    def without(self, key: str) -> Stage:
+        """Return it with a key that stays."""
+        if key not in self.changes:
+            return self
+        before = self.keys[key].before
+        others = replace(self, keys={**self.keys, key: Change(before, before)})
+        return others if others.changes else self.unchanged()
+
+    def rounded(self) -> Stage:
+        """Return it with new values of few digits."""
+        return replace(self, keys={
+            key: change if change.after == change.before or isinstance(change.after, bool) else
+            replace(change, after=float(f'{change.after:.{DIGITS}g}'))
+            for key, change in self.keys.items()})

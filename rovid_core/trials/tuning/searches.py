@@ -21,6 +21,7 @@ from rovid_core.trials.tuning.cross_validation import (
     Choice,
     choose,
     gain_of,
+    ParallelMap,
     Stage,
 )
 from rovid_core.trials.tuning.dof_fit import Dof
@@ -37,6 +38,12 @@ CURVE_FINER = (-0.75, -0.5, -0.25, 0.25, 0.5, 0.75)
 FINER = 2  # times
 
 
+def large_command(log: TuningLog, thrusters: ThrusterSettings) -> float:
+    """Return the size of a large command in a log, behind offset and scale."""
+    sizes = np.abs((log.commands() - thrusters.offset) * thrusters.scale)
+    return float(np.quantile(sizes[sizes > 0.0], LARGE)) if (sizes > 0.0).any() else 1.0
+
+
 def tune_curve(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
                pair: tuple[float, float]) -> tuple[list[Stage], ThrusterSettings]:
     """
@@ -45,9 +52,7 @@ def tune_curve(log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
     What gains more is taken first, for one can look like the other. ``pair`` is delay and lag of
     the thrust [s].
     """
-    sizes = np.abs((log.commands() - thrusters.offset) * thrusters.scale)
-    large = float(np.quantile(sizes[sizes > 0.0], LARGE)) if (sizes > 0.0).any() else 1.0
-    small = [share * large for share in SHARES]
+    small = [share * large_command(log, thrusters) for share in SHARES]
     keys = {'deadband': small, 'dead_zone': small, 'reverse': REVERSE}
     found: dict[str, Stage] = {}
     while len(found) < len(keys):
@@ -165,3 +170,24 @@ def tune_terms(dof: Dof, commanded: CommandedForce, pair: tuple[float, float]) -
     return ListChange(f'{dof.name}.terms', before,
                       candidates[choice.index] if choice.is_better else before,
                       choice.gain, choice.spread)
+
+
+def with_couplings(
+        dofs: Sequence[Dof], commanded: CommandedForce, pair: tuple[float, float],
+        each: ParallelMap, left_out: Sequence[str] = ()) -> tuple[list[Dof], Sequence[ListChange]]:
+    """Return the DOFs with the couplings that the log wants, and what that changes."""
+    found = each(lambda k: tune_couplings(dofs[k], commanded, pair, left_out), range(len(dofs)))
+    return [dof.with_settings(replace(dof.settings, couplings=names.after))
+            for dof, names in zip(dofs, found)], found
+
+
+class Models:
+    """The DOFs of a reading with the couplings that they want with some thrusters."""
+
+    def __init__(self, log: TuningLog, dofs: Sequence[Dof], thrusters: ThrusterSettings,
+                 pair: tuple[float, float], each: ParallelMap) -> None:
+        self.commanded = log.commanded(thrusters)
+        self.dofs, self.couplings = with_couplings(dofs, self.commanded, pair, each)
+        # shape (FOLDS, parts), by DOF, on held-out folds [m/s or rad/s]
+        self.errors = each(lambda k: self.dofs[k].fit_models(
+            self.commanded, pair, [self.dofs[k].settings])[0], range(len(self.dofs)))

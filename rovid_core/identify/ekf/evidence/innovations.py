@@ -46,6 +46,12 @@ MEMORY: Final = 3000
 """Measurements over which the likelihood is summed up."""
 
 
+def surprise(normalised: float, variance: float) -> float:
+    """Return -2 log of how likely an innovation is; of an outlier, that of one at ``HUBER``."""
+    r = HUBER if normalised > HUBER else -HUBER if normalised < -HUBER else normalised
+    return math.log(variance) + r * r
+
+
 class Innovations:
     """
     Statistics of normalised innovations.

@@ -16,7 +16,7 @@ from rovid_core.identify.ekf.evidence.current_status import (
     LATE,
     NOT_JUDGED,
 )
-from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations
+from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations, surprise
 from rovid_core.identify.ekf.evidence.missing_terms import (
     better_thrusters,
     is_coupling,
@@ -272,7 +272,7 @@ class PlanarMember:
         self._alternative = NOT_JUDGED
         self._is_judged = True
         self._current_is_free = not considered
-        self.bounds = bounds
+        self.bounds, self.surprise = bounds, 0.0
         self._fastest = max(row.velocity for row in rows)
 
     def restart(self, start: PlanarStart) -> None:
@@ -310,8 +310,10 @@ class PlanarMember:
         """Take a measurement; return 0 or what comes of it."""
         filter, innovations = self.filter, self.innovations
         one, error, size = self._found(span, False)
+        self.surprise = 0.0
         outlier = innovations.is_outlier(size)
         if outlier:
+            self.surprise = AXES * surprise(size, one.total)
             if adapt:
                 innovations.learn_noise(size)
                 innovations.add(size, one.total)
@@ -325,6 +327,7 @@ class PlanarMember:
             found = one if axis == 0 else filter.innovation(
                 axis, span.looks, value, innovations.noise**2)
             normalised = found.error / math.sqrt(found.total)
+            self.surprise += surprise(normalised, found.total)
             if adapt:
                 innovations.add(normalised, found.total, axis)
             size = abs(normalised) / HUBER

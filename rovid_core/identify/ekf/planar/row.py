@@ -86,6 +86,15 @@ class PlanarRow(Identifier):
         """Let the filter learn that another DOF has shown that the vehicle changed."""
         self._filter.hear_of_change()
 
+    @property
+    def surprise(self) -> tuple[float, int]:
+        """Return that of both; one of them tells it."""
+        return self._filter.surprise if self._is_first else (math.nan, 0)
+
+    def trust_thrusters(self) -> None:
+        """Begin with thrusters as configured, for both."""
+        self._filter.trust_thrusters()
+
     def hear(self, thrusters: Thrusters) -> None:
         """Let the filter learn how another DOF shows that the thrusters work."""
         self._filter.hear(thrusters)

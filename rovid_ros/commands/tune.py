@@ -47,7 +47,7 @@ DESCRIPTION = (
     'Tries them on blocks of the log that the model was not identified from, and writes a '
     'parameter file with what clearly predicts better; the rest of the file stays as it is.')
 
-ENOUGH = 300.0  # [s] of a log that the filter predicts with each of some dozens of thrusters
+ENOUGH = 300.0  # [s] of a log that the filter predicts with each of about twenty thrusters
 
 _STAYS = 'stays'
 

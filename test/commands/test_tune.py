@@ -52,7 +52,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (path / 'mine.yaml').write_text(SURGE)
     (path / 'true.yaml').write_text(SURGE.replace(
         '      gain:', '      delay: 0.2\n      gain:'))
-    assert main(['simulate', '--params-file', f'{path}/true.yaml', '--duration', '150',
+    assert main(['simulate', '--params-file', f'{path}/true.yaml', '--duration', '120',
                  '--output', f'{path}/log.mcap']) == 0
     return path
 

@@ -148,9 +148,10 @@ def _pool(workers: int, work: Callable[[int], Any]) -> Iterator[ProcessPoolExecu
             'a process of this command was ended by the system; is the memory full?') from None
     finally:
         mine = [child for child in multiprocessing.active_children() if child not in before]
-        pool.shutdown(wait=False, cancel_futures=True)
         for child in mine:
             child.terminate()
+        # waits for its thread, which while Python ends would lose its pipes
+        pool.shutdown(cancel_futures=True)
         for child in mine:
             child.join()
 

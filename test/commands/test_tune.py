@@ -8,9 +8,11 @@ import json
 from pathlib import Path
 import re
 
+import numpy as np
 import pytest
 from rovid_core.settings.run import CurrentSettings, Settings
 from rovid_core.trials.tuning.cross_validation import Change, Stage
+from rovid_core.trials.tuning.likelihood import Prediction
 from rovid_core.trials.tuning.log import TuningLog
 from rovid_core.trials.tuning.reading import TuningError
 from rovid_core.trials.tuning.tune import Tuned
@@ -128,6 +130,26 @@ def test_warns_of_the_settings_in_use_alone(
     settings = replace(settings_from(load(folder / 'mine.yaml')), current=CurrentSettings(0.0))
     command.tune_logs([folder / 'log.mcap'], settings, warn=told.append)
     assert told == ['the clock of an input']
+
+
+def test_the_filter_predicts_the_log_with_the_thrusters_that_are_tried(
+        folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def tried(read: object, settings: Settings, show: object, each: object,
+              predict: Callable[[Settings], Prediction]) -> Tuned:
+        right, wrong = (predict(replace(settings, thrusters=replace(
+            settings.thrusters, delay=0.2, deadband=band))) for band in (0.0, 0.8))
+        assert right.delay == pytest.approx(0.0, abs=0.05)  # beside that
+        asked.append(float(np.log(wrong.errors['surge'] / right.errors['surge'])[6:].mean()))
+        lost = predict(replace(settings, thrusters=replace(settings.thrusters, deadband=1e9)))
+        assert not lost.errors.keys() - {'surge'}
+        return Tuned((), (), {}, {})
+
+    monkeypatch.setattr(command, 'tune', tried)
+    settings = settings_from(load(folder / 'mine.yaml'))
+    command.tune_logs([folder / 'log.mcap'], settings, duration=60.0)
+    assert asked[0] > 0.01
 
 
 def test_a_log_that_gives_nothing_with_what_is_tried_is_no_end(

@@ -46,8 +46,9 @@ def worse_by(thrusters: ThrusterSettings, lag: float = 0.13, reverse: float = 0.
 class Predicted:
     """A filter whose errors are what is said, in parts that are not all as hard to predict."""
 
-    def __init__(self, *shares: Callable[[ThrusterSettings], float], delay: float = 0.04) -> None:
-        self.count, self._delay = 0, delay
+    def __init__(self, *shares: Callable[[ThrusterSettings], float], delay: float = 0.04,
+                 chance: float = 2e-3) -> None:
+        self.count, self._delay, self._chance = 0, delay, chance
         self._shares = shares
         self._hard = np.exp(np.random.default_rng(1).normal(0.0, 0.5, (len(shares), PARTS)))
 
@@ -58,7 +59,8 @@ class Predicted:
             # chance is the same for the same thrusters
             chance = np.random.default_rng([
                 round(1e6 * one.time_constant), round(1e6 * one.reverse), one.lag_of_turns,
-                round(1e6 * one.dead_zone)]).normal(0.0, 2e-3, self._hard.shape)
+                round(1e6 * one.dead_zone)]).normal(
+                    0.0, self._chance, self._hard.shape)
             errors = {f'dof {k}': hard * np.exp(share(one) + luck) for k, (share, hard, luck) in
                       enumerate(zip(self._shares, self._hard, chance))}
             found.append(Prediction(errors, self._delay))
@@ -88,7 +90,9 @@ def test_finds_a_dead_zone_and_reverse_thrust_beyond_what_is_tried_first() -> No
 
 
 def test_nothing_that_is_chance_or_makes_a_dof_worse() -> None:
-    assert likeliest(PRESENT, PRESENT, 1.0, Predicted(lambda one: 0.0, lambda one: 0.0)) is None
+    for chance in (2e-3, 0.1):
+        assert likeliest(PRESENT, PRESENT, 1.0, Predicted(
+            lambda one: 0.0, chance=chance)) is None
     assert likeliest(PRESENT, PRESENT, 1.0, Predicted(
         worse_by, lambda one: -0.9 * worse_by(one))) is None
 

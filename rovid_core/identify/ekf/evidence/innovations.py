@@ -46,9 +46,14 @@ MEMORY: Final = 3000
 """Measurements over which the likelihood is summed up."""
 
 
+def clipped(normalised: float) -> float:
+    """Return an innovation in standard deviations, of an outlier one at ``HUBER``."""
+    return HUBER if normalised > HUBER else -HUBER if normalised < -HUBER else normalised
+
+
 def surprise(normalised: float, variance: float) -> float:
     """Return -2 log of how likely an innovation is; of an outlier, that of one at ``HUBER``."""
-    r = HUBER if normalised > HUBER else -HUBER if normalised < -HUBER else normalised
+    r = clipped(normalised)
     return math.log(variance) + r * r
 
 
@@ -138,7 +143,7 @@ class Innovations:
 
     def add(self, normalised: float, variance: float, axis: int = 0) -> None:
         """Add an innovation of an axis in standard deviations, and the variance it had."""
-        r = HUBER if normalised > HUBER else -HUBER if normalised < -HUBER else normalised
+        r = clipped(normalised)
         square = r * r
         self.likelihood += math.log(variance) + square - self.likelihood / MEMORY
         self.count += 1

@@ -366,6 +366,17 @@ def test_a_latency_that_is_off_is_within_the_intervals():
     assert all(masses_held(stream.estimate))
 
 
+def test_a_start_among_fixes_that_say_little_goes_on_until_they_say_enough():
+    slow = Run(rate=0.2, noise=0.3, duration=600.0)
+    stream = Stream(settings(slow))
+    last = followed(stream, slow)[-1]
+    assert all(masses_held(last))
+    for dof in last.dofs:
+        assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.2)
+    assert last.current.status == 'known'
+    assert away(last.current[:2]) < 0.03
+
+
 def test_a_saved_state_goes_on_with_the_same_bits():
     first, before = Stream(settings(FIXES)), 0.0
     for at in (15.0, 45.0, 85.0):

@@ -364,6 +364,21 @@ def test_what_one_thruster_does_by_itself_is_what_the_force_of_its_dof_does():
         assert each[2]
 
 
+def test_the_force_of_a_step_is_kept_for_the_next_one_however_long_both_take():
+    recent, whole = DelayedForce(), DelayedForce(False)
+    for k in range(9):
+        for force in (recent, whole):
+            force.add([(15.0, 1.0 + k), (15.0, -0.5 * k)])
+        if k:
+            same = DelayedForce()
+            same.restore(recent.state())
+            # from the middle of one step to the middle of the next
+            begin = recent.end - 45.0
+            assert recent.over(begin, begin + 30.0, 0.3) == whole.over(begin, begin + 30.0, 0.3)
+            assert same.state() == recent.state()
+    assert len(recent.state()['means']) < len(whole.state()['means'])
+
+
 def test_what_each_thruster_did_is_kept_as_long_as_the_force_and_comes_as_late():
     recent = DelayedForce(thrusters=Thrusters(lag=0.1))
     for k in range(400):  # a force that stays, of thrusters that do not

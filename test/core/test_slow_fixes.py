@@ -11,6 +11,7 @@ from rovid_core.ordering.cadence import Cadence
 from rovid_core.pipeline.stream import Stream
 from rovid_core.settings.inputs import InputSettings, ThrusterSettings
 from rovid_core.settings.run import (
+    CurrentSettings,
     DofSettings,
     IdentifierSettings,
     LEAST_GAP,
@@ -171,6 +172,17 @@ def test_echoes_are_refused(rate: float) -> None:
                   for reason in ('outlier', 'too_fast', 'shifted'))
     assert refused >= 0.03 * 400.0 * rate
     assert steps(stream) > 0.85 * 400.0 * rate
+
+
+@pytest.mark.parametrize('rate', [0.2, 0.1])
+def test_a_filter_between_two_fixes_knows_all_of_the_thrust(rate: float) -> None:
+    stream = run(vehicle(rate, identifier=IdentifierSettings(method='ekf'),
+                         current=CurrentSettings(prior=0.0)), duration=60.0 / rate)
+    assert stream.estimate is not None
+    dof, = stream.estimate.dofs
+    assert 1.0 / dof.parameters[0] == pytest.approx(290.0, rel=0.1)
+    low, high = dof.intervals['mass']
+    assert low <= 290.0 <= high
 
 
 def test_the_shipped_configuration_uses_every_fix(repository: Path) -> None:

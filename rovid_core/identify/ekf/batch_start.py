@@ -23,7 +23,16 @@ PERIOD: Final = 20.0
 """[s] of motion after which all of it is gone through again."""
 
 LONGEST: Final = 5.9 * PERIOD
-"""[s] after which the filter goes on by itself."""
+"""[s] after which the filter goes on by itself, once it knows what the thrust does."""
+
+ENOUGH: Final = 2_000
+"""
+Steps beyond which it does in any case. Where fixes are slow the first minutes tell next to
+nothing, and a filter that was linearised there does not find the truth any more.
+"""
+
+GROWTH: Final = 0.2
+"""Share by which what is kept grows, at least, before all of it is gone through again."""
 
 NEVER: Final = 1e9
 """[s] of motion that it never takes."""
@@ -175,6 +184,10 @@ class BatchStart(Generic[M]):
         """Tell whether there is enough new since other thrusters were looked for in vain."""
         return self.duration >= self.failed + PERIOD
 
+    def is_enough(self, known: bool) -> bool:
+        """Tell whether the filter may go on by itself; ``known`` tells whether alpha is."""
+        return self.duration > LONGEST and (known or len(self._pieces) > ENOUGH)
+
     @property
     def is_new(self) -> bool:
         """Tell whether there is something, of which nothing was gone through again yet."""
@@ -182,7 +195,8 @@ class BatchStart(Generic[M]):
 
     def wait(self, known: bool) -> None:
         """Find when all is to be gone through again; ``known`` tells whether alpha is."""
-        self.next = self.duration + (2.0 * PERIOD if known else PERIOD)
+        self.next = self.duration + max(
+            2.0 * PERIOD if known else PERIOD, GROWTH * self.duration)
 
     def change_clock(self) -> None:
         """Let all be measured again by a new clock."""

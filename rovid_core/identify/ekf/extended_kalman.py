@@ -411,19 +411,18 @@ class ExtendedKalman(Identifier):
 
     def _wait(self, start: BatchStart[Member], step: Step) -> None:
         """Find when to go through all of it again, or that this is not needed any more."""
-        known = self._is_known(KNOWN, (ALPHA,))
-        if self._bank.confirmed and self._is_known(KNOWN_WELL):
+        known, confirmed = self._is_known(KNOWN, (ALPHA,)), self._bank.confirmed
+        if confirmed and self._is_known(KNOWN_WELL):
             start.next = NEVER  # it is only kept for a lag that may be named yet
-        elif start.duration > (LONGEST if known else 2.0 * LONGEST) and not self._search.is_on:
+        elif self._search.is_on or not start.is_enough(known and confirmed):
+            start.wait(known)
+        elif self._is_known(UNKNOWN, (ALPHA,)):
             self._start = None
-        elif start.duration > LONGEST and not self._is_known(UNKNOWN, (ALPHA,)):
+        else:
             # at rest, say, under thrust that carries a weight: what comes may tell more
             start.clear()
-            self._search.drop()
             start.add(self._follow(step)[-1][1] / self._scales.velocity)
             self._is_later, self._is_solved = True, False
-        else:
-            start.wait(known)
 
     def _is_known(self, share: float, terms: Sequence[int] | None = None) -> bool:
         """

@@ -20,7 +20,6 @@ from rovid_core.identify.ekf.batch_start import (
     BatchStart,
     finish,
     KNOWN,
-    LONGEST,
     PERIOD,
     read_planar_step,
     UNLEARNED,
@@ -385,12 +384,16 @@ class PlanarKalman:
         if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
             return
-        filter = self._bank.best.filter
-        known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in [
-            self._model.rows[row.k].first for row in self.rows.values()])
+        known = self._is_known(KNOWN)
         start.wait(known)
-        if self._free and start.duration > LONGEST and not self._search.is_on:
+        if self._free and not self._search.is_on and start.is_enough(known and bank.confirmed):
             self._start = None
+
+    def _is_known(self, share: float) -> bool:
+        """Tell whether what thrust there is does is known to a share."""
+        filter = self._bank.best.filter
+        return all(math.sqrt(filter.theta_covariance[i, i]) < share * filter.theta[i] for i in [
+            self._model.rows[row.k].first for row in self.rows.values()])
 
     def conclude(self) -> bool:
         """Go through a log that ends before that was done; tell if it changes the filter."""

@@ -12,7 +12,7 @@ from rovid_core.model.lag import driven, inertia_of, spun, turns_of
 from rovid_core.model.thrusters import AS_CONFIGURED, DEAD_BAND, Thrusters
 
 KEPT: Final = 4.0
-"""[s] that are kept, at least."""
+"""[s] that are kept, at least, before the step that a filter may still stand in."""
 
 
 class DelayedForce:
@@ -51,6 +51,7 @@ class DelayedForce:
         self._slopes: list[float] = []
         self._each: list[Three] = []  # of each span, where thrusters drive other DOFs, too
         self._held = False  # the newest span
+        self._step = 0.0  # [s] where the newest spans begin
         self._near = 0  # the span that was asked for last
         self._squares = self._cubes = 0.0  # integrals of the force's
         self.bend = DEAD_BAND
@@ -84,6 +85,7 @@ class DelayedForce:
         """
         times, means, slopes = self._times, self._means, self._slopes
         squares, cubes = self._squares, self._cubes
+        last, self._step = self._step, times[-1]
         for k, (length, force) in enumerate(spans):
             begin = times[-1]
             time = begin + length
@@ -113,7 +115,7 @@ class DelayedForce:
             self._held = held
         self._set_size(squares, cubes)
         if self._forgets and times[-1] - times[0] > 2.0 * KEPT:
-            cut = bisect_right(times, times[-1] - KEPT) - 1
+            cut = max(bisect_right(times, last - KEPT) - 1, 0)
             for column in (times, means, slopes, self._lagged):
                 del column[:cut]
             del self._each[:cut]
@@ -351,6 +353,7 @@ class DelayedForce:
         """Return all that is needed to go on from here."""
         return {'times': list(self._times), 'means': list(self._means),
                 'slopes': list(self._slopes), 'lagged': list(self._lagged), 'held': self._held,
+                'step': self._step,
                 'each': [list(one) for one in self._each],
                 'squares': self._squares, 'cubes': self._cubes}
 
@@ -367,11 +370,13 @@ class DelayedForce:
         if len(each) not in (0, len(means)) or not all(
                 math.isfinite(x) for one in each for x in one):
             raise ValueError('what each thruster did does not fit')
-        squares, cubes = float(state['squares']), float(state['cubes'])
+        squares, cubes, step = [float(state[name]) for name in ('squares', 'cubes', 'step')]
+        if not step <= times[-1]:
+            raise ValueError('a step that does not fit')
         if not (0.0 <= squares < math.inf and 0.0 <= cubes < math.inf) or cubes > 0.0 == squares:
             raise ValueError('the size of the force does not fit')
         self.bend = DEAD_BAND
         self._set_size(squares, cubes)
         self._times, self._means, self._slopes, self._lagged = times, means, slopes, lagged
         self._each = each
-        self._held, self._near = bool(state['held']), 0
+        self._held, self._near, self._step = bool(state['held']), 0, step

@@ -25,13 +25,13 @@ PERIOD: Final = 20.0
 LONGEST: Final = 5.9 * PERIOD
 """[s] after which the filter goes on by itself, once it knows what the thrust does."""
 
-ENOUGH: Final = 2_000
+MANY: Final = 1_000
 """
-Steps beyond which it does in any case. Where fixes are slow the first minutes tell next to
-nothing, and a filter that was linearised there does not find the truth any more.
+Steps without which that time tells next to nothing: a filter that was linearised at what a few
+slow fixes say does not find the truth any more.
 """
 
-GROWTH: Final = 0.2
+GROWTH: Final = 1.0 / 12.0
 """Share by which what is kept grows, at least, before all of it is gone through again."""
 
 NEVER: Final = 1e9
@@ -184,9 +184,13 @@ class BatchStart(Generic[M]):
         """Tell whether there is enough new since other thrusters were looked for in vain."""
         return self.duration >= self.failed + PERIOD
 
+    def is_much(self, times: float = 1.0) -> bool:
+        """Tell whether there is so often as much as a filter needs that is driven well."""
+        return self.duration > times * LONGEST and len(self._pieces) > times * MANY
+
     def is_enough(self, known: bool) -> bool:
         """Tell whether the filter may go on by itself; ``known`` tells whether alpha is."""
-        return self.duration > LONGEST and (known or len(self._pieces) > ENOUGH)
+        return known and self.duration > LONGEST or self.is_much(2.0)
 
     @property
     def is_new(self) -> bool:

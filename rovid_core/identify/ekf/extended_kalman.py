@@ -414,15 +414,16 @@ class ExtendedKalman(Identifier):
         known, confirmed = self._is_known(KNOWN, (ALPHA,)), self._bank.confirmed
         if confirmed and self._is_known(KNOWN_WELL):
             start.next = NEVER  # it is only kept for a lag that may be named yet
-        elif self._search.is_on or not start.is_enough(known and confirmed):
-            start.wait(known)
-        elif self._is_known(UNKNOWN, (ALPHA,)):
+        elif start.is_enough(known and confirmed) and not self._search.is_on:
             self._start = None
-        else:
+        elif start.is_much() and not self._is_known(UNKNOWN, (ALPHA,)):
             # at rest, say, under thrust that carries a weight: what comes may tell more
             start.clear()
+            self._search.drop()
             start.add(self._follow(step)[-1][1] / self._scales.velocity)
             self._is_later, self._is_solved = True, False
+        else:
+            start.wait(known)
 
     def _is_known(self, share: float, terms: Sequence[int] | None = None) -> bool:
         """

@@ -940,7 +940,16 @@ MUTANTS = [
           'self._with_signs(turned), quarter=1,', 'self._with_signs(turned), quarter=3,')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf.py '
          'what_begins_after_minutes_of_rest_is_gone_through_again',
-         ('the start ends whatever it says', 'LONGEST if known else 2.0 * LONGEST', 'LONGEST')),
+         ('the start ends whatever it says', 'start.is_enough(known and confirmed)',
+          'start.is_much()')),
+    *_of('rovid_core/identify/ekf/batch_start.py', 'test/core/test_current.py '
+         'a_start_among_fixes_that_say_little_goes_on_until_they_say_enough',
+         ('a few slow fixes end the start', 'known and self.duration > LONGEST or',
+          'self.duration > LONGEST or')),
+    *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
+         'the_force_of_a_step_is_kept_for_the_next_one_however_long_both_take',
+         ('thrust between slow fixes is forgotten', 'bisect_right(times, last - KEPT)',
+          'bisect_right(times, times[-1] - KEPT)')),
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'yaw_begins_anew_with_what_it_has_where_there_is_a_current',
          ('no current is one', '> KNOWN_CURRENT)', '> -1.0)')),

@@ -367,7 +367,7 @@ def test_a_latency_that_is_off_is_within_the_intervals():
 
 
 def test_a_start_among_fixes_that_say_little_goes_on_until_they_say_enough():
-    slow = Run(rate=0.2, noise=0.3, duration=600.0)
+    slow = Run(rate=0.2, noise=0.5, duration=600.0)
     stream = Stream(settings(slow))
     last = followed(stream, slow)[-1]
     assert all(masses_held(last))

@@ -519,7 +519,7 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thrust',
          ('between slow fixes velocities go straight',
-          'is_long(step.dt) and self.way', 'False')),
+          'if not is_long(step.dt):', 'if True:')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_current.py '
          'between_slow_fixes_yaw_is_coupled_with_what_the_model_makes_of_the_thrust',
          ('between slow fixes in still water velocities go straight',
@@ -946,6 +946,10 @@ MUTANTS = [
          'a_start_among_fixes_that_say_little_goes_on_until_they_say_enough',
          ('a few slow fixes end the start', 'known and self.duration > LONGEST or',
           'self.duration > LONGEST or')),
+    *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
+         'the_velocity_between_slow_fixes_turns_with_the_body',
+         ('after a fix the body goes on turning as it did', 'if past < 0.0 and self._after:',
+          'if past < -1e9:')),
     *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
          'the_force_of_a_step_is_kept_for_the_next_one_however_long_both_take',
          ('thrust between slow fixes is forgotten', 'bisect_right(times, last - KEPT)',

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 import math
 
+from rovid_core.identify.ekf.between_fixes import is_long
 from rovid_core.identify.ekf.planar.layout import DOFS
 from rovid_core.identify.ekf.planar_kalman import PlanarKalman
 from rovid_core.model.dofs import HEADING
@@ -102,15 +103,16 @@ class PlanarSteps:
         any_step = next(iter(steps.values()))
         surge, sway = [steps.get(dof, STILL) for dof in DOFS]
         interval = any_step.interval
+        heave = last.body[2] if interval else 0.5 * (last.body[2] + motion.body[2])
         # in the order of the fields: by their names it would take three times as long
         self.filter.step(PlanarStep(
             any_step.dt, last.body[:2], interval, any_step.parts, (surge.forces, sway.forces),
             motion.fix if interval else motion.body[:2],
-            self._pieces(self._at, span[1], last.body[2] if interval else
-                         0.5 * (last.body[2] + motion.body[2])),
-            self._axes(span[2]), self._attitude.noise_density,
+            self._pieces(self._at, span[1], heave), self._axes(span[2]),
+            self._attitude.noise_density,
             (self._regressors('surge', surge), self._regressors('sway', sway)),
-            (surge.pieces, sway.pieces), (surge.each, sway.each)), adapt)
+            (surge.pieces, sway.pieces), (surge.each, sway.each)), adapt,
+            self._pieces(span[1], span[2], heave) if is_long(any_step.parts[1]) else ())
         self._at, self.filter.newest = span[1], span[2]
 
     def _regressors(self, dof: str, step: Step) -> tuple[float, ...]:

@@ -556,8 +556,6 @@ class Pipeline:
         """
         if not (self._tells_velocity and self._is_linear(source)):
             return
-        if self._is_found(source) and not was_found:
-            self._begin_coupled_anew(SOON)
         ways = {LINEAR_DOFS.index(dof): self.dofs[i].identifier.way
                 for i, dof in zip(source.indices, source.dofs) if dof in LINEAR_DOFS}
         if source.planar is not None:
@@ -565,6 +563,9 @@ class Pipeline:
             ways[0], ways[1] = [(at, u) for at, u, _ in both], [(at, v) for at, _, v in both]
         velocity = list(motion.body)
         longest = max(ways.values(), key=len, default=[(0.0, math.nan)])
+        if self._is_found(source) and not was_found:
+            # means between slow fixes have told nothing that is worth keeping
+            self._begin_coupled_anew(SOON if len(longest) == 1 else math.inf)
         for k, (before, _) in enumerate(longest):
             for axis, way in ways.items():
                 velocity[axis] = way[k if len(way) == len(longest) else -1][1]

@@ -5,6 +5,7 @@ from functools import partial
 import json
 import re
 
+import numpy as np
 import pytest
 from rovid_core.model.samples import Sample
 from rovid_core.model.thrusters import Thrusters
@@ -375,6 +376,19 @@ def test_a_start_among_fixes_that_say_little_goes_on_until_they_say_enough():
         assert 1.0 / dof.parameters[0] == pytest.approx(TRUTH[dof.dof].mass, rel=0.2)
     assert last.current.status == 'known'
     assert away(last.current[:2]) < 0.03
+
+
+def test_the_velocity_between_slow_fixes_turns_with_the_body():
+    """Up to half of the time to the next fix after the last one that is known."""
+    slow, fast = [{one.time: [dof.v_hat for dof in one.dofs]
+                   for one in followed(Stream(settings(of)), of) if one.time > 180e9}
+                  for of in (Run(rate=rate, noise=noise, duration=240.0)
+                             for rate, noise in ((0.2, 0.01), (10.0, 0.001)))]
+    times = sorted(fast)
+    for k in range(2):
+        expected = np.interp(list(slow), times, [fast[time][k] for time in times])
+        assert [v[k] for v in slow.values()] == pytest.approx(expected, abs=0.03)
+    assert len(slow) > 8
 
 
 def test_a_saved_state_goes_on_with_the_same_bits():

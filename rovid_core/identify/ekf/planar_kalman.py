@@ -72,7 +72,7 @@ from rovid_core.identify.estimate import Current, KNOWN_CURRENT
 from rovid_core.identify.excitation import MIN_EXCITATION
 from rovid_core.identify.method import floats
 from rovid_core.model.plant import Array
-from rovid_core.model.samples import PlanarStart, PlanarStep
+from rovid_core.model.samples import PlanarPiece, PlanarStart, PlanarStep
 from rovid_core.model.thrusters import AS_CONFIGURED, read_thrusters, Thrusters
 from rovid_core.settings.run import CurrentSettings, Scales
 
@@ -85,6 +85,9 @@ MIRRORED = (
 
 WINDOW = 180.0
 """[s] Longest time that is kept to be gone through again."""
+
+STEPS_EACH = 3
+"""Steps for each parameter from which on the velocities may be taken to be known."""
 
 BUDGET = 20_000
 """Steps that are gone through at once."""
@@ -176,6 +179,7 @@ class PlanarKalman:
         self._idle = 0.0
         self._windows = 0
         self._turning = Turning()
+        self._after: Sequence[PlanarPiece] = ()
         self.refused = ''
         self.excitations = [0.0, 0.0]
         for row in self.rows.values():
@@ -235,7 +239,8 @@ class PlanarKalman:
         if self._start is not None:
             self._start.add(start)
 
-    def step(self, step: PlanarStep, adapt: bool = True) -> None:
+    def step(self, step: PlanarStep, adapt: bool = True,
+             after: Sequence[PlanarPiece] = ()) -> None:
         """
         Take one step; ``refused`` says whether that went well.
 
@@ -245,9 +250,12 @@ class PlanarKalman:
             What was measured.
         adapt : bool
             False leaves the parameters as they are; the current goes on.
+        after : sequence of PlanarPiece, optional
+            Attitude over equal parts of the time from the measurement to the step's end, where
+            that is long.
 
         """
-        self.refused, self.current_is_new = '', False
+        self.refused, self.current_is_new, self._after = '', False, after
         if not self._in_range(step):
             self._moving = False
             self.refused, self.way = 'out_of_range', []
@@ -361,7 +369,7 @@ class PlanarKalman:
         if not self._free and turning.has_turned and not turning.lacks(start.duration):
             self._free = True
             self._free = finish(self._bank.go_through_again(start, self._theta, True))
-            self.is_found |= self._free
+            self._note_found(start, self._free)
             self._search.drop()  # it goes on as in still water
             if not self._free:
                 turning.turned_at = start.duration  # what there is has led nowhere
@@ -379,8 +387,8 @@ class PlanarKalman:
         if start.duration < start.next or turning.has_turned and not self._free:
             return
         bank = self._bank
-        self.is_found |= finish(
-            bank.go_through_again(start, self._theta, start.next <= PERIOD))
+        self._note_found(start, finish(
+            bank.go_through_again(start, self._theta, start.next <= PERIOD)))
         if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
             return
@@ -388,6 +396,12 @@ class PlanarKalman:
         start.wait(known)
         if self._free and not self._search.is_on and start.is_enough(known and bank.confirmed):
             self._start = None
+
+    def _note_found(self, start: BatchStart[PlanarMember], went_well: bool) -> None:
+        """Note whether the velocities are known after a pass."""
+        self.is_found |= went_well and (
+            start.steps > STEPS_EACH * self._model.size
+            or self._is_known(KNOWN) and self._bank.confirmed)
 
     def _is_known(self, share: float) -> bool:
         """Tell whether what thrust there is does is known to a share."""
@@ -470,11 +484,13 @@ class PlanarKalman:
 
     def _follow(self, step: PlanarStep) -> Way:
         """Return ``way`` of a step that was taken."""
-        if not (is_long(step.dt) and self.way):
+        if not is_long(step.dt):
             return [(0.0, self._water_velocity(0, step), self._water_velocity(1, step))]
         ahead, found = self._clock.ahead, self._bank.tracker.filter.motion[2:4].tolist()
-        way = led_to(self._predicted(step, self.way[-1][1:], step.dt, ahead), found)
-        return way + self._predicted(step, found, ahead, 0.0)
+        way: Way = []
+        if self.way:
+            way = led_to(self._predicted(step, self.way[-1][1:], step.dt, ahead), found)
+        return way + self._predicted(step, found, ahead, 0.0) or [(0.0, *found)]
 
     def _predicted(self, step: PlanarStep, velocity: Sequence[float], begin: float,
                    end: float) -> Way:
@@ -483,12 +499,16 @@ class PlanarKalman:
         model = PlanarFilter(self._model.rows, filter.theta.tolist(), [0.0] * self._model.size,
                              thrusters=self._thrusters)
         model.motion[2:4], model.motion[6:] = velocity, filter.motion[6:]
-        # the pieces end with the measurement, and begin with the one before
-        length = (step.dt - ahead) * (2.0 if step.interval else 1.0) / len(step.pieces)
+        # these end with the measurement, and begin with the one before
+        pieces: Sequence[PlanarPiece] = step.pieces
+        length = (step.dt - ahead) * (2.0 if step.interval else 1.0)
         way: Way = []
         for at, then in parts(begin, end):
-            past = max(0.5 * (at + then) - ahead, 0.0)
-            piece = step.pieces[-1 - min(int(past / length), len(step.pieces) - 1)]
+            past = 0.5 * (at + then) - ahead
+            if past < 0.0 and self._after:
+                pieces, length, past = self._after, ahead, 0.5 * (at + then)
+            share = max(past, 0.0) / length
+            piece = pieces[-1 - min(int(share * len(pieces)), len(pieces) - 1)]
             model.move(recent, recent[0].end - at, recent[0].end - then, [piece],
                        step.couplings, 0.0, alone=True)
             way.append((then, *model.motion[2:4].tolist()))

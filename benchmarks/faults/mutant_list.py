@@ -940,8 +940,8 @@ MUTANTS = [
           'self._with_signs(turned), quarter=1,', 'self._with_signs(turned), quarter=3,')),
     *_of('rovid_core/identify/ekf/extended_kalman.py', 'test/core/test_ekf.py '
          'what_begins_after_minutes_of_rest_is_gone_through_again',
-         ('the start ends whatever it says', 'start.is_enough(known and confirmed)',
-          'start.is_much()')),
+         ('the start ends whatever it says', 'start.is_enough(known) and',
+          'start.is_much() and')),
     *_of('rovid_core/identify/ekf/batch_start.py', 'test/core/test_current.py '
          'a_start_among_fixes_that_say_little_goes_on_until_they_say_enough',
          ('a few slow fixes end the start', 'known and self.duration > LONGEST or',

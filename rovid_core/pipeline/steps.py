@@ -31,6 +31,9 @@ SOON = 40.0
 with are known better.
 """
 
+SLOW = 0.5
+"""[s] between fixes, beyond which means over that time have taught it nothing worth keeping."""
+
 AXES: dict[str, Vector] = {'surge': (1.0, 0.0, 0.0), 'sway': (0.0, 1.0, 0.0)}
 """Axes of the body that a current of the water acts along."""
 
@@ -564,8 +567,8 @@ class Pipeline:
         velocity = list(motion.body)
         longest = max(ways.values(), key=len, default=[(0.0, math.nan)])
         if self._is_found(source) and not was_found:
-            # means between slow fixes have told nothing that is worth keeping
-            self._begin_coupled_anew(SOON if len(longest) == 1 else math.inf)
+            is_slow = source.last is not None and (motion.time - source.last.time) * NS > SLOW
+            self._begin_coupled_anew(math.inf if is_slow else SOON)
         for k, (before, _) in enumerate(longest):
             for axis, way in ways.items():
                 velocity[axis] = way[k if len(way) == len(longest) else -1][1]

@@ -25,7 +25,7 @@ PERIOD: Final = 20.0
 LONGEST: Final = 5.9 * PERIOD
 """[s] after which the filter goes on by itself, once it knows what the thrust does."""
 
-MANY: Final = 1_000
+MANY: Final = 500
 """
 Steps without which that time tells next to nothing: a filter that was linearised at what a few
 slow fixes say does not find the truth any more.

@@ -411,10 +411,10 @@ class ExtendedKalman(Identifier):
 
     def _wait(self, start: BatchStart[Member], step: Step) -> None:
         """Find when to go through all of it again, or that this is not needed any more."""
-        known, confirmed = self._is_known(KNOWN, (ALPHA,)), self._bank.confirmed
-        if confirmed and self._is_known(KNOWN_WELL):
+        known = self._is_known(KNOWN, (ALPHA,))
+        if self._bank.confirmed and self._is_known(KNOWN_WELL):
             start.next = NEVER  # it is only kept for a lag that may be named yet
-        elif start.is_enough(known and confirmed) and not self._search.is_on:
+        elif start.is_enough(known) and not self._search.is_on:
             self._start = None
         elif start.is_much() and not self._is_known(UNKNOWN, (ALPHA,)):
             # at rest, say, under thrust that carries a weight: what comes may tell more

@@ -948,8 +948,8 @@ MUTANTS = [
           'self.duration > LONGEST or')),
     *_of('rovid_core/identify/ekf/planar_kalman.py', 'test/core/test_current.py '
          'the_velocity_between_slow_fixes_turns_with_the_body',
-         ('after a fix the body goes on turning as it did', 'if past < 0.0 and self._after:',
-          'if past < -1e9:')),
+         ('after a fix the body goes on turning as it did', 'if before < ahead and pieces:',
+          'if before < 0.0:')),
     *_of('rovid_core/identify/ekf/single/delayed_force.py', 'test/core/test_linearised_filter.py '
          'the_force_of_a_step_is_kept_for_the_next_one_however_long_both_take',
          ('thrust between slow fixes is forgotten', 'bisect_right(times, last - KEPT)',

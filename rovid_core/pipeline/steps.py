@@ -31,9 +31,6 @@ SOON = 40.0
 with are known better.
 """
 
-SLOW = 0.5
-"""[s] between fixes, beyond which means over that time have taught it nothing worth keeping."""
-
 AXES: dict[str, Vector] = {'surge': (1.0, 0.0, 0.0), 'sway': (0.0, 1.0, 0.0)}
 """Axes of the body that a current of the water acts along."""
 
@@ -559,6 +556,8 @@ class Pipeline:
         """
         if not (self._tells_velocity and self._is_linear(source)):
             return
+        if self._is_found(source) and not was_found:
+            self._begin_coupled_anew(SOON)
         ways = {LINEAR_DOFS.index(dof): self.dofs[i].identifier.way
                 for i, dof in zip(source.indices, source.dofs) if dof in LINEAR_DOFS}
         if source.planar is not None:
@@ -566,9 +565,6 @@ class Pipeline:
             ways[0], ways[1] = [(at, u) for at, u, _ in both], [(at, v) for at, _, v in both]
         velocity = list(motion.body)
         longest = max(ways.values(), key=len, default=[(0.0, math.nan)])
-        if self._is_found(source) and not was_found:
-            is_slow = source.last is not None and (motion.time - source.last.time) * NS > SLOW
-            self._begin_coupled_anew(math.inf if is_slow else SOON)
         for k, (before, _) in enumerate(longest):
             for axis, way in ways.items():
                 velocity[axis] = way[k if len(way) == len(longest) else -1][1]

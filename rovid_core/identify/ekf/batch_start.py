@@ -184,14 +184,9 @@ class BatchStart(Generic[M]):
         """Tell whether there is enough new since other thrusters were looked for in vain."""
         return self.duration >= self.failed + PERIOD
 
-    @property
-    def steps(self) -> int:
-        """Return how many steps there are, and velocities at which the filter took up."""
-        return len(self._pieces)
-
     def is_much(self, times: float = 1.0) -> bool:
-        """Tell whether there is so often as much as a filter needs that is driven well."""
-        return self.duration > times * LONGEST and self.steps > times * MANY
+        """Tell whether there is so many times what tells of a vehicle that is driven well."""
+        return self.duration > times * LONGEST and len(self._pieces) > times * MANY
 
     def is_enough(self, known: bool) -> bool:
         """Tell whether the filter may go on by itself; ``known`` tells whether alpha is."""

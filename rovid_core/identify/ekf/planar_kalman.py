@@ -86,9 +86,6 @@ MIRRORED = (
 WINDOW = 180.0
 """[s] Longest time that is kept to be gone through again."""
 
-STEPS_EACH = 3
-"""Steps for each parameter from which on the velocities may be taken to be known."""
-
 BUDGET = 20_000
 """Steps that are gone through at once."""
 
@@ -369,7 +366,7 @@ class PlanarKalman:
         if not self._free and turning.has_turned and not turning.lacks(start.duration):
             self._free = True
             self._free = finish(self._bank.go_through_again(start, self._theta, True))
-            self._note_found(start, self._free)
+            self.is_found |= self._free
             self._search.drop()  # it goes on as in still water
             if not self._free:
                 turning.turned_at = start.duration  # what there is has led nowhere
@@ -387,27 +384,17 @@ class PlanarKalman:
         if start.duration < start.next or turning.has_turned and not self._free:
             return
         bank = self._bank
-        self._note_found(start, finish(
-            bank.go_through_again(start, self._theta, start.next <= PERIOD)))
+        self.is_found |= finish(
+            bank.go_through_again(start, self._theta, start.next <= PERIOD))
         if bank.changes_on(self._time):
             self._begin_again(step, bank.changed_at)
             return
-        known = self._is_known(KNOWN)
+        filter = self._bank.best.filter
+        known = all(math.sqrt(filter.theta_covariance[i, i]) < KNOWN * filter.theta[i] for i in [
+            self._model.rows[row.k].first for row in self.rows.values()])
         start.wait(known)
         if self._free and not self._search.is_on and start.is_enough(known and bank.confirmed):
             self._start = None
-
-    def _note_found(self, start: BatchStart[PlanarMember], went_well: bool) -> None:
-        """Note whether the velocities are known after a pass."""
-        self.is_found |= went_well and (
-            start.steps > STEPS_EACH * self._model.size
-            or self._is_known(KNOWN) and self._bank.confirmed)
-
-    def _is_known(self, share: float) -> bool:
-        """Tell whether what thrust there is does is known to a share."""
-        filter = self._bank.best.filter
-        return all(math.sqrt(filter.theta_covariance[i, i]) < share * filter.theta[i] for i in [
-            self._model.rows[row.k].first for row in self.rows.values()])
 
     def conclude(self) -> bool:
         """Go through a log that ends before that was done; tell if it changes the filter."""
@@ -495,24 +482,29 @@ class PlanarKalman:
     def _predicted(self, step: PlanarStep, velocity: Sequence[float], begin: float,
                    end: float) -> Way:
         """Return what becomes of a velocity; both times are before the end of a step [s]."""
-        filter, recent, ahead = self._bank.tracker.filter, self._clock.recent, self._clock.ahead
+        filter, recent = self._bank.tracker.filter, self._clock.recent
         model = PlanarFilter(self._model.rows, filter.theta.tolist(), [0.0] * self._model.size,
                              thrusters=self._thrusters)
         model.motion[2:4], model.motion[6:] = velocity, filter.motion[6:]
-        # these end with the measurement, and begin with the one before
-        pieces: Sequence[PlanarPiece] = step.pieces
-        length = (step.dt - ahead) * (2.0 if step.interval else 1.0)
         way: Way = []
         for at, then in parts(begin, end):
-            past = 0.5 * (at + then) - ahead
-            if past < 0.0 and self._after:
-                pieces, length, past = self._after, ahead, 0.5 * (at + then)
-            share = max(past, 0.0) / length
-            piece = pieces[-1 - min(int(share * len(pieces)), len(pieces) - 1)]
+            piece = self._turning_at(step, 0.5 * (at + then))
             model.move(recent, recent[0].end - at, recent[0].end - then, [piece],
                        step.couplings, 0.0, alone=True)
             way.append((then, *model.motion[2:4].tolist()))
         return way
+
+    def _turning_at(self, step: PlanarStep, before: float) -> PlanarPiece:
+        """Return how the body lies and turns so long [s] before the end of a step."""
+        ahead, pieces = self._clock.ahead, self._after
+        if before < ahead and pieces:
+            share = before / ahead
+        else:
+            # these end with the measurement, and begin with the one before
+            pieces = step.pieces
+            share = max(before - ahead, 0.0) / (
+                (step.dt - ahead) * (2.0 if step.interval else 1.0))
+        return pieces[-1 - min(int(share * len(pieces)), len(pieces) - 1)]
 
     def _water_velocity(self, k: int, step: PlanarStep) -> float:
         """Return the velocity through the water at the end of a short step [m/s]."""

@@ -109,6 +109,7 @@ class DofStatus:
         self.scale_in_doubt = 0.0
         self._weaker.pop(self._name, None)
         self._was_excited = False
+        self._knows = False
         self.settled = False
         self.fit = math.nan
 
@@ -151,8 +152,8 @@ class DofStatus:
     def verdict(self) -> str:
         """Return what all data since the start do not show, '' if they show everything."""
         self._add_steps()
-        if self._judgement.status == 'converged':  # whatever the shape of the regressors
-            return ''
+        if self._knows or self._judgement.status == 'converged':
+            return ''  # whatever the shape of the regressors
         return '; '.join(self._excitation.since_start().reasons)
 
     def _add_steps(self) -> None:
@@ -172,7 +173,9 @@ class DofStatus:
         self.scale_in_doubt = max(self._weaker.values()) if self._of_others() else 0.0
         reason, note = self._reason(identifier, own), identifier.note
         # a covariance that says that all is known outweighs the shape of the regressors
-        excitation = None if identifier.covariance and not reason else gram
+        self._knows = bool(identifier.covariance) and not (reason and _uncertain(
+            gram, identifier.parameters, identifier.covariance, identifier.converged_share))
+        excitation = None if self._knows else gram
         texts = tuple([text for text in (note, '' if reason in note else reason) if text])
         return Judgement('converging' if reason else 'converged', texts, excitation)
 

@@ -401,3 +401,20 @@ def test_fixes_that_come_fast_are_taken_together_at_no_loss():
     assert max(abs(np.array(one.parameters) - TRUE) / np.array(one.std)) < 4.0
     assert one.std[0] < 7e-3 * TRUE[0]
     assert one.v_hat == pytest.approx(float(velocity[-1]), abs=0.01)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('coriolis', [False, True])
+def test_what_is_simulated_without_noise_lacks_nothing(coriolis):
+    """The errors that are left then hang together: they are of the steps of the filter."""
+    settings = settings_from(load(CONFIG / 'odometry_wrench.yaml'))
+    stream = Stream(replace(settings, simulation=replace(
+        settings.simulation, position_noise=0.0, attitude_noise=0.0, position_rate=20.0,
+        coriolis=coriolis)))
+    for time, name, value in simulate(stream.settings, 130.0, 1):
+        stream.receive(Event(time, (Sample(name, value),)))
+    stream.finish()
+    for dof in stream.estimate.dofs:
+        assert (dof.status, dof.reasons) == ('converged', ())
+        assert dof.parameters[0] == pytest.approx(
+            1.0 / settings.simulation.dofs[dof.dof].mass, rel=5e-3)

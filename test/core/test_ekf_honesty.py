@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 import json
-from math import inf, isfinite
+from math import inf, isfinite, sqrt
 import re
 
 import numpy as np
@@ -461,6 +461,16 @@ def test_white_innovations_keep_the_gate_narrow_and_large_ones_widen_it():
     assert quiet.is_outlier(8.0)
     assert not loud.is_outlier(8.0)
     assert loud.is_outlier(30.0)
+
+
+@pytest.mark.parametrize(('size', 'correlation'), [(1.0, 0.9), (2.0, 0.9), (0.1, 0.009)])
+def test_innovations_that_are_smaller_than_expected_say_as_much_less(size, correlation):
+    """As of a simulator's fixes without noise, which leave the errors of its integrator."""
+    innovations, error = Innovations(1.0), 0.0
+    for r in np.random.default_rng(0).normal(size=3000):
+        error = 0.9 * error + sqrt(1.0 - 0.9**2) * float(r)
+        innovations.add(size * error, 1.0)
+    assert innovations.correlation == pytest.approx(correlation, rel=0.15)
 
 
 @pytest.mark.parametrize('at', [100, 350, 1500])

@@ -67,6 +67,17 @@ def test_a_covariance_decides_and_says_what_is_open(status):
     assert not [r for r in reasons if 'known' in r]
 
 
+def test_what_the_covariance_knows_is_not_said_to_be_hidden():
+    """The data look weak, as for a vehicle of a tenth of its typical force and velocity."""
+    slow = DofStatus(Scales(1500.0, 5.0, TRUTH, (True,) * 4), 3.0)
+    doubted, unknown = Known(0.01), Known(0.2)
+    doubted.doubt = 'a doubt of something else'
+    assert judge(slow, doubted) == ('converging', (doubted.doubt,))
+    assert slow.verdict() == ''
+    _, reasons = judge(slow, unknown)
+    assert slow.verdict() == '; '.join(reasons[1:]) != ''
+
+
 def test_between_the_two_limits_it_stays_what_it_was(status):
     assert judge(status, Known(0.07))[0] == 'converging'
     assert judge(status, Known(0.01))[0] == 'converged'

@@ -66,9 +66,6 @@ PART: Final = 50
 STEPS = (Step, PlanarStep)
 """What is not a velocity at which the filter takes up."""
 
-LEAST_NOISE = 1e-9
-"""Of a measurement; what is simulated has none."""
-
 LARGEST_NUMBER = 1e18
 """Far more than any force, velocity or time of a step."""
 
@@ -265,7 +262,6 @@ class BatchStart(Generic[M]):
             innovations = found.innovations
             innovations.noise = noise
             sizes = yield from self._pass(found)
-            innovations.least = max(innovations.least, LEAST_NOISE)
             level = innovations.scale_noise(_level(sizes))
             noise = innovations.noise
             # what it would have been at the level of noise that is right

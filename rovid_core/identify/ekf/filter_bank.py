@@ -15,7 +15,12 @@ from rovid_core.identify.ekf.batch_start import (
     LONGEST,
     PASSES,
 )
-from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations, surprise
+from rovid_core.identify.ekf.evidence.innovations import (
+    HUBER,
+    Innovations,
+    LEAST_NOISE,
+    surprise,
+)
 from rovid_core.identify.ekf.evidence.missing_terms import better_thrusters, share_of_lag
 from rovid_core.identify.ekf.evidence.score_blocks import ScoreBlocks
 from rovid_core.identify.ekf.evidence.vehicle_change import (
@@ -127,7 +132,7 @@ class Member:
     def move(self, recent: DelayedForce, span: Measurement) -> None:
         """Predict to the time of a measurement."""
         filter = self.filter
-        self.innovations.least = span.rounding
+        self.innovations.least = max(span.rounding, LEAST_NOISE)
         self.prediction.move(recent, span)
         if span.end > span.start:
             filter.move(recent, span.start, span.end, span.couplings, span.watched, span.rises)

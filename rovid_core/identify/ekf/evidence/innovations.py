@@ -21,6 +21,12 @@ are large where the vehicle is driven, and a level of the small ones would have 
 the rest.
 """
 
+LEAST_NOISE: Final = 1e-4
+"""
+Of a measurement, in typical velocities (times 1 s). What is simulated has none, and errors of the
+steps by which a filter goes on would then be taken for errors of the model.
+"""
+
 OUTLIER: Final = 5.0
 """Those above that do not count [standard deviations, times the local level]."""
 
@@ -95,8 +101,12 @@ class Innovations:
 
     @property
     def correlation(self) -> float:
-        """Return how an innovation goes with the one before it, -1 to 1."""
-        return self._product / self._square if self._square > 0.0 else 0.0
+        """
+        Return how an innovation goes with the one before it, -1 to 1.
+
+        Those that are smaller than the filter takes them to be say as much less.
+        """
+        return self._product / max(self._square, 1.0)
 
     @property
     def inflation(self) -> float:

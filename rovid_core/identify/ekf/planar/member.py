@@ -16,7 +16,12 @@ from rovid_core.identify.ekf.evidence.current_status import (
     LATE,
     NOT_JUDGED,
 )
-from rovid_core.identify.ekf.evidence.innovations import HUBER, Innovations, surprise
+from rovid_core.identify.ekf.evidence.innovations import (
+    HUBER,
+    Innovations,
+    LEAST_NOISE,
+    surprise,
+)
 from rovid_core.identify.ekf.evidence.missing_terms import (
     better_thrusters,
     is_coupling,
@@ -285,7 +290,7 @@ class PlanarMember:
 
     def move(self, recent: Recent, span: PlanarMeasurement) -> None:
         """Predict to the time of a measurement."""
-        self.innovations.least = span.rounding
+        self.innovations.least = max(span.rounding, LEAST_NOISE * self._fastest)
         if span.end > span.start:
             self.filter.move(recent, span.start, span.end, span.pieces,
                              span.couplings, span.heading_noise)

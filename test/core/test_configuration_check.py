@@ -1,9 +1,10 @@
 """A wrong key is named from the data, and a right configuration is not accused."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from itertools import product
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,9 +14,19 @@ from rovid_core.inputs.configuration_check import (
     log_likelihood,
 )
 from rovid_core.model.dofs import DOFS
-from rovid_core.model.samples import Motion
-from rovid_core.settings.run import DofSettings, InputSettings, Settings, ThrusterSettings
+from rovid_core.model.samples import Event, Motion, Sample
+from rovid_core.pipeline.stream import Stream
+from rovid_core.settings.run import (
+    DofSettings,
+    IdentifierSettings,
+    InputSettings,
+    Settings,
+    ThrusterSettings,
+)
+from rovid_core.simulation.sensors import simulate
 from rovid_core.thrust.thruster_curve import thruster_models
+from rovid_ros.config.parameter_file import load
+from rovid_ros.config.parameters import settings_from
 
 TICK = 100_000_000  # [ns]
 DURATION = 180.0  # [s]
@@ -33,15 +44,19 @@ ALLOCATION[5, :4] = -0.2, 0.2, 0.2, -0.2
 Drive = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
-def drive(seed: int) -> Drive:
-    """Return thruster forces, headings and world velocities of a vehicle with couplings."""
+def drive(seed: int, axes: Collection[str] = AXES) -> Drive:
+    """
+    Return thruster forces, headings and world velocities of a vehicle with couplings.
+
+    It is driven along some axes, and hardly pushed along the others.
+    """
     random = np.random.default_rng(seed)
     n = round(DURATION * 1e9 / TICK)
     t = np.arange(n) * TICK * 1e-9
     pushed = ALLOCATION[[DOFS.index(a) for a in AXES]]
     wanted = np.array([FORCE[a] * np.sin(2 * np.pi * np.cumsum(
         random.uniform(0.03, 0.15, 1 + n // 80).repeat(80)[:n]) * TICK * 1e-9 + random.uniform(
-            0.0, 6.0)) for a in AXES])
+            0.0, 6.0)) * (1.0 if a in axes else 0.01) for a in AXES])
     commands = np.linalg.pinv(pushed) @ wanted
     v, heading = np.zeros(4), random.uniform(-3.0, 3.0)
     headings, world = np.empty(n), np.empty((n, 4))
@@ -162,6 +177,16 @@ def test_thrust_that_only_holds_a_dof_accuses_nothing(
     assert any('row yaw' in line for line in told) is named
 
 
+@pytest.mark.parametrize('right', [True, False])
+def test_a_vehicle_that_is_driven_ahead_alone_does_not_go_sideways(right: bool) -> None:
+    """What moves along an axis that is only held has to be explained, too, whatever it is."""
+    settings = settings_of(ALLOCATION)
+    told = warnings(drive(3, ['surge']), settings=replace(settings, dof={
+        axis: DofSettings(MASS[axis], typical_force=FORCE[axis]) for axis in AXES}),
+        heading=lambda psi: psi + (0.0 if right else math.pi / 2))
+    assert any('attitude.yaw_offset' in line for line in told) is not right
+
+
 @pytest.mark.parametrize('seed', range(6))
 def test_the_law_is_the_one_that_fits_best_of_those_that_a_vehicle_has(seed: int) -> None:
     """A term that is left out first may be one that the best law has."""
@@ -228,3 +253,20 @@ def test_what_waits_for_another_input_is_bounded() -> None:
     for k in range(20_000):
         blocks.add(k * 10 * TICK, (k + 1) * 10 * TICK, [1.0])
     assert len(blocks.blocks) <= 600 and max(blocks.blocks) == 39_999
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(('axis', 'size', 'frequency'), [
+    ('surge', 120.0, 1.0 / 6.0), ('surge', 40.0, 0.05), ('heave', 100.0, 0.03)])
+def test_one_sinusoid_on_one_axis_accuses_nothing(
+        axis: str, size: float, frequency: float, repository: Path) -> None:
+    """A law of blocks that is a little later fits a little better; so does one heading more."""
+    settings = settings_from(load(repository / 'config' / 'jhurov.yaml'))
+    pushed = {dof: replace(one, forces=(size if dof == axis else 1e-3,), frequencies=(frequency,))
+              for dof, one in settings.simulation.dofs.items()}
+    stream = Stream(replace(settings, identifier=IdentifierSettings('aid'), simulation=replace(
+        settings.simulation, dofs=pushed)))
+    for time, name, value in simulate(stream.settings, 150.0, 1):
+        stream.receive(Event(time, (Sample(name, value),)))
+    stream.finish()
+    assert not stream.take_warnings()

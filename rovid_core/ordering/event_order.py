@@ -8,7 +8,7 @@ from heapq import heappop, heappush
 from typing import Final
 
 from rovid_core.model.samples import Event
-from rovid_core.settings.run import INPUTS
+from rovid_core.settings.run import INPUTS, MOST_WAIT
 
 FAR: Final = 1_000_000_000
 """[ns] A stamp this far ahead of all others is not believed before a second input agrees."""
@@ -228,10 +228,12 @@ class EventOrder:
             return
         count = self._late[key] = self._late.get(key, 0) + 1
         if count == WARN_AFTER and lag > self._jumps.far:
+            needed = MARGIN * lag / 1e9
+            advice = (f' or {key[0]}.latency, or, if they come so late, set max_wait to '
+                      f'{needed:.1f}' if needed < MOST_WAIT else
+                      f', or set {key[0]}.stamp: receive, as where a simulator stamps them')
             self._warn(f'the stamps of {key[0]} are {lag / 1e9:.1f} s behind those of the other '
-                       'inputs; they are refused as late: correct its clock or '
-                       f'{key[0]}.latency, or, if they come so late, set max_wait to '
-                       f'{MARGIN * lag / 1e9:.1f}')
+                       f'inputs; they are refused as late: correct its clock{advice}')
         elif count == WARN_AFTER:
             self._warn(f'messages of {key[0]} come up to {lag / 1e9:.2f} s after newer ones of '
                        'other inputs and are refused as late: raise max_wait, or give the '

@@ -60,6 +60,9 @@ burst. Their difference is mostly noise, which the low-pass would weigh by the l
 LEAST_WAIT = 0.1
 """[s] Least wait for the slowest input where ``max_wait`` follows what comes."""
 
+MOST_WAIT = 60.0
+"""[s] Largest ``max_wait``; what is further behind has another clock."""
+
 TINY, HUGE = 1e-6, 1e12
 """What a mass, force or velocity can be in any unit; squares of it are far from overflow."""
 

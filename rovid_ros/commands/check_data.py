@@ -433,7 +433,12 @@ def _check_together(seen: Observation, findings: Findings) -> None:
     whole = max(one.last for one in deciding.values()) - min(
         one.first for one in deciding.values())
     if end <= begin:
+        other_clock = list(dict.fromkeys(
+            f'{name.partition(" ")[0]}.stamp' for name, one in deciding.items()
+            if abs(one.lag) > (one.last - one.first) * NS))
         findings.error(', '.join(deciding), 'have no time in common: nothing can be identified',
+                       f'{", ".join(other_clock)}: receive takes the times at which the log got '
+                       'them, as where a simulator stamps them' if other_clock else
                        'see whether their stamps are of one clock')
     elif end - begin < SHARED * whole:
         findings.warning(', '.join(deciding), f'have only {(end - begin) * NS:.1f} s of '

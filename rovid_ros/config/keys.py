@@ -14,6 +14,7 @@ from rovid_core.settings.run import (
     DofSettings,
     IdentifierSettings,
     InputSettings,
+    MOST_WAIT,
     Settings,
     SimulatedDof,
     SimulationSettings,
@@ -150,7 +151,7 @@ def _run() -> list[Key]:
         key('base_frame', 'frame_id of the outputs'),
         key('max_wait', 'a slow input is waited for until the newest event time is this much '
             'later; below 0: 0.1 s, as much more as the latencies of the inputs differ, and up to '
-            '1 s where one keeps coming later', 's', -1.0, 60.0, live=True),
+            '1 s where one keeps coming later', 's', -1.0, MOST_WAIT, live=True),
         key('max_gap', 'after a longer gap filter and observer restart from the measurement; 0: '
             'five usual intervals of the input, and at least 1 s', 's', 0.0, 3600.0, live=True),
         key('time_jump', 'stamps that go back by more are a jump (a restarted log), by less are '

@@ -19,6 +19,8 @@ from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.types import standard_types
 import yaml
 
+from test.support.rewritten_logs import Message, plain, rewritten
+
 VALUES: dict[str, Any] = {
     'dofs': ['surge', 'heave', 'yaw'],
     'position.topic': '/position', 'position.type': 'geometry_msgs/msg/PointStamped',
@@ -43,7 +45,6 @@ VALUES: dict[str, Any] = {
     'simulation.yaw.mass': 50.0, 'simulation.yaw.quadratic_drag': 45.0,
     'simulation.yaw.forces': [8.0], 'simulation.yaw.frequencies': [0.11],
 }
-Message = tuple[str, str, dict[str, Any], int]  # topic, type, fields, time [ns]
 
 
 @pytest.fixture(scope='module')
@@ -68,27 +69,6 @@ def checked(folder: Path, changes: dict[str, Any] | None = None, **options: Any)
 
 def findings(outcome: Outcome, *levels: str) -> list[Finding]:
     return [Finding(**one) for one in outcome.document['findings'] if one['level'] in levels]
-
-
-def rewritten(log: Path, path: Path, change: Callable[[Message], Message | None]) -> Path:
-    """Write a log anew with every message changed; None leaves it out."""
-    store = standard_types()
-    with log.open('rb') as file, LogWriter(path) as writer:
-        for schema, channel, message in make_reader(file).iter_messages():
-            assert schema is not None
-            data = store.deserialize_cdr(message.data, schema.name)
-            new = change((channel.topic, schema.name, plain(data), message.log_time))
-            if new is not None:
-                writer.write(*new, new[3])
-    return path
-
-
-def plain(value: Any) -> Any:
-    """Return a decoded message as nested dicts."""
-    if hasattr(value, '__msgtype__'):
-        return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__
-                if not name.isupper() and name != '__msgtype__'}
-    return value
 
 
 # --- the file alone
@@ -323,7 +303,8 @@ def test_each_thruster_topic_has_a_clock(tmp_path: Path, log: Path) -> None:
     (in_millimetres, WARNING, 'position', 'is it in m?'),
     (stuck, WARNING, 'position', 'never changes'),
     (of_another_clock, WARNING, 'position', 'stamps are 3600.0 s older than those of'),
-    (of_another_clock, ERROR, 'position, depth, attitude, thrusters', 'no time in common'),
+    (of_another_clock, ERROR, 'position, depth, attitude, thrusters',
+     'no time in common: nothing can be identified; position.stamp: receive'),
     (as_magnitudes, WARNING, 'thrusters', 'thrusters.sign'),
     (as_pulses, WARNING, 'thrusters', 'such as 1500'),
     (seldom_commanded, WARNING, 'thrusters', 'commands come at 2.5 Hz; right if the thrusters'),

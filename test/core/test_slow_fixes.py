@@ -165,6 +165,13 @@ def test_what_is_too_late_says_what_to_set() -> None:
         'position'].count > 115
 
 
+def test_what_a_simulator_stamps_is_said_to_be_of_another_clock() -> None:
+    stream = run(vehicle(1.0), late=1.7e9)
+    warning, = stream.take_warnings()
+    assert 'position.stamp: receive' in warning
+    assert 'max_wait' not in warning
+
+
 @pytest.mark.parametrize('rate', [1.0, 0.2])
 def test_echoes_are_refused(rate: float) -> None:
     stream = run(vehicle(rate), duration=400.0, echo=0.05)

@@ -35,7 +35,7 @@ from rovid_core.inputs.refusals import STILL_USED
 from rovid_core.model.samples import Event
 from rovid_core.ordering.cadence import PERIODS
 from rovid_core.pipeline.stream import Stream
-from rovid_core.settings.run import Settings
+from rovid_core.settings.run import MOST_WAIT, Settings
 from rovid_ros.config.parameters import section, topics_of
 from rovid_ros.node.health.graph import TopicState
 from rovid_ros.results.dof_encoder import dof_message
@@ -204,7 +204,8 @@ def remedy(data: HealthData, name: str, reason: str) -> str:
     """Return what to set so that an input is no longer refused for a reason, '' if unknown."""
     if reason == 'late':
         wait = math.ceil(12.5 * data.stream.lag(name)) / 10.0  # with a margin
-        return f'; set max_wait to {wait:g}, or correct its clock'
+        return (f'; set max_wait to {wait:g}, or correct its clock' if wait < MOST_WAIT else
+                f'; correct its clock, or set {section(name)}.stamp: receive')
     if reason == 'gap' and (rate := data.rate(name)) > 0.0:
         gap = math.ceil(10.0 * PERIODS / rate) / 10.0
         key = f'{section(name)}.timeout' if data.settings.input(name).timeout else 'max_gap'

@@ -44,6 +44,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
                          help='parameter file to write (default: the name of the log)')
     command.add_argument('--ask', action='store_true',
                          help='ask on the terminal where several signals fit')
+    command.add_argument('--namespace', metavar='NAME', default='',
+                         help='look at the topics below this only, of one vehicle of several')
     command.add_argument('--dry-mass', type=positive, metavar='KG', default=0.0,
                          help='of the vehicle in air, which no log tells')
     command.add_argument('--dry-inertia', type=positive, metavar='KG_M2', default=0.0,
@@ -57,7 +59,7 @@ def run(args: argparse.Namespace) -> None:
     check_written([output], args.logs)
     if args.ask and not sys.stdin.isatty():
         raise CommandError('--ask: there is no terminal to ask on')
-    made = discover(args.logs, args.start, args.duration, args.ask, args.prog)
+    made = discover(args.logs, args.start, args.duration, args.ask, args.prog, args.namespace)
     made.know_dry(args.dry_mass, args.dry_inertia)
     names = ' '.join(map(str, args.logs))
     text = configuration(made, names)
@@ -73,7 +75,7 @@ def run(args: argparse.Namespace) -> None:
 
 
 def discover(logs: list[Path], start: float = 0.0, duration: float | None = None,
-             ask: bool = False, prog: str = 'rovid init') -> Discovery:
+             ask: bool = False, prog: str = 'rovid init', namespace: str = '') -> Discovery:
     """
     Find out what a log says of its vehicle.
 
@@ -87,6 +89,8 @@ def discover(logs: list[Path], start: float = 0.0, duration: float | None = None
         Whether to ask on the terminal where several signals fit.
     prog : str
         What warnings begin with.
+    namespace : str
+        Only the topics below it are looked at.
 
     Raises
     ------
@@ -102,14 +106,21 @@ def discover(logs: list[Path], start: float = 0.0, duration: float | None = None
         signals = read_signals(log, start, duration, paths, progress.tick)
         unknown = [f'{name} ({info.type})' for name, info in log.topics.items()
                    if info.count and not log.is_readable(name)]
+        poses = [name for name, info in log.topics.items()
+                 if info.count and info.type == 'tf2_msgs/msg/TFMessage']
         for line in log.warnings:
             warn(prog, line)
+    below = f'/{namespace.strip("/")}/'
+    signals = [one for one in signals if not namespace or one.topic.startswith(below)]
     found = candidates(signals) if parameters is None else dataflash_candidates(signals)
     try:
         made = decide(found, signals, _ask if ask else _take_the_first,
                       motors(parameters or {}), 'ned' if parameters is not None else '')
     except DiscoveryError as error:
         unread = f'; no definition is at hand of {", ".join(unknown)}' if unknown else ''
+        if poses:
+            unread += (f'; transforms ({", ".join(poses)}) are not read: record the pose as an '
+                       'Odometry or a PoseStamped, too')
         raise CommandError(f'{", ".join(map(str, logs))}: {error}{unread}') from None
     if parameters is not None:
         made.unknown += remarks(signals, found)

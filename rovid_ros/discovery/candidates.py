@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 import math
+import os
 import re
 from typing import Any
 
@@ -62,6 +63,31 @@ def candidates(signals: Sequence[Signal]) -> dict[str, list[Candidate]]:
         if judged:
             found[name] = judged
     return found
+
+
+def of_one_vehicle(found: dict[str, list[Candidate]]) -> tuple[dict[str, list[Candidate]], str]:
+    """
+    Return what could be each input without what another vehicle measures, and which that is.
+
+    A namespace with commands and something that moves is a vehicle. Where there are several, that
+    of the likeliest commands is taken, and of the others only what it does not measure itself:
+    the name of a driver is such a namespace, too.
+    """
+    parts = {id(one): (one.signal.topics or (one.signal.topic,))[0].strip('/').split('/')
+             for judged in found.values() for one in judged}
+    shared = len(os.path.commonprefix([*parts.values()]))
+
+    def vehicle(one: Candidate) -> str:
+        return '/'.join(parts[id(one)][:shared + 1]) if len(parts[id(one)]) > shared + 1 else ''
+    moving = {vehicle(one) for name in found if name != 'thrusters' for one in found[name]}
+    vehicles = [name for name in map(vehicle, found.get('thrusters', ()))
+                if name and name in moving]
+    others = {*vehicles} - {*vehicles[:1]}
+    if not others:
+        return found, ''
+    kept = {name: [one for one in judged if vehicle(one) not in others] or judged
+            for name, judged in found.items()}
+    return kept, ', '.join(f'/{name}' for name in sorted(others))
 
 
 def words_in(name: str) -> list[str]:

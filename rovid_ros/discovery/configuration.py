@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import math
+from typing import Any
 
 from rovid_core.model.dofs import ANGULAR_DOFS, DOFS
 from rovid_ros.config.parameter_file import scalar
@@ -32,7 +33,8 @@ def configuration(made: Discovery, source: str) -> str:
             lines += ['', *_input(made, name)]
     if 'velocity' not in made.inputs:
         lines += ['', '    velocity:', *_velocity(made)]
-    lines += ['', *_thrusters(made.thrusters), *_others(made, 'thrusters'), '',
+    lines += ['', *_thrusters(made.thrusters, made.inputs['thrusters'].keys),
+              *_others(made, 'thrusters'), '',
               '    identifier:', '      method: ekf', '',
               '    # Initial values: a rough fit of this log. Units are those of the command, and',
               '    # newtons only where it is in newtons.']
@@ -123,9 +125,11 @@ def _others(made: Discovery, name: str) -> list[str]:
     return [f'      # or: {"; ".join(places)}'] if places else []
 
 
-def _thrusters(made: Thrusters) -> list[str]:
+def _thrusters(made: Thrusters, keys: Mapping[str, Any]) -> list[str]:
     signal, chain = made.signal, made.chain
     lines = [_line(4, 'thrusters:', f'{signal.rate:.3g} Hz'), *_source(signal)]
+    if 'stamp' in keys:
+        lines.append(f'      stamp: {keys["stamp"]}')
     if chain.names:
         lines.append(f'      names: [{", ".join(map(_text, chain.names))}]')
     timeout = max(0.3, 3.0 / max(signal.rate, 1e-3))

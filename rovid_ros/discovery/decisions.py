@@ -10,7 +10,14 @@ import numpy as np
 from rovid_core.identify.ekf.normalised_model import DELAYS
 from rovid_core.model.dofs import coupling_prior, DOFS, LINEAR_DOFS
 from rovid_ros.discovery.ardupilot import Motors
-from rovid_ros.discovery.candidates import Candidate, FAST, too_fast, upside_down, words_in
+from rovid_ros.discovery.candidates import (
+    Candidate,
+    FAST,
+    of_one_vehicle,
+    too_fast,
+    upside_down,
+    words_in,
+)
 from rovid_ros.discovery.handedness import agreed_heave, mirrored
 from rovid_ros.discovery.lever_arm import lever_arm, seen_from_middle
 from rovid_ros.discovery.moments import Misfit
@@ -116,10 +123,14 @@ def decide(found: dict[str, list[Candidate]], signals: Sequence[Signal], choose:
         If there are no commands, or nothing that moves.
 
     """
-    inputs = _inputs(found, signals, choose)
+    guesses: list[str] = []
+    found, other_vehicles = of_one_vehicle(found)
+    if other_vehicles:
+        guesses.append(f'{other_vehicles}: left out as another vehicle, for it has commands and a '
+                       'motion of its own; --namespace takes it')
+    found, inputs = _of_one_clock(found, _inputs(found, signals, choose), guesses)
     others = {name: [one for one in found[name] if one is not inputs.get(name)]
               for name in found}
-    guesses: list[str] = []
     guesses += _unused(found, inputs)
     if not frames:
         frames, why = _told_frames(signals, inputs) or _likely_frames(inputs, motors)
@@ -191,6 +202,31 @@ def _inputs(found: Mapping[str, list[Candidate]], signals: Sequence[Signal],
         raise DiscoveryError('nothing in it looks like a position, depth, attitude, velocity or '
                              f'gyro that moves; it has {_list(signals)}')
     return inputs
+
+
+def _of_one_clock(found: dict[str, list[Candidate]], inputs: Mapping[str, Candidate],
+                  guesses: list[str]) -> tuple[dict[str, list[Candidate]], dict[str, Candidate]]:
+    """
+    Return what could be inputs, and the inputs, by receipt where stamps leave no time in common.
+
+    A simulator's stamps tell its own time, commands without a stamp have the recorder's.
+    """
+    times = [one.signal.times for one in inputs.values()]
+    other = [name for name, one in inputs.items() if one.signal.of_other_clock]
+    if not other or max(one[0] for one in times) < min(one[-1] for one in times):
+        return found, {**inputs}
+    guesses.append(
+        f'{", ".join(f"{name}.stamp" for name in other)}: receive, for these stamps are not of '
+        'the clock of the log, by which all is taken that has no stamp')
+    changed = {id(one): _by_receipt(one) for name in found for one in found[name]}
+    return ({name: [changed[id(one)] for one in found[name]] for name in found},
+            {name: changed[id(one)] for name, one in inputs.items()})
+
+
+def _by_receipt(one: Candidate) -> Candidate:
+    """Return a candidate by its receipt where what stamps it tells another time."""
+    return replace(one, signal=one.signal.by_receipt(), keys={
+        **one.keys, 'stamp': 'receive'}) if one.signal.of_other_clock else one
 
 
 def _wanted(found: Mapping[str, Sequence[Candidate]]) -> list[str]:

@@ -54,7 +54,7 @@ def mirrored(moved: Motion, depth: Candidate | None, thrusters: Thrusters) -> st
     """
     push = None
     if moved.turned is not None and {'surge', 'sway', 'yaw'} <= moved.velocities.keys():
-        together, *_ = patterns_of(thrusters.forces())
+        together, *_ = patterns_of(thrusters.signal.times, thrusters.forces())
         pushing = held(thrusters.signal.times, together, moved.times, moved.halves['sway'])
         # of the middle, which is not known where it is not known how fast the vehicle turns
         push = answer(seen_from_middle(moved, 0.0), 'sway', pushing, moved.turning('sway'))

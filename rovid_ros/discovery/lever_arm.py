@@ -24,23 +24,26 @@ def lever_arm(moved: Motion, times: Array, commands: Array) -> float:
     """
     if moved.turned is None or not {'sway', 'yaw'} <= moved.velocities.keys():
         return 0.0
-    together, *_ = patterns_of(commands)
+    together, *_ = patterns_of(times, commands)
     if not together.shape[1]:
         return 0.0
     delay = best_delay(moved, times, dict.fromkeys(('sway', 'yaw'), together))
     pushing = held(times + delay, together, moved.times, moved.halves['sway'])
-    turning, arm, error, explained = moved.turning('sway'), 0.0, 0.0, 0.0
+    turning, arm, best, error, explained = moved.turning('sway'), 0.0, 0.0, 0.0, 0.0
     for _ in range(_ROUNDS):
         push = answer(seen_from_middle(moved, arm), 'sway', pushing, turning)
         if push is None:
             return 0.0
-        (more, error), explained = push.swung, push.explained
+        if push.explained <= explained:
+            break  # it leads away from what the thrust says
+        best, explained = arm, push.explained
+        more, error = push.swung
         arm += more
     sway = moved.velocities['sway']
     known = np.isfinite(sway) & np.isfinite(turning)
-    tells = abs(arm) > SURE * error and explained > EXPLAINED and (
-        arm * arm * np.var(turning[known]) > _LEAST * np.var(sway[known]))
-    return round(arm, 2) if tells else 0.0
+    tells = abs(best) > SURE * error and explained > EXPLAINED and (
+        best * best * np.var(turning[known]) > _LEAST * np.var(sway[known]))
+    return round(best, 2) if tells else 0.0
 
 
 def seen_from_middle(moved: Motion, arm: float) -> Motion:

@@ -49,6 +49,20 @@ class Signal:
     longest_gap: float = 0.0  # [s] between two samples of the log
     topics: tuple[str, ...] = ()  # of the entries of an array, where each has its own
     frame: str = ''  # of the header
+    received: Array | None = None  # [s] when the log got each, where that is another time
+
+    @property
+    def of_other_clock(self) -> bool:
+        """Tell whether what stamps it tells another time than the log: a simulator's, say."""
+        received = self.received
+        return received is not None and bool(
+            self.times[-1] < received.min() or self.times[0] > received.max())
+
+    def by_receipt(self) -> Signal:
+        """Return it with the times at which the log got it."""
+        assert self.received is not None
+        order = np.argsort(self.received, kind='stable')
+        return replace(self, times=self.received[order], values=self.values[order], received=None)
 
     @cached_property
     def words(self) -> frozenset[str]:
@@ -85,7 +99,7 @@ def together(signals: Sequence[Signal]) -> Signal:
     return replace(
         max(signals, key=lambda signal: signal.longest_gap), topics=topics,
         topic=topics[0] if len(topics) == 1 else f'{topics[0]} to {topics[-1]}', shape='array',
-        times=times, values=np.column_stack(values))
+        times=times, values=np.column_stack(values), received=None)
 
 
 def read_signals(log: Log, start: float, duration: float | None,
@@ -148,9 +162,9 @@ class _Sampler:
         if len(self._messages) < 3:
             return
         stamps = np.array([_stamp(message) for message in self._messages])
-        times = np.where(stamps > 0, stamps, np.array(self._received))
+        received = np.array(self._received)
         rate = (self._count - 1) / max(1e-9 * (self._last - self._first), 1e-9)
-        seconds = (times - begin) * 1e-9
+        seconds = (np.where(stamps > 0, stamps, received) - begin) * 1e-9
         middle = self._messages[len(self._messages) // 2]
         frame = getattr(getattr(middle, 'header', None), 'frame_id', '')
         found = _paths(middle, '') if paths is None else ((path, 'array') for path in paths)
@@ -163,7 +177,8 @@ class _Sampler:
             order = order[np.argsort(seconds[order], kind='stable')]
             if len(order) >= 3:
                 yield Signal(topic, type, path, shape, seconds[order], values[order], names,
-                             rate, 1e-9 * self._gap, frame=frame)
+                             rate, 1e-9 * self._gap, frame=frame,
+                             received=(received[order] - begin) * 1e-9)
 
 
 def _without_end(path: str, values: Array) -> tuple[str, Array]:

@@ -191,9 +191,11 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     """Return thrusters whose allocation is what each command does to each DOF in the log."""
     made = Thrusters(signal, 'data', chain, {})
     commands = made.forces()
-    together, patterns, apart, strength = patterns_of(commands)
+    together, patterns, apart, strength = patterns_of(signal.times, commands)
     if not together.shape[1]:
         return made
+    shares = _shares(signal.times)
+    spread = np.sqrt(np.sum(shares * (commands - np.sum(shares * commands, axis=0))**2, axis=0))
     made.delay = best_delay(moved, signal.times, dict.fromkeys(moved.velocities, together))
     answers = {dof: push for dof in moved.velocities if (push := answer(moved, dof, held(
         signal.times + made.delay, together, moved.times, moved.halves[dof])))}
@@ -213,7 +215,7 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
         alphas = patterns[:, known] @ push.alphas[known] / strength
         free = np.column_stack([patterns[:, ~known], apart]) / strength[:, np.newaxis]
         alphas -= free @ np.linalg.lstsq(free, alphas, rcond=None)[0]
-        moves = np.abs(alphas) * commands.std(axis=0)
+        moves = np.abs(alphas) * spread
         alphas[moves < _SMALL * moves.max()] = 0.0
         if alphas.any():
             made.rows[dof] = tuple(
@@ -221,11 +223,13 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
     return made
 
 
-def patterns_of(commands: Array) -> tuple[Array, Array, Array, Array]:
+def patterns_of(times: Array, commands: Array) -> tuple[Array, Array, Array, Array]:
     """
     Return commands as patterns of what is driven together.
 
-    A push that hardly changes, as one that holds a depth, is not told from the bias.
+    Each command counts for as long as it holds: where every thruster has its own topic, those that
+    are heard one after the other are driven together all the same. A push that hardly changes, as
+    one that holds a depth, is not told from the bias.
 
     Returns
     -------
@@ -238,13 +242,20 @@ def patterns_of(commands: Array) -> tuple[Array, Array, Array, Array]:
         The root mean square of each command, 1 for one that is not used.
 
     """
-    strength = np.sqrt(np.mean(commands * commands, axis=0))
+    shares = _shares(times)
+    strength = np.sqrt(np.sum(shares * commands**2, axis=0))
     strength[strength == 0.0] = 1.0
-    changes = (commands - commands.mean(axis=0)) / strength
-    squares, patterns = np.linalg.eigh(changes.T @ changes)
+    changes = (commands - np.sum(shares * commands, axis=0)) / strength
+    squares, patterns = np.linalg.eigh(changes.T @ (shares * changes))
     there = squares > max(_TOGETHER ** 2 * squares[-1], 0.0)
     seen, apart = patterns[:, there], patterns[:, ~there]
     return commands / strength @ seen, seen, apart, strength
+
+
+def _shares(times: Array) -> Array:
+    """Return the share of the time for which what came at each time held, shape (n, 1)."""
+    held_for = np.diff(times, append=times[-1])
+    return np.asarray(held_for[:, np.newaxis] / (times[-1] - times[0]))
 
 
 def force_of(made: Thrusters, dof: str, moved: Motion) -> Array:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 import math
 from pathlib import Path
 import re
@@ -32,6 +33,7 @@ from rovid_ros.logs.writer import LogWriter
 from rovid_ros.messages.simulated_messages import FRD_TO_FLU, NED_TO_ENU
 
 from test.support.dataflash_logs import dive, heavy, PARAMETERS
+from test.support.rewritten_logs import Message, rewritten
 from test.support.six_axes import Dive, dive as six_axes_dive
 
 pytestmark = pytest.mark.long
@@ -204,6 +206,67 @@ def test_thrusters_may_have_a_topic_each(topics: tuple[str, ...], repository: Pa
     found = initialised(log)
     assert found.thrusters.topics == topics
     assert_rows(found, known)
+
+
+@pytest.mark.parametrize('stamped', [False, True])
+def test_a_simulators_stamps_and_the_recorders_time_are_two_clocks(
+        stamped: bool, repository: Path, tmp_path: Path,
+        initialised: Callable[[Path], Settings]) -> None:
+    """Commands that are ``stamped``, too, have the simulator's time as all else."""
+    known = settings_from(load(repository / 'config' / 'odometry_wrench.yaml'))
+    log = tmp_path / 'dive.mcap'
+    simulate_log(known, log, 45.0, 1)
+
+    def recorded(message: Message) -> Message:
+        topic, kind, fields, time = message
+        if not stamped and topic in known.thrusters.topics:
+            kind, fields = 'geometry_msgs/msg/Wrench', fields['wrench']
+        return topic, kind, fields, time + 50_000_000 * 10**9
+
+    found = initialised(rewritten(log, tmp_path / 'recorded.mcap', recorded))
+    assert {found.position.stamp, found.attitude.stamp} == ({''} if stamped else {'receive'})
+    for dof, mass in (('surge', 90.0), ('sway', 110.0), ('heave', 120.0)):
+        assert found.dof[dof].mass == pytest.approx(mass, rel=0.2), dof
+
+
+def test_of_two_vehicles_one_is_taken(repository: Path, tmp_path: Path,
+                                      capsys: pytest.CaptureFixture[str]) -> None:
+    """Also where the other one is measured more often."""
+    known = settings_from(load(repository / 'config' / 'odometry_wrench.yaml'))
+    log = tmp_path / 'both.mcap'
+    messages: list[Message] = []
+
+    def keep(name: str, message: Message) -> None:
+        topic, kind, fields, time = message
+        if name == 'one' and topic == '/odometry' and time // 10**8 % 2:
+            return
+        messages.append((f'/fleet/{name}{topic}', kind, fields, time))
+
+    for seed, name in enumerate(('one', 'two')):
+        simulate_log(known, tmp_path / 'dive.mcap', 45.0, seed)
+        rewritten(tmp_path / 'dive.mcap', tmp_path / 'nothing.mcap', partial(keep, name))
+    with LogWriter(log) as writer:
+        for message in sorted(messages, key=lambda one: one[3]):
+            writer.write(*message, message[3])
+    for given, name in (([], 'one'), (['--namespace', 'fleet/two'], 'two')):
+        yaml = tmp_path / f'{name}.yaml'
+        assert main(['init', str(log), '--output', str(yaml), *given]) == 0
+        found = settings_from(load(yaml))
+        topics = (found.position.topic, found.attitude.topic, *found.thrusters.topics)
+        assert {topic.split('/')[2] for topic in topics} == {name}
+        assert ('another vehicle' in capsys.readouterr().out) == (not given)
+
+
+def test_poses_that_are_only_transforms_are_said_not_to_be_read(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    log = tmp_path / 'dive.mcap'
+    with LogWriter(log) as writer:
+        for k in range(50):
+            writer.write('/tf', 'tf2_msgs/msg/TFMessage', {'transforms': []}, k * 10**8)
+            writer.write('/thruster1/cmd', 'std_msgs/msg/Float64', {'data': math.sin(k)},
+                         k * 10**8)
+    assert main(['init', str(log), '--output', str(tmp_path / 'rov.yaml')]) == 1
+    assert 'transforms (/tf) are not read' in capsys.readouterr().err
 
 
 def test_what_is_measured_of_a_motor_is_no_command() -> None:

@@ -103,6 +103,23 @@ def test_a_thruster_that_answers_to_the_motion_a_little_does_not_drive_it(seed: 
     assert made.thrusters.rows['surge'] == (1.0,)
 
 
+def test_thrusters_that_are_heard_one_after_the_other_are_driven_together() -> None:
+    """Each has its own topic, and is only told when it changes, here every 2 s."""
+    asked = commanded([20.0, 20.0, 0.0, 3.0])
+    mixed = asked @ np.array([[1.0, 1.0, 1.0, 1.0], [1.0, -1.0, -1.0, 1.0], [0.0] * 4,
+                              [1.0, -1.0, 1.0, -1.0]])
+    *signals, commands = signals_of(driven(4.0 * asked), mixed)
+    new = np.arange(0, len(mixed), 40)
+    times = (commands.times[new, np.newaxis] + [0.0, 1e-3, 2e-3, 3e-3]).ravel()
+    told = mixed[new].repeat(4, axis=0)
+    for k in range(4):  # what is not told yet is as before
+        told[k::4][1:, k + 1:] = mixed[new][:-1, k + 1:]
+    signals.append(replace(commands, times=times, values=told))
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    for dof, row in (('surge', (1, 1, 1, 1)), ('sway', (1, -1, -1, 1)), ('yaw', (1, -1, 1, -1))):
+        assert made.thrusters.rows[dof] == pytest.approx(row, abs=0.1), dof
+
+
 def depth_of(rising: Array) -> Signal:
     """Return the depth of a vehicle that rises so fast, 20 times a second."""
     return Signal('/depth', 'std_msgs/msg/Float64', 'data', 'number',

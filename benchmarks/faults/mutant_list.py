@@ -733,7 +733,7 @@ MUTANTS = [
     *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_init.py '
          'a_thruster_that_holds_the_depth_does_not_drive_ahead',
          ('a push that stays the same drives',
-          'changes = (commands - commands.mean(axis=0)) / strength',
+          'changes = (commands - np.sum(shares * commands, axis=0)) / strength',
           'changes = commands / strength'),
          ('what is not known of thrusters together tells them apart',
           'known = np.abs(push.alphas) > SURE', 'known = np.abs(push.alphas) > 0.0')),
@@ -1346,9 +1346,6 @@ MUTANTS = [
          ('what was forgotten still counts for the others',
           'self._weaker.pop(self._name, None)\n        self._was_excited',
           'self._was_excited')),
-    *_of('rovid_core/inputs/configuration_check.py', 'test/config/test_stock_vehicles.py '
-         'upright_thrusters_that_all_have_one_command_are_not_accused',
-         ('rounding accuses a thruster', 'if np.allclose(evidence, right):', 'if False:')),
     *_of('rovid_core/simulation/vehicle.py', 'test/config/test_stock_vehicles.py '
          'simulated_thrusters_hear_the_whole_numbers_that_are_sent',
          ('simulated thrusters hear what is not sent', 'if self._whole:', 'if False:')),
@@ -1396,7 +1393,8 @@ MUTANTS = [
     *_of('rovid_core/identify/ekf/planar/member.py', 'test/core/test_ekf.py '
          'nor_are_fixes_in_steps',
          ('fixes are exact where they are repeated',
-          'self.innovations.least = span.rounding', 'pass')),
+          'max(span.rounding, LEAST_NOISE * self._fastest)',
+          'LEAST_NOISE * self._fastest')),
     *_of('rovid_core/identify/ekf/single/measurements.py', 'test/core/test_ekf.py '
          'a_depth_in_steps_that_rests_for_minutes_is_not_taken_to_be_exact',
          ('what is repeated says nothing of rounding',
@@ -1438,4 +1436,35 @@ MUTANTS = [
          'thrusters_that_push_both_ways_or_not_at_all_need_no_sign',
          ('what nothing pushes goes backwards by thrust',
           'any(map(mul, thrusters.allocation[row], thrusters.gain))', 'True')),
+    *_of('rovid_core/identify/ekf/evidence/innovations.py', 'test/core/test_ekf.py '
+         'what_is_simulated_without_noise_lacks_nothing',
+         ('errors below all noise hang together', 'max(self._square, 1.0)',
+          'max(self._square, 1e-300)'),
+         ('what has no noise is known to the last digit', 'LEAST_NOISE: Final = 1e-4',
+          'LEAST_NOISE: Final = 1e-9')),
+    *_of('rovid_core/identify/status.py', 'test/core/test_status.py '
+         'what_the_covariance_knows_is_not_said_to_be_hidden',
+         ('what is known is said to be hidden', 'self._knows = bool(identifier.covariance) and',
+          'self._knows = False and'),
+         ('all data are said to hide it', 'if self._knows or self._judgement',
+          'if self._judgement')),
+    *_of('rovid_core/inputs/configuration_check.py', 'test/core/test_configuration_check.py '
+         'one_sinusoid_on_one_axis_accuses_nothing',
+         ('a law that fits a little better is right', 'gained.sum() > told.sum() and', '')),
+    *_of('rovid_core/inputs/configuration_check.py', 'test/core/test_configuration_check.py '
+         'a_vehicle_that_is_driven_ahead_alone_does_not_go_sideways',
+         ('an axis that is held counts for nothing', 'row = np.zeros_like(row)', 'continue')),
+    *_of('rovid_core/ordering/event_order.py', 'test/core/test_slow_fixes.py '
+         'what_a_simulator_stamps_is_said_to_be_of_another_clock',
+         ('years are waited for', 'if needed < MOST_WAIT else', 'if needed > 0.0 else')),
+    *_of('rovid_ros/discovery/decisions.py', 'test/discovery/test_init.py '
+         'a_simulators_stamps_and_the_recorders_time_are_two_clocks '
+         'of_two_vehicles_one_is_taken',
+         ('all stamps are taken for what they say', 'if not other or', 'if True or'),
+         ('two vehicles are one', 'other_vehicles = of_one_vehicle(found)',
+          "other_vehicles = found, ''")),
+    *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_what_drives.py '
+         'thrusters_that_are_heard_one_after_the_other_are_driven_together',
+         ('a command counts once, however long it holds',
+          'held_for = np.diff(times, append=times[-1])', 'held_for = np.ones_like(times)')),
 ]

@@ -110,8 +110,12 @@ def discover(logs: list[Path], start: float = 0.0, duration: float | None = None
                  if info.count and info.type == 'tf2_msgs/msg/TFMessage']
         for line in log.warnings:
             warn(prog, line)
-    below = f'/{namespace.strip("/")}/'
-    signals = [one for one in signals if not namespace or one.topic.startswith(below)]
+    if namespace:
+        below = f'/{namespace.strip("/")}/'
+        signals = [one for one in signals if one.topic.startswith(below)]
+        if not signals:
+            raise CommandError(
+                f'{", ".join(map(str, logs))}: --namespace: no numbers below {below}')
     found = candidates(signals) if parameters is None else dataflash_candidates(signals)
     try:
         made = decide(found, signals, _ask if ask else _take_the_first,

@@ -49,7 +49,7 @@ class Signal:
     longest_gap: float = 0.0  # [s] between two samples of the log
     topics: tuple[str, ...] = ()  # of the entries of an array, where each has its own
     frame: str = ''  # of the header
-    received: Array | None = None  # [s] when the log got each, where that is another time
+    received: Array | None = None  # [s] when the log got each, where that is known
 
     @property
     def of_other_clock(self) -> bool:

@@ -255,6 +255,8 @@ def test_of_two_vehicles_one_is_taken(repository: Path, tmp_path: Path,
         topics = (found.position.topic, found.attitude.topic, *found.thrusters.topics)
         assert {topic.split('/')[2] for topic in topics} == {name}
         assert ('another vehicle' in capsys.readouterr().out) == (not given)
+    assert main(['init', str(log), '--output', str(yaml), '--namespace', 'fleet/three']) == 1
+    assert '--namespace: no numbers below /fleet/three/' in capsys.readouterr().err
 
 
 def test_poses_that_are_only_transforms_are_said_not_to_be_read(

@@ -973,7 +973,20 @@ MUTANTS = [
           'alphas -= free @', 'alphas -= 0.0 * free @')),
     *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_what_drives.py '
          'a_thruster_that_answers_to_the_motion_a_little_does_not_drive_it',
-         ('what is not known to push is known not to', 'patterns[:, ~known], apart', 'apart')),
+         ('what is not known to push is known not to', 'patterns[:, may_push], apart', 'apart')),
+    *_of('rovid_ros/discovery/thrusters.py', 'test/discovery/test_what_drives.py '
+         'a_pattern_that_is_known_to_push_nothing_is_no_pattern_that_may_push',
+         ('what is known not to push may push', '~known & (doubts > _SMALL * sizes.max())',
+          '~known')),
+    *_of('rovid_core/identify/ekf/evidence/current_status.py', 'test/core/test_current.py '
+         'a_current_is_known_once_it_is_judged_whether_it_is_one',
+         ('a current is known before it is judged', 'is_judged and std <', 'std <')),
+    *_of('rovid_core/identify/ekf/evidence/current_status.py', 'test/core/test_current.py '
+         'after_a_change_the_vehicle_is_found_anew_and_the_current_stays',
+         ('a change forgets that the current was known', 'was_known or math', 'math')),
+    *_of('rovid_core/identify/ekf/evidence/missing_terms.py', 'test/core/test_ekf_honesty.py '
+         'a_delay_as_there_hardly_is_one_has_not_converged',
+         ('any delay is one', 'if verdict.theta[k] > HARDLY:', 'if False:')),
     *_of('rovid_ros/discovery/lever_arm.py', 'test/discovery/test_what_drives.py '
          'a_dvl_that_is_not_in_the_middle_shows_in_turns',
          ('an arm is found at once', '_ROUNDS = 6', '_ROUNDS = 1')),

@@ -16,7 +16,7 @@ PWM = (1000.0, 2000.0)  # [us] servo pulses, and what a controller makes of them
 NEUTRAL = 1500.0  # [us]
 _PASCAL = 1.0 / (1000.0 * 9.80665)  # [m/Pa] of fresh water
 _ATMOSPHERE = 101325.0  # [Pa]
-_THRUSTER = {'thruster', 'thrusters', 'thrust', 'motor', 'motors', 'prop', 'propeller',
+_THRUSTER = {'thruster', 'thrusters', 'thrust', 'thrusts', 'motor', 'motors', 'prop', 'propeller',
              'propellers', 'rpm'}
 _SIDES = {'left', 'right', 'port', 'starboard', 'front', 'rear', 'fore', 'aft', 'bow', 'stern',
           'center', 'middle', 'lateral', 'vertical', 'horizontal'}
@@ -315,7 +315,7 @@ def _thrusters(signal: Signal) -> Iterable[Candidate]:
     words = signal.words
     likely = ('thruster', 'thrusters', 'thr', 'motor', 'motors', 'rc', 'rcou', 'out', 'pwm',
               'servo', 'esc', 'command', 'cmd', 'force', 'forces', 'effort', 'current', 'axes',
-              'actuator', 'actuators', 'channels', 'thrust', 'rpm')
+              'actuator', 'actuators', 'channels', 'thrust', 'thrusts', 'rpm')
     named = any(_THRUSTER.intersection(words_in(name)) for name in signal.names) or (
         bool(words & _THRUSTER) and signal.path in ('effort', 'velocity'))
     if not (named or words & set(likely)) or words & {'imu', 'magnetometer', 'gps'} or (

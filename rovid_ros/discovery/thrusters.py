@@ -207,13 +207,15 @@ def _by_data(signal: Signal, chain: ThrusterSettings, moved: Motion) -> Thruster
         best = max(answers, key=lambda dof: answers[dof].explained)
         told = {best: answers[best]}
     for dof, push in told.items():
-        # what is not known to push says more of chance than of the thrusters in it
-        known = np.abs(push.alphas) > SURE * push.errors
+        sizes, doubts = np.abs(push.alphas), SURE * push.errors
+        known = sizes > doubts
         if not known.any():
             known[:] = True
-        # of thrusters that are so not told apart those that are driven most push most
+        # what may push much or not at all says more of chance than of the thrusters in it; of
+        # thrusters that are so not told apart those that are driven most push most
+        may_push = ~known & (doubts > _SMALL * sizes.max())
         alphas = patterns[:, known] @ push.alphas[known] / strength
-        free = np.column_stack([patterns[:, ~known], apart]) / strength[:, np.newaxis]
+        free = np.column_stack([patterns[:, may_push], apart]) / strength[:, np.newaxis]
         alphas -= free @ np.linalg.lstsq(free, alphas, rcond=None)[0]
         moves = np.abs(alphas) * spread
         alphas[moves < _SMALL * moves.max()] = 0.0

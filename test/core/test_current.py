@@ -245,6 +245,14 @@ def test_clocks_that_disagree_are_said_of_both(late, said):
         assert dof.status == 'converging'
 
 
+def test_a_current_is_known_once_it_is_judged_whether_it_is_one(run):
+    early = [one for one in run[0] if one.time < 60e9]
+    seen = [one for one in early if one.current.status == 'converging']
+    assert seen and max(seen[-1].current.std) < 0.01
+    assert not any(one.current.status == 'known' for one in early)
+    assert any('too little motion yet' in reason for reason in seen[-1].dofs[0].reasons)
+
+
 def test_with_one_heading_nothing_converges_and_the_mass_is_held():
     found = followed(Stream(settings(STRAIGHT)), STRAIGHT)
     assert {one.current.status for one in found} == {'unobservable'}

@@ -605,6 +605,17 @@ def test_a_delay_at_the_end_of_its_range_is_said_and_nothing_has_converged():
     assert drive.judged[-1] == 'converging'
 
 
+@pytest.mark.parametrize(('late', 'judged'), [(3, 'converged'), (5, 'converging')])
+def test_a_delay_as_there_hardly_is_one_has_not_converged(late, judged):
+    first, *steps = pieces(VEHICLES['exact'], 0, 150.0)
+    # the thrust is stamped so many steps of 0.1 s early
+    early = [step.replaced(force=by.force, forces=by.forces, pieces=by.pieces)
+             for step, by in zip(steps, steps[late:])]
+    drive = Drive().go([first, *early])
+    assert drive.judged[-1] == judged
+    assert ('hardly ever' in drive.notes[-1]) == (judged == 'converging')
+
+
 def test_what_the_blocks_say_goes_on_after_a_restore():
     steps = pieces(VEHICLES['reverse thrust x 0.8'], 0, 200.0)
     drive = Drive().go(steps[:1530])

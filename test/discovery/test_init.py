@@ -280,6 +280,14 @@ def test_what_is_measured_of_a_motor_is_no_command() -> None:
         assert ('thrusters' in candidates([signal])) is is_one
 
 
+@pytest.mark.parametrize('topic', ['/rov/thrusts', '/rov/thruster_forces', '/rov/rpm'])
+def test_an_array_of_thrusters_is_known_by_its_topic(topic: str) -> None:
+    times = np.arange(0.0, 30.0, 0.2)
+    assert 'thrusters' in candidates([Signal(
+        topic, 'std_msgs/msg/Float64MultiArray', 'data', 'array', times,
+        np.column_stack([np.sin(times), np.cos(times)]), rate=5.0)])
+
+
 @pytest.mark.parametrize(('topic', 'path', 'names', 'is_one'), [
     ('/thrusters/joint_states', 'effort', ('port_main', 'fore_lateral'), True),
     ('/thruster_states', 'velocity', ('port_main', 'fore_lateral'), True),

@@ -88,6 +88,17 @@ def test_of_thrusters_that_are_driven_together_those_that_are_driven_most_push_m
     assert made.thrusters.rows['sway'] == (1.0, 1.0)
 
 
+def test_a_pattern_that_is_known_to_push_nothing_is_no_pattern_that_may_push() -> None:
+    """Where one of three gives as much less as the other two give more, nothing moves."""
+    drawn, strengths = commanded([1.0, 1.0, 1.0]), np.array([20.0, 10.0, 10.0])
+    pattern = np.array([1.0, -1.0, -1.0]) / np.sqrt(3.0)
+    commands = strengths * (drawn - 0.5 * np.outer(drawn @ pattern, pattern))
+    ahead = commands.sum(axis=1)
+    signals = signals_of(driven(np.column_stack([ahead, *[0.0 * ahead] * 3])), commands)
+    made = decide(candidates(signals), signals, lambda name, found: found[0])
+    assert made.thrusters.rows['surge'] == pytest.approx((1.0, 1.0, 1.0), abs=0.1)
+
+
 @pytest.mark.parametrize('seed', [5, 6])
 def test_a_thruster_that_answers_to_the_motion_a_little_does_not_drive_it(seed: int) -> None:
     """One that holds the depth sees how the vehicle tilts as it speeds up."""

@@ -559,7 +559,8 @@ class PlanarKalman:
         if not self._free:
             return unseen_current(prior, self._turning.advice(
                 0.0 if self._start is None else self._start.duration))
-        return current_with_status(best.filter.current(of_theta), prior, best.alternative)
+        return current_with_status(best.filter.current(of_theta), prior, best.alternative,
+                                   self._knew_current)
 
     def _theta_of(self, k: int) -> list[float]:
         """Return the parameters of surge (0) or sway (1), the delay at the end."""

@@ -125,7 +125,8 @@ def unseen_current(prior: float, advice: str) -> Current:
                    advice)
 
 
-def current_with_status(found: tuple[Array, Array], prior: float, better: Alternative) -> Current:
+def current_with_status(found: tuple[Array, Array], prior: float, better: Alternative,
+                        was_known: bool) -> Current:
     """
     Return a current with its status.
 
@@ -137,6 +138,8 @@ def current_with_status(found: tuple[Array, Array], prior: float, better: Altern
         Standard deviation before anything was known [m/s].
     better : Alternative
         What fits better than a current.
+    was_known : bool
+        Whether it was known before the vehicle changed, if it did.
 
     """
     (x, y), spread = found
@@ -147,15 +150,19 @@ def current_with_status(found: tuple[Array, Array], prior: float, better: Altern
         return current._replace(status='unobservable', advice=better.advice or THRUST_ELSEWHERE)
     if better.advice:
         return current._replace(status='inconsistent', advice=better.advice)
-    return current if std < KNOWN_CURRENT else current._replace(status='converging')
+    # before the blocks can say that it is no current its standard deviation takes it for one
+    is_judged = was_known or math.isfinite(better.chi2)
+    return current if is_judged and std < KNOWN_CURRENT else current._replace(status='converging')
 
 
 def why_not_known(current: Current) -> str:
-    """Return why a current is not known, '' if it is."""
+    """Return why a current is not known yet, '' if it is."""
     if current.advice:
         return f'the current is {current.status}: {current.advice}'
     if current.status == 'known':
         return ''
+    if max(current.std) < KNOWN_CURRENT:
+        return 'there is too little motion yet to tell a current from what else may look like one'
     return (f'the current is known to {100.0 * max(current.std):.1f} cm/s, not yet to '
             f'{100.0 * KNOWN_CURRENT:g} cm/s: drive longer, on several headings')
 

@@ -11,7 +11,7 @@ from rovid_core.identify.ekf.evidence.verdict import (
     OTHERWISE,
     Verdict,
 )
-from rovid_core.identify.ekf.normalised_model import DELAYS
+from rovid_core.identify.ekf.normalised_model import DELAY_STD, DELAYS
 from rovid_core.identify.ekf.single.linearised_filter import (
     ALPHA,
     BETA,
@@ -67,6 +67,12 @@ AT_BOUND, BEYOND = 1.0, 2.0
 """
 Standard deviations that the data have to want the delay out of its range, for it to be said that
 it stands at the end of it, and for that by how much it is out: its 95 % interval is then.
+"""
+
+HARDLY = 3.0 * DELAY_STD
+"""
+[s] of delay from which on it is rather something else that acts late, such as an inertia that slow
+motion hardly shows.
 """
 
 
@@ -283,7 +289,7 @@ def share_of_lag(lag: float) -> float:
 
 def clocks_in_doubt(verdict: Verdict | None, k: int, lag: float) -> str:
     """
-    Return what is said of a delay out of its range or at its end, '' if it is inside.
+    Return what is said of a delay that is hardly one, or none that there can be; '' for others.
 
     Parameters
     ----------
@@ -310,4 +316,7 @@ def clocks_in_doubt(verdict: Verdict | None, k: int, lag: float) -> str:
             'thrusters.delay and thrusters.latency', 'thrusters.delay')):
         if beyond > AT_BOUND * std:
             return f'the delay of the thrust stands at its bound of {bound:g} s: see {key}'
+    if verdict.theta[k] > HARDLY:
+        return (f'the thrust seems to act {verdict.theta[k]:.2f} s late, as it hardly ever does: '
+                'set thrusters.delay if it does, else drive with quicker changes of thrust')
     return ''

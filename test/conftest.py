@@ -64,6 +64,7 @@ def own_dds_domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Keep this process and its children from any other ROS traffic, and out of ~/.ros."""
     with pytest.MonkeyPatch.context() as patch, socket.socket() as claim:
         patch.setenv('ROS_DOMAIN_ID', str(_free_domain(claim)))
+        # what the profile says, which is loopback alone; LOCALHOST would add shared memory
         patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SYSTEM_DEFAULT')
         patch.setenv('FASTDDS_DEFAULT_PROFILES_FILE',
                      str(REPOSITORY / 'test' / 'support' / 'dds_profile.xml'))

@@ -736,7 +736,7 @@ MUTANTS = [
           'changes = (commands - np.sum(shares * commands, axis=0)) / strength',
           'changes = commands / strength'),
          ('what is not known of thrusters together tells them apart',
-          'known = np.abs(push.alphas) > SURE', 'known = np.abs(push.alphas) > 0.0')),
+          'known = sizes > doubts', 'known = sizes > 0.0')),
     *_of('rovid_core/identify/ekf/evidence/unseen_terms.py', 'test/core/test_unseen_terms.py',
          ('weaker thrust backwards is instead of all else',
           "('thrust_loss', 'reverse_thrust')", "('thrust_loss',)"),

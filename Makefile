@@ -12,6 +12,9 @@ RUN := .venv
 TEST := .venv-$(ROS_DISTRO)$(if $(COMPILE),-compiled)
 RUN_READY := $(RUN)/ready-$(PYTHON_VERSION)
 TEST_READY := $(TEST)/ready-$(PYTHON_VERSION)
+# A test that hangs says where, after so many seconds, and fails; all others go on. Here, because
+# the pytest of Ubuntu, which colcon takes, does not know it.
+HANGING := -o faulthandler_timeout=600 -o faulthandler_exit_on_timeout=true
 # With COMPILE=1 the tests run beside the installed package, not the sources.
 TREE := $(TEST)/checkout
 SOURCES := $(shell find rovid_core rovid_ros -name '*.py')
@@ -49,7 +52,7 @@ test: $(TEST_READY)
 	@$(MAKE) --no-print-directory -j2 lint pytest
 
 pytest: $(TEST_READY)
-	$(TEST)/bin/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
+	$(TEST)/bin/python -m pytest -n $(WORKERS) --dist worksteal $(HANGING) $(ARGS)
 else
 test: $(TEST)/compiled
 	rm -rf $(TREE)
@@ -57,7 +60,7 @@ test: $(TEST)/compiled
 	cp -r $(filter-out build rovid_core rovid_ros %.egg-info,$(wildcard *)) $(TREE)
 	ln -s $(addprefix ../lib/python$(PYTHON_VERSION)/site-packages/,rovid_core rovid_ros) $(TREE)
 	cd $(TREE) && ROVID_DATA=$${ROVID_DATA:-$(CURDIR)/../shared/data} \
-		../bin/python -m pytest -m '' -n $(WORKERS) --dist worksteal $(ARGS)
+		../bin/python -m pytest -m '' -n $(WORKERS) --dist worksteal $(HANGING) $(ARGS)
 endif
 
 $(TEST)/compiled: $(TEST_READY) $(SOURCES)
